@@ -1,0 +1,1 @@
+"""Variational integrators on Lie groups from a reduced Lagrangian."""

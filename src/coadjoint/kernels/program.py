@@ -1,0 +1,84 @@
+"""What a kernel runs: pure functions of arrays, with no knowledge of groups or Lagrangians.
+
+A step from t to t + h solves, stage by stage, residual(z) = 0 for the unknowns z of the stage and is then
+explicit. A `Program` is a static, hashable object; every function of it is pure and traceable by JAX and works
+on PyTrees of float64 arrays. `parameters`, `state` and `h` are arguments, never constants. Both backends run
+these same functions.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+State = Any
+Parameters = Any
+Unknowns = Any
+Scalar = Any
+
+TOLERANCE = 1e-7
+"""Newton stops after an increment δ with |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h|: convergence is quadratic, so the
+increment that would follow is under round-off."""
+
+FLOOR = 1e-15
+"""See TOLERANCE; the absolute part is an angle or a length per step."""
+
+MAX_ITERATIONS = 25
+
+
+class Code(enum.IntEnum):
+    """How a step ended. A failed step leaves the state at the last good node."""
+
+    CONVERGED = 0
+    NOT_CONVERGED = 1
+    NOT_FINITE = 2
+    BEYOND_CHART = 3
+
+
+class Stage(Protocol):
+    """One implicit stage of a step; `h` is the stage's own step, `fraction` times the step of the program."""
+
+    @property
+    def fraction(self) -> float: ...
+
+    def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns:
+        """Where Newton starts: z, shape (m,)."""
+        ...
+
+    def residual(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Unknowns:
+        """The equations of the stage, shape (m,), zero at the solution."""
+        ...
+
+    def chart(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Scalar:
+        """How far into its chart the difference map is used; the step fails with BEYOND_CHART unless < 1."""
+        ...
+
+    def record(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State:
+        """`state` with the unknowns of the stage that starts at it."""
+        ...
+
+    def advance(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State:
+        """The next state, explicit in the solution z."""
+        ...
+
+    def certificate(
+        self, parameters: Parameters, before: State, h: Scalar, z: Unknowns, after: State
+    ) -> Mapping[str, Scalar]:
+        """Residuals that certify the stage, non-negative scalars; over the stages of a step the maximum counts."""
+        ...
+
+
+class Program(Protocol):
+    """A whole step: `prepare`, then every stage in turn; the first stage's record is the step's."""
+
+    @property
+    def stages(self) -> tuple[Stage, ...]: ...
+
+    def prepare(self, parameters: Parameters, state: State) -> State:
+        """The state with its inputs for the step that starts (zero-order hold)."""
+        ...
+
+    def monitors(self, parameters: Parameters, record: State, h: Scalar) -> Mapping[str, Scalar]:
+        """Scalars observed at every record."""
+        ...
