@@ -1,0 +1,95 @@
+"""The Cayley transform."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import singledispatch
+
+import jax.numpy as jnp
+
+from coadjoint.difference_maps.difference_map import DifferenceMap
+from coadjoint.groups import SE2, SE3, SO2, SO3, LieGroup, Translation
+from coadjoint.groups.group import Array, Element, transpose
+from coadjoint.groups.rotations import skew
+
+
+@dataclass(frozen=True)
+class Cayley(DifferenceMap):
+    """τ(ξ) = (I − ξ̂/2)⁻¹(I + ξ̂/2), dτ⁻¹_ξ χ = (I − ξ̂/2) χ̂ (I + ξ̂/2) (P79, P80).
+
+    It fits quadratic groups and their homogeneous extensions (SO(n), Sp(2n), SE(n)), GL(n), SL(2) and unipotent
+    groups. A rotation by π is out of reach: a step must turn by less.
+    """
+
+    def _tau(self, group: LieGroup, xi: Array) -> Element:
+        return _tau(group, xi)
+
+    def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
+        return _dtau_inverse_dual(group, xi, mu)
+
+
+@singledispatch
+def _tau(group: LieGroup, xi: Array) -> Element:
+    half = 0.5 * group.hat(xi)
+    one = jnp.eye(group.matrix_size)
+    return group.from_matrix(jnp.linalg.solve(one - half, one + half))
+
+
+@singledispatch
+def _dtau_inverse_dual(group: LieGroup, xi: Array, mu: Array) -> Array:
+    half = 0.5 * group.hat(xi)
+    one = jnp.eye(group.matrix_size)
+    return transpose(lambda chi: group.vee((one - half) @ group.hat(chi) @ (one + half)), group.dim, mu)
+
+
+@_tau.register
+def _(group: Translation, xi: Array) -> Element:
+    return xi
+
+
+@_dtau_inverse_dual.register
+def _(group: Translation, xi: Array, mu: Array) -> Array:
+    return mu
+
+
+@_tau.register
+def _(group: SO2, xi: Array) -> Element:
+    half = 0.5 * xi[0]
+    scale = 1 / (1 + half * half)
+    cosine, sine = (1 - half * half) * scale, 2 * half * scale
+    return jnp.stack([jnp.stack([cosine, -sine]), jnp.stack([sine, cosine])])
+
+
+@_dtau_inverse_dual.register
+def _(group: SO2, xi: Array, mu: Array) -> Array:
+    return (1 + 0.25 * xi * xi) * mu
+
+
+@_tau.register
+def _(group: SO3, xi: Array) -> Element:
+    """I + (ω^× + (ω^×)²/2) / (1 + |ω|²/4)."""
+    omega = skew(xi)
+    return jnp.eye(3) + (omega + 0.5 * (omega @ omega)) / (1 + 0.25 * (xi @ xi))
+
+
+@_dtau_inverse_dual.register
+def _(group: SO3, xi: Array, mu: Array) -> Array:
+    """μ + ½ ξ×μ + ¼ ξ (ξ·μ)."""
+    return mu + 0.5 * jnp.cross(xi, mu) + 0.25 * xi * (xi @ mu)
+
+
+@_tau.register
+def _(group: SE2, xi: Array) -> Element:
+    """x = (I − θJ/2)⁻¹ v, with J the quarter turn."""
+    half = 0.5 * xi[0]
+    v = xi[1:]
+    turned = jnp.stack([-v[1], v[0]])
+    return _tau(SO2(), xi[:1]), (v + half * turned) / (1 + half * half)
+
+
+@_tau.register
+def _(group: SE3, xi: Array) -> Element:
+    """x = (I − ω^×/2)⁻¹ v = (v + ½ ω×v + ¼ ω (ω·v)) / (1 + |ω|²/4)."""
+    omega, v = xi[:3], xi[3:]
+    x = (v + 0.5 * jnp.cross(omega, v) + 0.25 * omega * (omega @ v)) / (1 + 0.25 * (omega @ omega))
+    return _tau(SO3(), omega), x

@@ -1,0 +1,100 @@
+"""The contract of a group difference map τ: 𝔤 → G, with its tangents derived from τ alone.
+
+Definitions 3–5: τ(0) = e, τ(ξ)⁻¹ = τ(−ξ); Dτ(ξ)·χ = (dτ_ξ χ) τ(ξ) (P32) and its inverse dτ⁻¹_ξ (P34).
+Closed forms are optimisations; each must satisfy dτ_ξ = Ad_{τ(ξ)} dτ_{−ξ} (P33) and
+dτ⁻¹_ξ = dτ⁻¹_{−ξ} Ad_{τ(−ξ)} (P35) exactly, because the last is what makes momentum exact.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import GroupError
+from coadjoint.groups.direct_product import DirectProduct
+from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.kernels.evaluation import evaluate
+
+
+class DifferenceMap:
+    """A group difference map; a new one gives `_tau`, and closed forms where it has them.
+
+    On a direct product every map acts factor by factor. Maps are static, hashable objects.
+    """
+
+    def _tau(self, group: LieGroup, xi: Array) -> Element:
+        raise NotImplementedError
+
+    def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
+        return jnp.linalg.solve(self._tangent_matrix(group, xi).T, mu)
+
+    def tau(self, group: LieGroup, xi: Array) -> Element:
+        """τ(ξ) for ξ (dim,)."""
+        if isinstance(group, DirectProduct):
+            parts = zip(group.factors, group.split(xi), strict=True)
+            return tuple(self.tau(factor, part) for factor, part in parts)
+        return self._tau(group, xi)
+
+    def dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹ (P32), by differentiation of τ."""
+        return group.vee(self._tangent(group, xi, chi))
+
+    def dtau_inverse(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        """dτ⁻¹_ξ χ (P34), the dual of `dtau_inverse_dual`."""
+        return transpose(lambda mu: self.dtau_inverse_dual(group, xi, mu), group.dim, chi)
+
+    def dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
+        """(dτ⁻¹_ξ)* μ, with ⟨(dτ⁻¹_ξ)* μ, χ⟩ = ⟨μ, dτ⁻¹_ξ χ⟩."""
+        if isinstance(group, DirectProduct):
+            parts = zip(group.factors, group.split(xi), group.split(mu), strict=True)
+            return jnp.concatenate([self.dtau_inverse_dual(factor, x, m) for factor, x, m in parts])
+        return self._dtau_inverse_dual(group, xi, mu)
+
+    def chart(self, group: LieGroup, xi: Array) -> Array | float:
+        """How far ξ lies in the domain of the chart: below 1 inside, 1 at its end."""
+        return group.rotation_angle(xi) / np.pi
+
+    def _tangent(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        """(Dτ(ξ)·χ) τ(ξ)⁻¹ as a matrix."""
+        value, velocity = jax.jvp(lambda x: group.matrix(self.tau(group, x)), (xi,), (chi,))
+        return jnp.linalg.solve(value.T, velocity.T).T
+
+    def _tangent_matrix(self, group: LieGroup, xi: Array) -> Array:
+        """dτ_ξ as a matrix (dim, dim)."""
+        return jax.vmap(lambda chi: self.dtau(group, xi, chi), out_axes=1)(jnp.eye(group.dim))
+
+    def require_fit(self, group: LieGroup) -> None:
+        """Raise GroupError unless (Dτ(ξ)χ) τ(ξ)⁻¹ lies in 𝔤 and τ(ξ)⁻¹ = τ(−ξ) at random ξ, χ."""
+        if isinstance(group, DirectProduct):
+            for factor in group.factors:
+                self.require_fit(factor)
+            return
+        outside, asymmetry = _misfit(self, group)
+        if outside > 1e-8:
+            raise GroupError(
+                f"{self!r} does not map the algebra of {group!r} into the group: (Dτ(ξ)χ)τ(ξ)⁻¹ leaves the algebra by "
+                f"{outside:.1e}; use Exponential(), which fits every group."
+            )
+        if asymmetry > 1e-8:
+            raise GroupError(
+                f"{self!r} is no group difference map on {group!r}: τ(ξ)τ(−ξ) differs from e by {asymmetry:.1e}."
+            )
+
+
+@lru_cache(maxsize=256)
+def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, float]:
+    """The largest part of (Dτ(ξ)χ)τ(ξ)⁻¹ outside 𝔤, and of τ(ξ)τ(−ξ) − I, over a few random ξ, χ."""
+
+    def measure(xi, chi):
+        tangent = difference_map._tangent(group, xi, chi)
+        outside = jnp.max(jnp.abs(tangent - group.hat(group.vee(tangent))))
+        back = group.matrix(difference_map.tau(group, xi)) @ group.matrix(difference_map.tau(group, -xi))
+        return outside, jnp.max(jnp.abs(back - jnp.eye(back.shape[0])))
+
+    random = np.random.default_rng(1879)
+    pairs = random.normal(scale=0.3, size=(3, 2, group.dim))
+    found = [evaluate(measure, xi, chi) for xi, chi in pairs]
+    return max(float(f[0]) for f in found), max(float(f[1]) for f in found)

@@ -1,0 +1,34 @@
+"""The squared map, which has a true half on every group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.difference_maps.difference_map import DifferenceMap
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+
+
+@dataclass(frozen=True)
+class Squared(DifferenceMap):
+    """τ₂(ξ) = σ(ξ/2)² of a map σ, with half H = σ(ξ/2); (dτ₂⁻¹_ξ)* = 2 (1 + Ad*_H)⁻¹ (dσ⁻¹_{ξ/2})*.
+
+    The exponential is its own squared map. Squared Cayley on SO(3) is the Cayley transform of SU(2) and reaches π.
+    """
+
+    half: DifferenceMap
+
+    def _tau(self, group: LieGroup, xi: Array) -> Element:
+        root = self.half.tau(group, 0.5 * xi)
+        return group.compose(root, root)
+
+    def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
+        root = self.half.tau(group, 0.5 * xi)
+        doubled = jax.vmap(lambda nu: nu + group.Ad_dual(root, nu), out_axes=1)(jnp.eye(group.dim))
+        return jnp.linalg.solve(doubled, 2 * self.half.dtau_inverse_dual(group, 0.5 * xi, mu))
+
+    def chart(self, group: LieGroup, xi: Array) -> Array | float:
+        return self.half.chart(group, 0.5 * xi)

@@ -1,0 +1,151 @@
+"""The contract of a matrix Lie group, with everything that follows from its basis derived once.
+
+An element is a PyTree of arrays (SO3: R; SE3: (R, x); products: tuples); ξ, η ∈ 𝔤 are coordinate vectors
+(dim,) in a fixed basis and μ ∈ 𝔤* coordinate vectors in the dual basis, so the pairing is the dot product.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import GroupError
+
+Element = Any
+"""A group element: a PyTree of arrays."""
+
+Array = Any
+"""A NumPy or JAX array of float64."""
+
+
+class LieGroup:
+    """A matrix Lie group G with algebra 𝔤; a new group gives its elements and basis, and what it can do better.
+
+    To be given: `basis`, `identity`, `compose`, `inverse`, `matrix`, `from_matrix`, `tangent`. Groups are static,
+    hashable objects that compare by what they are.
+    """
+
+    @property
+    def basis(self) -> np.ndarray:
+        """The basis of 𝔤 as matrices, shape (dim, N, N)."""
+        raise NotImplementedError
+
+    @property
+    def dim(self) -> int:
+        """dim 𝔤."""
+        return self.basis.shape[0]
+
+    @property
+    def matrix_size(self) -> int:
+        """N, the size of the matrices."""
+        return self.basis.shape[-1]
+
+    def identity(self) -> Element:
+        """e."""
+        raise NotImplementedError
+
+    def compose(self, g: Element, h: Element) -> Element:
+        """gh."""
+        raise NotImplementedError
+
+    def inverse(self, g: Element) -> Element:
+        """g⁻¹."""
+        raise NotImplementedError
+
+    def matrix(self, g: Element) -> Array:
+        """g as a matrix (N, N)."""
+        raise NotImplementedError
+
+    def from_matrix(self, matrix: Array) -> Element:
+        """The element whose matrix this is."""
+        raise NotImplementedError
+
+    def tangent(self, xi: Array) -> Element:
+        """ξ as a tangent vector at e: a PyTree like an element, the derivative of any curve e + εξ + O(ε²)."""
+        raise NotImplementedError
+
+    def hat(self, xi: Array) -> Array:
+        """Coordinates (dim,) to the matrix ξ̂ = Σ ξ_k e_k ∈ 𝔤."""
+        return jnp.tensordot(xi, self.basis, axes=1)
+
+    def vee(self, matrix: Array) -> Array:
+        """The matrix ξ̂ back to coordinates; of a matrix outside 𝔤, those of its orthogonal projection."""
+        return jnp.asarray(_projection(self)) @ jnp.reshape(matrix, -1)
+
+    def Ad(self, g: Element, xi: Array) -> Array:
+        """Ad_g ξ = (g ξ̂ g⁻¹)ᵛ."""
+        return self.vee(self.matrix(g) @ self.hat(xi) @ self.matrix(self.inverse(g)))
+
+    def Ad_dual(self, g: Element, mu: Array) -> Array:
+        """Ad*_g μ, with ⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩, so that Ad*_{gh} = Ad*_h Ad*_g."""
+        return transpose(lambda xi: self.Ad(g, xi), self.dim, mu)
+
+    def ad(self, xi: Array, eta: Array) -> Array:
+        """ad_ξ η = [ξ, η]."""
+        return jnp.einsum("kij,i,j->k", _structure_constants(self), xi, eta)
+
+    def ad_dual(self, xi: Array, mu: Array) -> Array:
+        """ad*_ξ μ, with ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩ (P5)."""
+        return jnp.einsum("kij,i,k->j", _structure_constants(self), xi, mu)
+
+    def exp(self, xi: Array) -> Element:
+        """The exponential of ξ."""
+        return self.from_matrix(jax.scipy.linalg.expm(self.hat(xi)))
+
+    def angle_squared(self, xi: Array) -> Array | None:
+        """θ² where ad_ξ has no other eigenvalues than 0 and ±iθ, each in Jordan blocks of size ≤ 2; else None.
+
+        With it, functions of ad_ξ have closed forms.
+        """
+        return None
+
+    def rotation_angle(self, xi: Array) -> Array | float:
+        """The angle by which exp(ξ) rotates, 0 where nothing rotates: what limits the charts of difference maps."""
+        return 0.0
+
+    @property
+    def constrained(self) -> bool:
+        """Whether the group knows its defining equations, so that `project` and `defect` exist."""
+        return True
+
+    def project(self, g: Element) -> Element:
+        """The element of G next to g: removes round-off."""
+        raise GroupError(f"{self!r} has no projection, because it was given no constraint.")
+
+    def defect(self, g: Element) -> Array:
+        """How far g is from G: the largest entry of its defining equations, zero on G."""
+        raise GroupError(f"{self!r} has no defect, because it was given no constraint.")
+
+    def rotation(self, g: Element) -> Array | None:
+        """The attitude R (3, 3) within an element, where the group has one; for output and plots."""
+        return None
+
+
+def transpose(linear, size: int, covector: Array) -> Array:
+    """The dual of a linear map of ℝ^size, applied to a covector."""
+    _, pull = jax.vjp(linear, jnp.zeros(size))
+    return pull(covector)[0]
+
+
+def _tidy(array: np.ndarray) -> np.ndarray:
+    """Round-off next to whole and half numbers removed, so that zeros are recognised as structure."""
+    nearest = np.round(2 * array) / 2
+    return np.where(np.abs(array - nearest) < 1e-13, nearest, array)
+
+
+@lru_cache(maxsize=256)
+def _projection(group: LieGroup) -> np.ndarray:
+    """The matrix (dim, N²) that takes the entries of ξ̂ to its coordinates."""
+    return _tidy(np.linalg.pinv(group.basis.reshape(group.dim, -1).T))
+
+
+@lru_cache(maxsize=256)
+def _structure_constants(group: LieGroup) -> np.ndarray:
+    """c[k, i, j] with [e_i, e_j] = Σ_k c[k, i, j] e_k."""
+    products = np.einsum("iab,jbc->ijac", group.basis, group.basis)
+    brackets = (products - products.transpose(1, 0, 2, 3)).reshape(group.dim**2, -1)
+    return _tidy((_projection(group) @ brackets.T).reshape(group.dim, group.dim, group.dim))

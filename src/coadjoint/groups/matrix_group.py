@@ -1,0 +1,102 @@
+"""Any matrix Lie group, from a basis of its algebra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import GroupError
+from coadjoint.groups.group import Array, LieGroup
+
+
+class MatrixGroup(LieGroup):
+    """The matrix Lie group whose algebra has the given basis; an element is a matrix (N, N).
+
+    `basis`: dim matrices (N, N), linearly independent and closed under the bracket. `constraint`: a function
+    g ↦ array that vanishes on the group (SL: det g − 1); with it the group has `project` and `defect`.
+    Raises GroupError for a basis that is dependent or not closed.
+
+        SL2 = MatrixGroup([[[1, 0], [0, -1]], [[0, 1], [0, 0]], [[0, 0], [1, 0]]],
+                          constraint=lambda g: jnp.linalg.det(g) - 1)
+    """
+
+    def __init__(self, basis, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):
+        matrices = np.array(basis, dtype=np.float64)
+        if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not np.all(np.isfinite(matrices)):
+            raise GroupError(
+                f"Argument `basis` of MatrixGroup must be dim finite square matrices, shape (dim, N, N), "
+                f"but has shape {matrices.shape}."
+            )
+        matrices.flags.writeable = False
+        self._basis = matrices
+        self._constraint = constraint
+        self._name = name
+        self._key = (matrices.shape, matrices.tobytes(), constraint)
+        self._check_algebra()
+
+    def _check_algebra(self) -> None:
+        flat = self._basis.reshape(self.dim, -1)
+        if np.linalg.matrix_rank(flat) < self.dim:
+            raise GroupError(
+                f"The basis of {self._name} must be linearly independent, but its rank is smaller than {self.dim}."
+            )
+        products = np.einsum("iab,jbc->ijac", self._basis, self._basis)
+        brackets = (products - products.transpose(1, 0, 2, 3)).reshape(self.dim**2, -1)
+        outside = brackets - brackets @ np.linalg.pinv(flat) @ flat
+        if np.max(np.abs(outside), initial=0.0) > 1e-10 * max(1.0, np.max(np.abs(brackets), initial=0.0)):
+            raise GroupError(
+                f"The basis of {self._name} must be closed under the bracket, but [e_i, e_j] leaves its span by "
+                f"{np.max(np.abs(outside)):.1e}; add the missing matrices."
+            )
+
+    def __eq__(self, other) -> bool:
+        return isinstance(other, MatrixGroup) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __repr__(self) -> str:
+        return f"{self._name}(dim={self.dim}, N={self.matrix_size})"
+
+    @property
+    def basis(self) -> np.ndarray:
+        return self._basis
+
+    def identity(self) -> Array:
+        return jnp.eye(self.matrix_size)
+
+    def compose(self, g: Array, h: Array) -> Array:
+        return g @ h
+
+    def inverse(self, g: Array) -> Array:
+        return jnp.linalg.inv(g)
+
+    def matrix(self, g: Array) -> Array:
+        return g
+
+    def from_matrix(self, matrix: Array) -> Array:
+        return matrix
+
+    def tangent(self, xi: Array) -> Array:
+        return self.hat(xi)
+
+    @property
+    def constrained(self) -> bool:
+        return self._constraint is not None
+
+    def _equations(self, g: Array) -> Array:
+        if self._constraint is None:
+            raise GroupError(f"{self!r} has no projection or defect: give MatrixGroup a constraint.")
+        return jnp.ravel(self._constraint(g))
+
+    def defect(self, g: Array) -> Array:
+        return jnp.max(jnp.abs(self._equations(g)))
+
+    def project(self, g: Array) -> Array:
+        """One Gauss–Newton step of least norm onto the constraint: removes round-off quadratically."""
+        jacobian = jax.jacfwd(self._equations)(g).reshape(-1, g.size)
+        step = jnp.linalg.pinv(jacobian) @ self._equations(g)
+        return g - step.reshape(g.shape)
