@@ -1,11 +1,11 @@
 """Euler angles, unit quaternions and rotation vectors of an attitude, to set up runs and to draw them.
 
-R takes body components to space components, v_space = R v_body. Everything is in radians and float64, NumPy in
-and NumPy out. Euler angles are separate arguments, in the order of the function's name, that broadcast against each
-other; vectors (..., 3), quaternions (..., 4) and matrices (..., 3, 3) have their own axes last. So
-`zyx(*zyx_angles(R))` is R for one matrix and for a whole trajectory. Quaternions are scalar first, (w, x, y, z), and
-compose like matrices. Angular velocities are the body's: ω̂ = RᵀṘ. Every function raises ValueError for an argument
-that is not finite, has other last axes than documented, or does not broadcast with the others.
+R takes body components to space components, v_space = R v_body. Everything is in radians and float64, NumPy in and
+NumPy out. Euler angles are separate arguments, in the order of the function's name, that broadcast against each other;
+vectors (..., 3), quaternions (..., 4) and matrices (..., 3, 3) have their own axes last. So `zyx(*zyx_angles(R))` is R
+for one matrix and for a whole trajectory. Quaternions are scalar first, (w, x, y, z), and compose like matrices.
+Angular velocities are the body's: ω̂ = RᵀṘ. Every function raises ValueError for an argument that is not finite, has
+other last axes than documented, or does not broadcast with the others.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 SINGULAR = 1e-12
-"""Below this |sin θ| (ZXZ) or |cos pitch| (ZYX) the outer two axes count as one."""
-
+"""Up to this |sin θ| (ZXZ) or |cos pitch| (ZYX) the outer two axes count as one."""
 UNIT = 1e-6
 """How far RᵀR may be from I and |q| from 1: room for drift and single precision, not for a wrong argument."""
 
@@ -52,8 +51,7 @@ def zxz_angles(R: ArrayLike) -> Angles:
     φ = atan2(R₃₁, R₃₂), θ = atan2(√(R₃₁² + R₃₂²), R₃₃), and ψ from R R_z(φ)⁻¹ = R_z(ψ) R_x(θ).
     Where sin θ ≤ 1e-12 only ψ ± φ is determined: φ is 0 there, and ψ takes the whole turn.
 
-    R: (..., 3, 3). Returns three arrays (...) rad, which reproduce R everywhere.
-    Raises ValueError where R is no rotation matrix.
+    R: (..., 3, 3). Returns ψ, θ, φ, (...) rad each, which reproduce R. Raises ValueError unless R is a rotation matrix.
     """
     R = _rotation(R)
     sine = np.hypot(R[..., 2, 0], R[..., 2, 1])
@@ -70,16 +68,15 @@ def zyx_angles(R: ArrayLike) -> Angles:
     roll = atan2(R₃₂, R₃₃), pitch = atan2(−R₃₁, √(R₃₂² + R₃₃²)), and yaw from R R_x(roll)⁻¹ = R_z(yaw) R_y(pitch).
     In gimbal lock, cos pitch ≤ 1e-12, only yaw ∓ roll is determined: roll is 0 there, and yaw takes the whole turn.
 
-    R: (..., 3, 3). Returns three arrays (...) rad, in the order yaw, pitch, roll, which reproduce R everywhere.
-    Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns (...) rad each, which reproduce R. Raises ValueError unless R is a rotation matrix.
     """
     R = _rotation(R)
     cosine = np.hypot(R[..., 2, 1], R[..., 2, 2])
     roll = np.where(cosine > SINGULAR, np.arctan2(R[..., 2, 1], R[..., 2, 2]), 0.0)
-    pitch = np.arctan2(-R[..., 2, 0], cosine)
-    # As in zxz_angles: near gimbal lock the errors of yaw and roll then cancel in R.
+    pitch = np.arctan2(0.0 - R[..., 2, 0], cosine)
+    # As in zxz_angles; and 0 − x, not −x, because a negative zero would make a heading of π read −π.
     side = np.cos(roll)[..., None] * R[..., :, 1] - np.sin(roll)[..., None] * R[..., :, 2]
-    return np.arctan2(-side[..., 0], side[..., 1]), pitch, roll
+    return np.arctan2(0.0 - side[..., 0], side[..., 1]), pitch, roll
 
 
 def zxz_angular_velocity(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike, rates: ArrayLike) -> np.ndarray:
@@ -118,8 +115,7 @@ def zxz_rates(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike, omega: ArrayLike
 
     ψ̇ = (ω₁ sin φ + ω₂ cos φ)/sin θ, θ̇ = ω₁ cos φ − ω₂ sin φ, φ̇ = ω₃ − ψ̇ cos θ.
 
-    psi, theta, phi: (...) rad; omega: (..., 3) rad/s. Returns (ψ̇, θ̇, φ̇), (..., 3) rad/s.
-    Raises ValueError where |sin θ| ≤ 1e-12.
+    psi, theta, phi: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ValueError where |sin θ| ≤ 1e-12.
     """
     psi, theta, phi, first, second, third = _with_vector("omega", omega, psi=psi, theta=theta, phi=phi)
     sine = np.sin(theta)
@@ -134,8 +130,7 @@ def zyx_rates(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike, omega: ArrayLik
 
     ẏ = (ω₂ sin roll + ω₃ cos roll)/cos pitch, ṗ = ω₂ cos roll − ω₃ sin roll, ṙ = ω₁ + ẏ sin pitch.
 
-    yaw, pitch, roll: (...) rad; omega: (..., 3) rad/s. Returns (ẏ, ṗ, ṙ), (..., 3) rad/s.
-    Raises ValueError in gimbal lock, |cos pitch| ≤ 1e-12.
+    yaw, pitch, roll: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ValueError where |cos pitch| ≤ 1e-12.
     Source: Fossen (2011), §2.2, T_Θ.
     """
     yaw, pitch, roll, first, second, third = _with_vector("omega", omega, yaw=yaw, pitch=pitch, roll=roll)
@@ -151,11 +146,9 @@ def from_quaternion(quaternion: ArrayLike) -> np.ndarray:
 
     R = I + 2 (w v̂ + v̂²)/|q|², v = (x, y, z).
 
-    quaternion: (..., 4), scalar first. Returns R (..., 3, 3).
-    Raises ValueError unless |q| is within 1e-6 of 1.
+    quaternion: (..., 4), scalar first. Returns R (..., 3, 3). Raises ValueError unless |q| = 1 ± 1e-6.
     """
-    q = _unit_quaternion(quaternion)
-    w, x, y, z = np.moveaxis(q, -1, 0)
+    w, x, y, z = np.moveaxis(_unit_quaternion(quaternion), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -170,8 +163,7 @@ def to_quaternion(R: ArrayLike) -> np.ndarray:
     4 q qᵀ is linear in R; q is its row with the largest diagonal entry, scaled to length 1, so no rotation
     loses digits. At w = 0, angle π, the largest of x, y, z is positive, the first among equals.
 
-    R: (..., 3, 3). Returns q (..., 4), scalar first.
-    Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns q (..., 4), scalar first. Raises ValueError unless R is a rotation matrix.
     Source: Shepperd (1978), Quaternion from rotation matrix, J. Guidance and Control 1(3), 223–224.
     """
     R = _rotation(R)
@@ -193,11 +185,10 @@ def quaternion_rates(quaternion: ArrayLike, omega: ArrayLike) -> np.ndarray:
 
     q̇ = ½ q ∘ (0, ω) = ½ (−v·ω, w ω + v × ω), v = (x, y, z).
 
-    quaternion: (..., 4), scalar first; omega: (..., 3) rad/s. Returns q̇ (..., 4) in 1/s.
-    Raises ValueError unless |q| is within 1e-6 of 1.
+    quaternion: (..., 4); omega: (..., 3) rad/s. Returns q̇ (..., 4) in 1/s. Raises ValueError unless |q| = 1 ± 1e-6.
     """
     q, omega = _unit_quaternion(quaternion), _finite("omega", omega, 3)
-    _broadcast(quaternion=q[..., 0], omega=omega[..., 0])
+    _broadcast(quaternion=q[..., 0], omega=omega[..., 0])  # only to refuse what does not
     w, v = q[..., :1], q[..., 1:]
     scalar = -np.sum(v * omega, axis=-1, keepdims=True)
     return 0.5 * np.concatenate([scalar, w * omega + np.cross(v, omega)], axis=-1)
@@ -208,11 +199,10 @@ def quaternion_angular_velocity(quaternion: ArrayLike, rates: ArrayLike) -> np.n
 
     (0, ω) = 2 q̄ ∘ q̇, so ω = 2 (w v̇ − ẇ v − v × v̇); a part of q̇ along q, which changes |q| only, drops out.
 
-    quaternion: (..., 4), scalar first; rates: (..., 4) in 1/s. Returns ω (..., 3) rad/s.
-    Raises ValueError unless |q| is within 1e-6 of 1.
+    quaternion: (..., 4); rates: (..., 4) in 1/s. Returns ω (..., 3) rad/s. Raises ValueError unless |q| = 1 ± 1e-6.
     """
     q, rates = _unit_quaternion(quaternion), _finite("rates", rates, 4)
-    _broadcast(quaternion=q[..., 0], rates=rates[..., 0])
+    _broadcast(quaternion=q[..., 0], rates=rates[..., 0])  # only to refuse what does not
     w, v, w_rate, v_rate = q[..., :1], q[..., 1:], rates[..., :1], rates[..., 1:]
     return 2 * (w * v_rate - w_rate * v - np.cross(v, v_rate))
 
@@ -232,14 +222,11 @@ def from_rotation_vector(vector: ArrayLike) -> np.ndarray:
 def rotation_vector(R: ArrayLike) -> np.ndarray:
     """The rotation vector u of a rotation matrix, R = exp(û), with |u| in [0, π].
 
-    |u| = 2 atan2(|v|, w) along v, (w, v) = to_quaternion(R). At |u| = π, where u and −u are one rotation,
-    `to_quaternion` fixes the sign.
+    u = 2 atan2(|v|, w) v/|v|, (w, v) = to_quaternion(R), which also fixes the sign at |u| = π, where u and −u agree.
 
-    R: (..., 3, 3). Returns u (..., 3) rad.
-    Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns u (..., 3) rad. Raises ValueError unless R is a rotation matrix.
     """
-    q = to_quaternion(R)
-    w, v = q[..., :1], q[..., 1:]
+    w, v = np.split(to_quaternion(R), [1], axis=-1)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     return 2 * v * np.where(sine > 0, np.arctan2(sine, w) / np.where(sine > 0, sine, 1.0), 1.0)
 
@@ -250,8 +237,7 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
     R = np.zeros((*angle.shape, 3, 3))
     R[..., axis, axis] = 1.0
     R[..., i, i] = R[..., j, j] = np.cos(angle)
-    R[..., j, i] = np.sin(angle)
-    R[..., i, j] = -R[..., j, i]
+    R[..., j, i], R[..., i, j] = np.sin(angle), -np.sin(angle)
     return R
 
 
@@ -284,11 +270,8 @@ def _with_vector(name: str, vector: ArrayLike, **angles: ArrayLike) -> list[np.n
 
 def _rotation(R: ArrayLike) -> np.ndarray:
     """`R` as rotation matrices, refused where it is none."""
-    array = np.asarray(R, dtype=np.float64)
+    array = _finite("R", R, 3, 3)
     must = "Argument `R` must be a rotation matrix of shape (3, 3)"
-    if array.shape[-2:] != (3, 3):
-        raise ValueError(f"{must}, but its shape is {array.shape}.")
-    _finite("R", array, 3, 3)
     defect = np.max(np.abs(np.swapaxes(array, -1, -2) @ array - np.eye(3)), initial=0.0)
     if defect > UNIT:
         raise ValueError(f"{must}, but RᵀR − I reaches {defect:.2g}; project it first.")
@@ -298,7 +281,7 @@ def _rotation(R: ArrayLike) -> np.ndarray:
 
 
 def _unit_quaternion(quaternion: ArrayLike) -> np.ndarray:
-    """`quaternion` as float64, scaled to length 1 exactly, refused where it is far from it."""
+    """`quaternion` as float64, scaled to length 1, refused where it is far from it."""
     array = _finite("quaternion", quaternion, 4)
     length = np.linalg.norm(array, axis=-1, keepdims=True)
     worst = length.flat[np.argmax(np.abs(length - 1))] if length.size else 1.0
