@@ -16,7 +16,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
-from coadjoint.kernels.evaluation import evaluate
+from coadjoint.kernels.evaluate import evaluate
 
 
 class DifferenceMap:

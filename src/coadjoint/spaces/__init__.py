@@ -1,0 +1,21 @@
+"""What a group acts on, and the diamond (mathematics: section 2)."""
+
+from coadjoint.spaces.named import Named
+from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
+from coadjoint.spaces.several import Several
+from coadjoint.spaces.space import Space
+from coadjoint.spaces.sphere import Sphere
+
+__all__ = [
+    "Adjoint",
+    "Coadjoint",
+    "Defining",
+    "Dual",
+    "Named",
+    "Points",
+    "Representation",
+    "Several",
+    "Space",
+    "Sphere",
+    "Trivial",
+]

@@ -1,0 +1,111 @@
+"""Kelvin–Noether quantities (Theorems 2 and 7) and the momentum that they pair with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.parameters import float64
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.spaces import Adjoint, Space
+
+
+def total_momentum(system: System, state: State) -> Array:
+    """m = μ − π⋄n ∈ 𝔤*, the total momentum in the body frame."""
+    return state.mu - system.additional.diamond(system.group, state.pi, state.n)
+
+
+def spatial_momentum(system: System, state: State) -> Array:
+    """Ad*_{g⁻¹} m ∈ 𝔤*, the total momentum in the space frame (P78)."""
+    return system.group.Ad_dual(system.group.inverse(state.g), total_momentum(system, state))
+
+
+def momentum_scale(system: System, state: State) -> Array:
+    """|μ|∞ + |π⋄n|∞, to which round-off in m is relative."""
+    orbital = system.additional.diamond(system.group, state.pi, state.n)
+    return jnp.max(jnp.abs(state.mu)) + jnp.max(jnp.abs(orbital), initial=0.0)
+
+
+class KelvinNoether:
+    """I = ⟨𝒦(c, a), m⟩ with c = g⁻¹c₀ (P27) for an equivariant 𝒦: C × V* → 𝔤, 𝒦(gc, ga) = Ad_g 𝒦(c, a) (P25).
+
+    By default C = 𝔤 with the adjoint action and 𝒦(c, a) = c, so that c₀ (dim,) is an element of 𝔤. `space` is C.
+    Unforced, I is conserved for every c₀ with c₀·a₀ = 0 for all advected parameters.
+    """
+
+    def __init__(self, c0: Any, K: Callable[[Array, Any], Array] | None = None, space: Space | None = None):
+        self.c0 = float64(c0, "Argument `c0`")
+        self.K = K
+        self.space = space or Adjoint()
+
+    def momentum_map(self, system: System, state: State) -> Array:
+        """𝒦(c, a) ∈ 𝔤 at a state."""
+        group = system.group
+        c = self.space.act(group, group.inverse(state.g), self.c0)
+        return c if self.K is None else self.K(c, system.advected.view(group, state.a))
+
+    def quantity(self, system: System, state: State) -> Array:
+        """I = ⟨𝒦(c, a), m⟩ at a node."""
+        return self.momentum_map(system, state) @ total_momentum(system, state)
+
+    def require_equivariant(self, system: System, state: State) -> None:
+        """Raise ArgumentError unless 𝒦(gc, ga) = Ad_g 𝒦(c, a) at random group elements."""
+        size = self.space.ambient(system.group)
+        if np.shape(self.c0) != (size,):
+            raise ArgumentError(f"Argument `c0` must have shape ({size},), but has shape {np.shape(self.c0)}.")
+        group, V = system.group, system.advected
+
+        def error(eta, c0):
+            g = group.exp(eta)
+
+            def K(c, a):
+                return c if self.K is None else self.K(c, V.view(group, a))
+
+            moved = K(self.space.act(group, g, c0), V.act(group, g, state.a))
+            return jnp.max(jnp.abs(moved - group.Ad(g, K(c0, state.a))))
+
+        eta = np.random.default_rng(7).normal(size=group.dim)
+        found = float(evaluate(error, eta, self.c0))
+        if found > 1e-9 * max(1.0, float(np.max(np.abs(self.c0)))):
+            raise ArgumentError(f"𝒦 must satisfy 𝒦(gc, ga) = Ad_g 𝒦(c, a), but is off by {found:.1e}.")
+
+
+def isotropy_algebra(system: System, state: State) -> np.ndarray:
+    """A basis (k, dim) of {c₀ ∈ 𝔤: c₀·a₀ = 0 for every advected parameter}: the directions of conserved momenta.
+
+    Orthonormal rows in reduced echelon form, so that coordinate directions come out as such.
+    """
+    group, V = system.group, system.advected
+    if V.ambient(group) == 0:
+        return np.eye(group.dim)
+
+    def action(s: State):
+        a0 = V.act(group, s.g, s.a)
+        return jax.vmap(lambda c0: V.infinitesimal(group, c0, a0), out_axes=1)(jnp.eye(group.dim))
+
+    _, singular, rows = np.linalg.svd(np.asarray(evaluate(action, state)), full_matrices=True)
+    rank = int(np.sum(singular > 1e-10 * max(1.0, singular.max(initial=0.0))))
+    return _echelon(rows[rank:])
+
+
+def _echelon(rows: np.ndarray) -> np.ndarray:
+    """The reduced echelon basis of the span of the rows, each row normalised."""
+    rows = rows.copy()
+    for i in range(len(rows)):
+        column = int(np.argmax(np.abs(rows[i:]).max(axis=0) > 1e-8))
+        pivot = i + int(np.argmax(np.abs(rows[i:, column])))
+        rows[[i, pivot]] = rows[[pivot, i]]
+        rows[i] /= rows[i, column]
+        for j in range(len(rows)):
+            if j != i:
+                rows[j] -= rows[j, column] * rows[i]
+    rows[np.abs(rows) < 1e-13] = 0.0
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)

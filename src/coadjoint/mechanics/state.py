@@ -1,0 +1,85 @@
+"""The state of a system at a node, and what the user's functions see of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import jax
+
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.spaces import Space
+
+
+class Places(NamedTuple):
+    """Where a system lives: G, Q and V*."""
+
+    group: LieGroup
+    additional: Space
+    advected: Space
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class State:
+    """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π at a node, and (ξ, ν) of the step that starts there.
+
+    In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
+    unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
+    and noise, `memory` to the method.
+    """
+
+    t: Array
+    g: Element
+    n: Array
+    a: Array
+    mu: Array
+    pi: Array
+    xi: Array
+    nu: Array
+    inputs: Any = None
+    internal: Any = None
+    memory: Any = None
+    places: Places = field(metadata={"static": True}, kw_only=True)
+
+    def replace(self, **changes: Any) -> State:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)
+
+    def each(self, function: Callable[[State], Any]) -> Any:
+        """function of a single state, mapped over the leading axes of a record."""
+        axes = jax.numpy.ndim(self.t)
+        for _ in range(axes):
+            function = jax.vmap(function)
+        return function(self)
+
+    @property
+    def q(self) -> Array:
+        """The additional configuration q = g·n in the space frame."""
+        return self.each(lambda s: s.places.additional.act(s.places.group, s.g, s.n))
+
+    @property
+    def qdot(self) -> Array:
+        """The velocity q̇ = g·ν in the space frame."""
+        return self.each(lambda s: s.places.additional.push(s.places.group, s.g, s.n, s.nu))
+
+
+class Motion(NamedTuple):
+    """What forces and inputs may depend on: body velocities, n, advected parameters, time, inputs, internal state."""
+
+    xi: Array
+    n: Any
+    nu: Any
+    a: Any
+    t: Array
+    inputs: Any
+    internal: Any
+
+
+class Force(NamedTuple):
+    """A body torque T ∈ 𝔤* and a body force f ∈ T*Q: virtual work ⟨T, g⁻¹δg⟩ + ⟨f, g⁻¹δq⟩; None stands for zero."""
+
+    torque: Any = None
+    force: Any = None

@@ -1,0 +1,69 @@
+"""A namespace of arrays that is a PyTree: parameters, and points of several spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+
+from coadjoint.errors import ArgumentError
+
+
+@jax.tree_util.register_pytree_with_keys_class
+class Named:
+    """Immutable values under names, read as attributes: `p.mass`, `a.down`."""
+
+    __slots__ = ("_values",)
+    _values: dict[str, Any]
+
+    def __init__(self, **values: Any):
+        object.__setattr__(self, "_values", values)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "_values":
+            raise AttributeError(name)
+        try:
+            return self._values[name]
+        except KeyError:
+            known = ", ".join(self._values) or "nothing"
+            raise AttributeError(f"There is no `{name}` here; there is: {known}.") from None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"Values cannot be changed in place; make a copy with replace({name}=…).")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def __eq__(self, other: Any) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{k}={v!r}' for k, v in self._values.items())})"
+
+    def asdict(self) -> dict[str, Any]:
+        """The values in a plain dictionary."""
+        return dict(self._values)
+
+    def replace(self, **values: Any):
+        """A copy with some values replaced; raises ArgumentError for a name that is not there."""
+        unknown = [name for name in values if name not in self._values]
+        if unknown:
+            raise ArgumentError(f"There is no `{unknown[0]}` to replace; there is: {', '.join(self._values)}.")
+        return type(self)(**{**self._values, **values})
+
+    def tree_flatten_with_keys(self):
+        keys = tuple(self._values)
+        return [(jax.tree_util.GetAttrKey(key), self._values[key]) for key in keys], keys
+
+    @classmethod
+    def tree_unflatten(cls, keys, values):
+        made = object.__new__(cls)
+        object.__setattr__(made, "_values", dict(zip(keys, values, strict=True)))
+        return made

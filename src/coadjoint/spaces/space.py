@@ -1,0 +1,117 @@
+"""The contract of a space on which a group acts: advected parameters live in one, additional dynamics in another.
+
+Points, velocities and momenta are flat arrays of the ambient coordinates, (ambient,). The diamond is minus the
+transpose of ξ ↦ ξ·x (P14, P45), so differentiation provides it for every group and space.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array, Element, LieGroup, transpose
+
+
+class Space:
+    """A manifold with a left action of G, inside a linear space of ambient coordinates.
+
+    To be given: `ambient`, `act`. A curved space overrides `dim`, `frame`, `difference`, `project`, `momentum` and
+    `defect`; a closed form may replace anything derived. Spaces are static, hashable objects.
+    """
+
+    flat: bool = True
+    """Whether the space is its own ambient space."""
+
+    def ambient(self, group: LieGroup) -> int:
+        """The length of the arrays that hold points."""
+        raise NotImplementedError
+
+    def dim(self, group: LieGroup) -> int:
+        """The dimension of the manifold."""
+        return self.ambient(group)
+
+    def act(self, group: LieGroup, g: Element, x: Array) -> Array:
+        """g·x."""
+        raise NotImplementedError
+
+    def push(self, group: LieGroup, g: Element, x: Array, v: Array) -> Array:
+        """The tangent lift of the action: v at x ↦ g·v at g·x."""
+        return jax.jvp(lambda y: self.act(group, g, y), (x,), (v,))[1]
+
+    def pull(self, group: LieGroup, g: Element, x: Array, b: Array) -> Array:
+        """The dual of `push` at x: b at g·x ↦ g*b at x, ⟨g*b, w⟩ = ⟨b, g·w⟩."""
+        return transpose(lambda v: self.push(group, g, x, v), self.ambient(group), b)
+
+    def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
+        """ξ·x, the infinitesimal action (P19)."""
+        return jax.jvp(lambda g: self.act(group, g, x), (group.identity(),), (group.tangent(xi),))[1]
+
+    def lifted(self, group: LieGroup, xi: Array, x: Array, v: Array) -> Array:
+        """L_ξ v: the derivative of x ↦ ξ·x along v (P18)."""
+        return jax.jvp(lambda y: self.infinitesimal(group, xi, y), (x,), (v,))[1]
+
+    def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
+        """b⋄x ∈ 𝔤*: ⟨b⋄x, ξ⟩ = −⟨b, ξ·x⟩ (P14, P45)."""
+        return -transpose(lambda xi: self.infinitesimal(group, xi, x), group.dim, b)
+
+    def lifted_diamond(self, group: LieGroup, b: Array, x: Array, v: Array) -> Array:
+        """b⋄v ∈ 𝔤* for a velocity v at x: ⟨b⋄v, ξ⟩ = −⟨b, L_ξ v⟩ (P24)."""
+        return -transpose(lambda xi: self.lifted(group, xi, x, v), group.dim, b)
+
+    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
+        """E_x y: the tangent vector at x with frame coordinates y (dim,)."""
+        return y
+
+    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
+        """E_xᵀ b: a covector, or a tangent vector, at x in the coordinates of the orthonormal frame."""
+        return b
+
+    def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
+        """ρ(x, u) − x for a retraction ρ, without cancellation."""
+        return u
+
+    def project(self, group: LieGroup, x: Array, b: Array) -> Array:
+        """b onto T*ₓQ."""
+        return b
+
+    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
+        """The momentum at x, from its transport on a flat space, from the Legendre transform on a curved one."""
+        return transported
+
+    def defect(self, group: LieGroup, x: Array) -> Array | float:
+        """How far x is from the space."""
+        return 0.0
+
+    def view(self, group: LieGroup, x: Array) -> Any:
+        """A point as the user's functions see it."""
+        return x
+
+    def point(self, group: LieGroup, value: Any, name: str) -> np.ndarray:
+        """The user's point as a flat float64 array; raises ArgumentError with `name` for a wrong shape."""
+        return checked_vector(value, self.ambient(group), name)
+
+    def components(self, group: LieGroup, name: str) -> dict[str, slice]:
+        """How arrays of points are named in a dataset."""
+        return {name: slice(0, self.ambient(group))}
+
+
+def checked_vector(value: Any, size: int, name: str) -> Any:
+    """A finite float64 vector (size,); raises ArgumentError. A tracer passes with its shape checked only."""
+    shape = np.shape(value)
+    if shape != (size,):
+        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
+    if isinstance(value, jax.core.Tracer):
+        return value
+    if isinstance(value, (list, tuple)) and any(isinstance(v, jax.core.Tracer) for v in value):
+        return jnp.stack(list(value))
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {value!r}.") from error
+    if not np.all(np.isfinite(array)):
+        raise ArgumentError(f"Argument `{name}` must be finite, but is {array.tolist()}.")
+    return array

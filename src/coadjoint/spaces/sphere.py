@@ -1,0 +1,76 @@
+"""Spheres: curved additional dynamics or advected directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.spaces.representations import Defining, Representation
+from coadjoint.spaces.space import checked_vector
+
+
+@dataclass(frozen=True)
+class Sphere(Representation):
+    """The unit sphere |x| = 1 inside a representation by orthogonal matrices (by default the defining one).
+
+    ρ(x, u) = (x + u)/r with r = √(1 + |u|²), and ρ(x, u) − x = (u − |u|² x/(1 + r))/r without cancellation.
+    """
+
+    inside: Representation = field(default_factory=Defining)
+    flat = False
+
+    def ambient(self, group: LieGroup) -> int:
+        return self.inside.ambient(group)
+
+    def dim(self, group: LieGroup) -> int:
+        return self.ambient(group) - 1
+
+    def act(self, group: LieGroup, g: Element, x: Array) -> Array:
+        return self.inside.act(group, g, x)
+
+    def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
+        return self.inside.infinitesimal(group, xi, x)
+
+    def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
+        return self.inside.diamond(group, b, x)
+
+    def _frame(self, x: Array) -> Array:
+        """An orthonormal basis of TₓS, (ambient, dim): a reflection that takes ±e₁ to x, its other columns."""
+        sign = jnp.where(x[0] < 0, -1.0, 1.0)
+        normal = x.at[0].add(sign)
+        columns = jnp.eye(x.shape[0])[:, 1:]
+        return columns - jnp.outer(normal, normal[1:]) / (1 + jnp.abs(x[0]))
+
+    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
+        return self._frame(x) @ y
+
+    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
+        return self._frame(x).T @ b
+
+    def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
+        square = u @ u
+        r = jnp.sqrt(1 + square)
+        return (u - square * x / (1 + r)) / r
+
+    def project(self, group: LieGroup, x: Array, b: Array) -> Array:
+        return b - (b @ x) * x
+
+    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
+        return self.project(group, x, legendre)
+
+    def defect(self, group: LieGroup, x: Array) -> Array:
+        return jnp.abs(x @ x - 1)
+
+    def point(self, group: LieGroup, value: Any, name: str) -> Any:
+        array = checked_vector(value, self.ambient(group), name)
+        if isinstance(array, np.ndarray) and abs(array @ array - 1) > 1e-9:
+            raise ArgumentError(
+                f"Argument `{name}` must be a unit vector, but has length {np.linalg.norm(array):.6g}; divide by it."
+            )
+        return array
