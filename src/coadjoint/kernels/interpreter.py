@@ -1,0 +1,100 @@
+"""Runs a jaxpr on NumPy arrays: of numbers where everything is known, of scalar expressions where it is not.
+
+An array with dtype `object` holds expressions; every other array holds numbers. An equation whose inputs are
+all numbers is computed by NumPy at once, so constant folding, loop counters and indices need no special care.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.extend import core
+
+Array = np.ndarray
+Rule = Callable[..., Any]
+Rules = Mapping[str, Rule]
+
+
+class Untraceable(Exception):
+    """A function uses something outside the tracer's language; `primitive` names it."""
+
+    def __init__(self, primitive: str, reason: str = "") -> None:
+        self.primitive = primitive
+        super().__init__(f"The primitive `{primitive}` cannot be traced{': ' + reason if reason else ''}.")
+
+
+def symbolic(array: Array) -> bool:
+    """Whether an array holds expressions."""
+    return array.dtype == object
+
+
+def jaxpr_of(function: Callable, *args: Any) -> tuple[core.ClosedJaxpr, Any]:
+    """The jaxpr of a pure function of PyTrees of arrays, and the structure of its result.
+
+    Floats of any width count as float64; the user's JAX configuration stays as it is.
+    """
+    shapes = jax.tree_util.tree_map(_shape, args)
+    with jax.enable_x64(True):
+        closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
+    return closed, jax.tree_util.tree_structure(result)
+
+
+def _shape(leaf: Any) -> jax.ShapeDtypeStruct:
+    dtype = np.dtype(getattr(leaf, "dtype", type(leaf)))
+    return jax.ShapeDtypeStruct(np.shape(leaf), np.float64 if dtype.kind == "f" else dtype)
+
+
+class Interpreter:
+    """Walks equations: `numeric` are the rules on numbers, `expressions` those on arrays with expressions.
+
+    A rule takes the equation's parameters and its inputs and returns the output, or a list of outputs. A
+    rule of `control` takes the interpreter first: it holds jaxprs of its own.
+    """
+
+    def __init__(self, numeric: Rules, control: Rules, expressions: Rules | None = None) -> None:
+        self.numeric = numeric
+        self.control = control
+        self.expressions = expressions if expressions is not None else {}
+
+    def closed(self, closed: Any, inputs: Sequence[Array]) -> list[Array]:
+        """The outputs of a closed jaxpr, or of an open one without constants."""
+        if isinstance(closed, core.ClosedJaxpr):
+            return self.open(closed.jaxpr, [np.asarray(c) for c in closed.consts], inputs)
+        return self.open(closed, [], inputs)
+
+    def open(self, jaxpr: Any, constants: Sequence[Array], inputs: Sequence[Array]) -> list[Array]:
+        """The outputs of a jaxpr whose constants are given."""
+        values: dict[Any, Array] = dict(zip(jaxpr.constvars, constants, strict=True))
+        values.update(zip(jaxpr.invars, inputs, strict=True))
+        for equation in jaxpr.eqns:
+            outputs = self._apply(equation, [_value(v, values) for v in equation.invars])
+            values.update(zip(equation.outvars, outputs, strict=True))
+        return [_value(v, values) for v in jaxpr.outvars]
+
+    def _apply(self, equation: Any, arguments: list[Array]) -> list[Array]:
+        name = equation.primitive.name
+        rule = self.control.get(name)
+        if rule is not None:
+            return rule(self, equation.params, arguments)
+        rule = (self.expressions if any(map(symbolic, arguments)) else self.numeric).get(name)
+        if rule is None:
+            raise Untraceable(name)
+        result = rule(equation.params, *arguments)
+        if not equation.primitive.multiple_results:
+            result = [result]
+        return [_typed(r, v.aval.dtype) for r, v in zip(result, equation.outvars, strict=True)]
+
+
+def _value(variable: Any, values: Mapping[Any, Array]) -> Array:
+    if isinstance(variable, core.Literal):
+        return np.asarray(variable.val, dtype=variable.aval.dtype)  # pyright: ignore[reportAttributeAccessIssue]
+    return values[variable]
+
+
+def _typed(result: Any, dtype: Any) -> Array:
+    """`result` as an array of the type that JAX announced; a bare expression becomes an array of one."""
+    array = np.asarray(result)
+    return array if array.dtype == object or array.dtype == dtype else array.astype(dtype)

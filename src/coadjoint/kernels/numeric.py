@@ -1,0 +1,193 @@
+"""The primitives on numbers, by NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.special
+from jax import lax
+
+from coadjoint.kernels.interpreter import Array, Rule, Untraceable
+from coadjoint.kernels.movement import MOVEMENT, scatters
+
+UNARY: dict[str, Callable] = {
+    **{
+        name: getattr(np, name)
+        for name in ("abs", "sign", "floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "log")
+    },
+    **{name: getattr(np, name) for name in ("expm1", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    "neg": np.negative,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "asinh": np.arcsinh,
+    "acosh": np.arccosh,
+    "atanh": np.arctanh,
+    "erf": scipy.special.erf,
+    "erfc": scipy.special.erfc,
+    "is_finite": np.isfinite,
+    "not": np.invert,
+    "round_even": np.rint,
+    "round_away": lambda x: np.trunc(x + np.copysign(0.49999999999999994, x)),
+    "truncate": np.trunc,
+}
+"""Elementary functions of one scalar; expressions use the same names."""
+
+BINARY: dict[str, Callable] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "pow": np.power,
+    "atan2": np.arctan2,
+    "rem": np.fmod,
+    "min": np.minimum,
+    "max": np.maximum,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "and": np.bitwise_and,
+    "or": np.bitwise_or,
+    "xor": np.bitwise_xor,
+}
+"""Functions of two scalars; expressions use the same names."""
+
+
+def _divide(p: Any, x: Array, y: Array) -> Any:
+    if np.issubdtype(x.dtype, np.floating):
+        return np.divide(x, y)
+    return np.trunc(np.divide(x, y)).astype(x.dtype)
+
+
+def _select(p: Any, which: Array, *cases: Array) -> Array:
+    return np.where(which, cases[1], cases[0]) if which.dtype == bool else np.choose(which, cases)
+
+
+def round_name(parameters: Any) -> str:
+    """The name of the rounding that a `round` equation asks for."""
+    even = parameters["rounding_method"] == lax.RoundingMethod.TO_NEAREST_EVEN
+    return "round_even" if even else "round_away"
+
+
+def matricize(p: Any, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]]:
+    """The factors of a dot_general as stacks (b, m, k) and (b, k, n), and the shape of the result."""
+    (cx, cy), (bx, by) = p["dimension_numbers"]
+    free_x = [axis for axis in range(x.ndim) if axis not in (*cx, *bx)]
+    free_y = [axis for axis in range(y.ndim) if axis not in (*cy, *by)]
+    batch, m, n = ([a.shape[i] for i in axes] for a, axes in ((x, bx), (x, free_x), (y, free_y)))
+    count = int(np.prod([x.shape[i] for i in cx]))
+    stack = int(np.prod(batch))
+    left = x.transpose([*bx, *free_x, *cx]).reshape(stack, int(np.prod(m)), count)
+    right = y.transpose([*by, *cy, *free_y]).reshape(stack, count, int(np.prod(n)))
+    return left, right, (*batch, *m, *n)
+
+
+def _dot(p: Any, x: Array, y: Array) -> Array:
+    left, right, shape = matricize(p, x, y)
+    return np.matmul(left, right).reshape(shape)
+
+
+def _reduction(function: Callable) -> Rule:
+    return lambda p, x: function(x, axis=tuple(p["axes"]))
+
+
+def _arg(function: Callable) -> Rule:
+    return lambda p, x: function(x, axis=p["axes"][0])
+
+
+def _cumulative(function: Callable) -> Rule:
+    def rule(p: Any, x: Array) -> Array:
+        axis = p["axis"]
+        return (
+            np.flip(function(np.flip(x, axis), axis=axis), axis) if p["reverse"] else function(x, axis=axis)
+        )
+
+    return rule
+
+
+def _iota(p: Any) -> Array:
+    line = [1] * len(p["shape"])
+    line[p["dimension"]] = -1
+    return np.broadcast_to(np.arange(p["shape"][p["dimension"]]).reshape(line), p["shape"])
+
+
+def _lu(p: Any, a: Array) -> list[Array]:
+    if a.ndim > 2:
+        parts = [_lu(p, b) for b in a]
+        return [np.stack(part) for part in zip(*parts, strict=True)]
+    factors, pivots = scipy.linalg.lu_factor(a, check_finite=False)
+    order = np.arange(a.shape[0])
+    for i, j in enumerate(pivots):
+        order[[i, j]] = order[[j, i]]
+    return [factors, pivots, order]
+
+
+def _triangular(p: Any, a: Array, b: Array) -> Array:
+    if a.ndim > 2:
+        return np.stack([_triangular(p, x, y) for x, y in zip(a, b, strict=True)])
+    transposed = p["transpose_a"] if p["left_side"] else not p["transpose_a"]
+    right = b if p["left_side"] else b.T
+    solution = scipy.linalg.solve_triangular(
+        a,
+        right,
+        trans=int(transposed),
+        lower=p["lower"],
+        unit_diagonal=p["unit_diagonal"],
+        check_finite=False,
+    )
+    return solution if p["left_side"] else solution.T
+
+
+def _sort(p: Any, *operands: Array) -> list[Array]:
+    keys = operands[: p["num_keys"]]
+    if operands[0].ndim == 1 or p["num_keys"] == 1:
+        order = (
+            np.argsort(keys[0], axis=p["dimension"], kind="stable")
+            if len(keys) == 1
+            else np.lexsort(keys[::-1])
+        )
+        return [np.take_along_axis(x, order, p["dimension"]) for x in operands]
+    raise Untraceable("sort", "several keys along one of several axes")
+
+
+NUMERIC: dict[str, Rule] = {
+    **MOVEMENT,
+    **{name: (lambda p, x, f=f: f(x)) for name, f in UNARY.items()},
+    **{name: (lambda p, x, y, f=f: f(x, y)) for name, f in BINARY.items()},
+    **scatters(np.add, np.multiply, np.minimum, np.maximum),
+    "add_any": lambda p, x, y: np.add(x, y),
+    "argmax": _arg(np.argmax),
+    "argmin": _arg(np.argmin),
+    "cholesky": lambda p, a: np.linalg.cholesky(a),
+    "clamp": lambda p, low, x, high: np.minimum(np.maximum(x, low), high),
+    "convert_element_type": lambda p, x: x.astype(p["new_dtype"]),
+    "cummax": _cumulative(np.maximum.accumulate),
+    "cummin": _cumulative(np.minimum.accumulate),
+    "cumprod": _cumulative(np.cumprod),
+    "cumsum": _cumulative(np.cumsum),
+    "det": lambda p, a: np.linalg.det(a),
+    "div": _divide,
+    "dot_general": _dot,
+    "integer_pow": lambda p, x: x ** p["y"] if p["y"] >= 0 else 1.0 / x ** -p["y"],
+    "iota": _iota,
+    "logistic": lambda p, x: scipy.special.expit(x),
+    "lu": _lu,
+    "reduce_and": _reduction(np.all),
+    "reduce_max": _reduction(np.max),
+    "reduce_min": _reduction(np.min),
+    "reduce_or": _reduction(np.any),
+    "reduce_prod": _reduction(np.prod),
+    "reduce_sum": _reduction(np.sum),
+    "round": lambda p, x: UNARY[round_name(p)](x),
+    "rsqrt": lambda p, x: 1.0 / np.sqrt(x),
+    "select_n": _select,
+    "sort": _sort,
+    "square": lambda p, x: x * x,
+    "triangular_solve": _triangular,
+}
+"""What `evaluate` runs, and what folds constants in the tracer."""
