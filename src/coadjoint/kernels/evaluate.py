@@ -18,12 +18,19 @@ from coadjoint.kernels.numeric import NUMERIC
 _NUMBERS = Interpreter(NUMERIC, CONTROL)
 
 
+def traced(*values: Any) -> bool:
+    """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree_util.tree_leaves(values))
+
+
 def evaluate(function: Callable, *args: Any) -> Any:
     """function(*args) with NumPy leaves; floats count as float64.
 
     `function` is pure and traceable by JAX, `args` are PyTrees of arrays. Primitives without a rule here
-    send the whole function through `jax.jit`.
+    send the whole function through `jax.jit`. Under the user's own transformations it is traced further instead.
     """
+    if traced(*args):
+        return function(*args)
     return tabulate(function, *args)(*args)
 
 
