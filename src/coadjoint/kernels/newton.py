@@ -53,10 +53,11 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
             Code.NOT_FINITE,
             jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED),
         )
-        return end.unknowns, (end.iterations, code)
+        # As floats: custom_root gives whole numbers tangents that its own rule refuses.
+        return end.unknowns, (end.iterations.astype(float), code.astype(float))
 
     def tangent_solve(linear, right_side):
         return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(right_side)), right_side)
 
     unknowns, (iterations, code) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
-    return Root(unknowns, iterations, code)
+    return Root(unknowns, iterations.astype(int), code.astype(int))

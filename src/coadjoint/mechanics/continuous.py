@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -77,7 +76,7 @@ def vector_field(system: System, state: State) -> State:
     )  # fmt: skip
 
 
-def reference(system: System, start: State, times: Sequence[float], tolerance: float = 1e-13) -> State:
+def reference(system: System, start: State, times: Any, tolerance: float = 1e-13) -> State:
     """The continuous motion from `start` at the given times, by DOP853: a record with one row a time.
 
     g, n, a, ξ, ν are integrated with relative tolerance `tolerance`; μ, π follow by the Legendre transform.

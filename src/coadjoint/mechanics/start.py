@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import jax
@@ -52,11 +53,11 @@ def checked_element(group: LieGroup, g: Any) -> Any:
     if g is None:
         return identity
     leaves, structure = jax.tree.flatten(identity)
-    try:
+    given: list[Any] = []
+    shapes = None
+    with suppress(TypeError, ValueError):
         given = structure.flatten_up_to(g if not isinstance(g, list) else np.asarray(g, dtype=np.float64))
         shapes = [np.shape(leaf) for leaf in given]
-    except (TypeError, ValueError):
-        shapes = None
     expected = [leaf.shape for leaf in leaves]
     if shapes != expected:
         raise ArgumentError(

@@ -76,7 +76,8 @@ class System:
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
-        self.additional.ambient(group), self.advected.ambient(group)
+        for space in (self.additional, self.advected):
+            space.ambient(group)  # raises where the space needs another group
         self._check_signatures()
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import jax
@@ -38,7 +37,7 @@ class StepProgram:
     observed: tuple[Monitor, ...] = ()
     inputs: Inputs | None = None
 
-    @cached_property
+    @property
     def stages(self) -> tuple[StepStage, ...]:
         return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in self.method.stages)
 
