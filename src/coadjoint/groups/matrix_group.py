@@ -24,7 +24,10 @@ class MatrixGroup(LieGroup):
     """
 
     def __init__(self, basis, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):
-        matrices = np.array(basis, dtype=np.float64)
+        try:
+            matrices = np.array(basis, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise GroupError(f"Argument `basis` of MatrixGroup must be square matrices, but is {basis!r}.") from error
         if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not np.all(np.isfinite(matrices)):
             raise GroupError(
                 f"Argument `basis` of MatrixGroup must be dim finite square matrices, shape (dim, N, N), "

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import LagrangianError
+from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -21,17 +21,17 @@ def check(system: System, start: State) -> list[str]:
     regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible. Inside the user's own transformations only shapes are seen.
     """
     if system.lagrangian is None:
-        _require_scalar(system.reduced_discrete_lagrangian, "The discrete Lagrangian", _discrete_arguments(start))
+        require_scalar(system.reduced_discrete_lagrangian, "The discrete Lagrangian", _discrete_arguments(start))
         return []
     arguments = (start.xi, start.n, start.nu, start.a)
 
     def lagrangian(xi, n, nu, a):
         return system.reduced_lagrangian(xi, n, nu, a, start.t, start.inputs)
 
-    _require_scalar(lagrangian, "The Lagrangian", arguments)
+    require_scalar(lagrangian, "The Lagrangian", arguments)
     if system.forces is not None:
         motion = system.motion(*arguments, start.t, start.inputs, start.internal)
-        _trace(lambda m: system.body_force(m), "`forces`", (motion,))
+        trace(lambda m: system.body_force(m), "`forces`", (motion,))
     if traced(system.parameters, start):
         return []
     _require_finite(lagrangian, arguments)
@@ -43,34 +43,50 @@ def _discrete_arguments(start: State) -> tuple[Any, ...]:
     return start.xi, start.n, start.n, start.a, np.float64(1.0)
 
 
-def _trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
+def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
     """The jaxpr of a user's function; whatever goes wrong inside it becomes one sentence."""
     try:
         with jax.enable_x64(True):
             return jax.make_jaxpr(function)(*arguments)
-    except LagrangianError:
+    except CoadjointError:
         raise
     except Exception as error:
         first = str(error).strip().split("\n")[0]
-        raise LagrangianError(
-            f"{what} cannot be traced by JAX: {type(error).__name__}: {first} Write it with jax.numpy, without "
-            "`if` on values, float() or NumPy functions of its arguments."
-        ) from error
+        kind = type(error).__name__
+        if "dtype promotion" in first:
+            raise
+        if type(error).__module__.startswith("jax"):
+            raise LagrangianError(
+                f"{what} cannot be differentiated by JAX ({kind}): write it with jax.numpy, without `if` on values, "
+                "float() or NumPy functions of its arguments."
+            ) from error
+        raise LagrangianError(f"{what} raised {kind}: {first}") from error
 
 
-def _require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
-    closed = _trace(function, what, arguments)
+def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
+    """Raise LagrangianError unless the function returns one float64 number and holds no float32."""
+    closed = trace(function, what, arguments)
     outputs = closed.out_avals
     if len(outputs) != 1 or outputs[0].shape != ():
         found = ", ".join(str(o.shape) for o in outputs) or "nothing"
-        raise LagrangianError(f"{what} must return one number, but returns shape {found}; use @ or jnp.sum.")
+        raise LagrangianError(f"{what} must return one number, but returns {found}; use @ or jnp.sum.")
     if not np.issubdtype(outputs[0].dtype, np.floating):
         raise LagrangianError(f"{what} must return a float64 number, but returns {outputs[0].dtype}.")
-    if _holds_float32(closed.jaxpr) or any(getattr(c, "dtype", None) == np.float32 for c in closed.consts):
+    if _holds_float32(closed.jaxpr) or _promotes_float32(function, what, arguments):
         raise LagrangianError(
             f"{what} holds float32 numbers, which have lost digits already (5.46 becomes 5.460000038): make its "
-            "constants with NumPy or put them into co.Parameters, and leave out dtype=float32."
+            "constants with NumPy or put them into co.Parameters, and leave out float32."
         )
+
+
+def _promotes_float32(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> bool:
+    """Whether a float32 constant is promoted before JAX writes it down, so that the jaxpr does not show it."""
+    try:
+        with jax.numpy_dtype_promotion("strict"):
+            trace(function, what, arguments)
+    except Exception as error:
+        return "float32" in str(error) or "float16" in str(error)
+    return False
 
 
 def _holds_float32(jaxpr: Any) -> bool:

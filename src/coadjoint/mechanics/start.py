@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.check import require_scalar
 from coadjoint.mechanics.parameters import Parameters, float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -35,6 +36,9 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         mu, pi = legendre(here, xi, n, nu, a, t, inputs)
         return n, nu, a, mu, pi
 
+    if system.lagrangian is not None:
+        zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
+        require_scalar(lambda *z: system.reduced_lagrangian(*z, t, inputs), "The Lagrangian", (xi, *zeros))
     n, nu, a, mu, pi = evaluate(body, g, q, xi, qdot, a0, t, system.parameters)
     return State(t, g, n, a, mu, pi, xi, nu, inputs, internal, None, places=system.places)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
@@ -46,7 +47,7 @@ class StepProgram:
             return state
         system = replace_parameters(self.skeleton, parameters.system)
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
-        return state.replace(inputs=self.inputs(motion))
+        return state.replace(inputs=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), self.inputs(motion)))
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)

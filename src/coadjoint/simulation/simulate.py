@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
+import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
@@ -13,6 +14,7 @@ from coadjoint.kernels import xla
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
+from coadjoint.mechanics.check import trace
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -57,6 +59,7 @@ def simulate(
     _require_kinds(system, start, method)
     h, steps = _grid(dt, duration, steps)
     _require_whole(save_every, "save_every")
+    start = _with_inputs(system, start, inputs)
     warnings = system.check(start)
     state = method.begin(system, start, h)
     _require_chart(system, method, state, h)
@@ -129,6 +132,18 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
             observed.append(observe.group_defect)
     program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs)
     return program, Constants(system.parameters, watching)
+
+
+def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | None) -> State:
+    """The start with the inputs of its first step, so that ℓ and forces may use them from there on."""
+    if inputs is None:
+        return start
+
+    def first(s: State) -> Any:
+        return inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal))
+
+    trace(first, "`inputs`", (start,))
+    return start.replace(inputs=jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), evaluate(first, start)))
 
 
 def _require_kinds(system: Any, start: Any, method: Any) -> None:
