@@ -9,7 +9,7 @@ overflows elsewhere must not bring it to life. Signs of zeros are not kept.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -150,19 +150,19 @@ class Graph:
         return self._node("mul", (a, b) if a.number < b.number else (b, a))
 
     def div(self, a: Node, b: Node) -> Node:
+        """a/b; by a variable it is a·(1/b), so that a shared or constant denominator is divided by once."""
         if b.op == "const" and b.value != 0.0:
             value = float(b.value)  # pyright: ignore[reportArgumentType]
             if a.op == "const":
                 return self.constant(float(a.value) / value)  # pyright: ignore[reportArgumentType]
             if abs(math.frexp(value)[0]) == 0.5 and abs(value) > 1e-300:
                 return self.mul(a, self.constant(1.0 / value))
-        elif a.is_constant(0.0) and b.op != "const":
+            return self._node("div", (a, b))
+        if a.is_constant(0.0) and b.op != "const":
             return self.zero
-        if a.op == "neg":
-            return self.neg(self.div(a.args[0], b))
         if b.op == "neg":
             return self.neg(self.div(a, b.args[0]))
-        return self._node("div", (a, b))
+        return self.mul(a, self._node("div", (self.one, b)))
 
     def select(self, condition: Node, yes: Node, no: Node) -> Node:
         """`yes` where the condition holds, else `no`."""
@@ -273,3 +273,16 @@ def reachable(roots: Iterable[Node]) -> list[Node]:
             seen[node.number] = node
             stack.extend(node.args)
     return [seen[number] for number in sorted(seen)]
+
+
+def substitute(graph: Graph, roots: Iterable[Node], mapping: Mapping[Node, Node]) -> list[Node]:
+    """The roots with symbols replaced, simplified anew."""
+    roots = list(roots)
+    new: dict[Node, Node] = dict(mapping)
+    for node in reachable(roots):
+        if node in new:
+            continue
+        args = [new[a] for a in node.args]
+        same = all(x is y for x, y in zip(args, node.args, strict=True))
+        new[node] = node if same else graph.apply(node.op, *args)
+    return [new[root] for root in roots]

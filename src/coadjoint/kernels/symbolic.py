@@ -95,6 +95,7 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
         "convert_element_type": convert,
         "div": elementwise(graph.div, 2),
         "integer_pow": lambda p, x: np.frompyfunc(lambda n: graph.power(n, p["y"]), 1, 1)(x),
+        "div_whole": elementwise(lambda a, b: graph.apply("truncate", graph.div(a, b)), 2),
         "eq_to": elementwise(lambda a, b: graph.apply("eq", a, b), 2),
         "le_to": elementwise(lambda a, b: graph.apply("le", a, b), 2),
         "lt_to": elementwise(lambda a, b: graph.apply("lt", a, b), 2),

@@ -1,0 +1,31 @@
+"""What a kernel returns: a stretch of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coadjoint.kernels.program import Code
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A stretch of a run, NumPy throughout.
+
+    `records`: states with a leading axis, record j at step j·save_every with the unknowns of the step that starts
+    there; `final`: the state after the last good step; `monitors`: name → one row a record; `extrema`: name →
+    (minimum, maximum) over every step, for certificates over the stages too; `iterations`: Newton's, over all steps
+    and stages; `code`: how the last step tried ended.
+    """
+
+    records: Any
+    final: Any
+    steps: int
+    code: Code
+    iterations: int
+    iterations_max: int
+    monitors: Mapping[str, np.ndarray]
+    extrema: Mapping[str, tuple[np.ndarray, np.ndarray]]
