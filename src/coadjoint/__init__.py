@@ -1,1 +1,90 @@
-"""Variational integrators on Lie groups from a reduced Lagrangian."""
+"""Variational integrators on Lie groups from a reduced Lagrangian written in Python.
+
+    import coadjoint as co
+
+Names are loaded when first used, so that `import coadjoint` costs little.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "coadjoint.difference_maps": ("Cayley", "DifferenceMap", "Exponential", "Squared"),
+    "coadjoint.errors": (
+        "ArgumentError",
+        "CoadjointError",
+        "FileError",
+        "GroupError",
+        "LagrangianError",
+        "StepError",
+    ),
+    "coadjoint.groups": ("SE2", "SE3", "SO2", "SO3", "DirectProduct", "LieGroup", "MatrixGroup", "Translation"),
+    "coadjoint.kernels.float64": ("float64",),
+    "coadjoint.mechanics.noether": ("KelvinNoether",),
+    "coadjoint.mechanics.parameters": ("Parameters",),
+    "coadjoint.mechanics.state": ("Force", "Motion", "State"),
+    "coadjoint.mechanics.system": ("System",),
+    "coadjoint.methods": (
+        "LeftRectangle",
+        "LeftRight",
+        "Method",
+        "Midpoint",
+        "RightRectangle",
+        "Suzuki4",
+        "Trapezoidal",
+        "Variational",
+    ),
+    "coadjoint.simulation.recording": ("load",),
+    "coadjoint.simulation.simulate": ("simulate",),
+    "coadjoint.simulation.trajectory": ("trajectory",),
+    "coadjoint.spaces": (
+        "Adjoint",
+        "Coadjoint",
+        "Defining",
+        "Dual",
+        "Points",
+        "Space",
+        "Sphere",
+        "Trivial",
+    ),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_MODULES = {"attitude": "coadjoint.groups.attitude", "models": "coadjoint.models"}
+
+__version__ = "0.1.0"
+__all__ = [*_HOME_OF, *_MODULES]
+
+if TYPE_CHECKING:
+    from coadjoint import models as models
+    from coadjoint.difference_maps import *  # noqa: F403
+    from coadjoint.errors import *  # noqa: F403
+    from coadjoint.groups import *  # noqa: F403
+    from coadjoint.groups import attitude as attitude
+    from coadjoint.kernels.float64 import float64 as float64
+    from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
+    from coadjoint.mechanics.parameters import Parameters as Parameters
+    from coadjoint.mechanics.state import Force as Force
+    from coadjoint.mechanics.state import Motion as Motion
+    from coadjoint.mechanics.state import State as State
+    from coadjoint.mechanics.system import System as System
+    from coadjoint.methods import *  # noqa: F403
+    from coadjoint.simulation.recording import load as load
+    from coadjoint.simulation.simulate import simulate as simulate
+    from coadjoint.simulation.trajectory import trajectory as trajectory
+    from coadjoint.spaces import *  # noqa: F403
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(_MODULES[name])
+    if name not in _HOME_OF:
+        raise AttributeError(f"coadjoint has no `{name}`; it has: {', '.join(sorted(__all__))}.")
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

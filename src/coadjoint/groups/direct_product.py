@@ -40,6 +40,10 @@ class DirectProduct(LieGroup):
     def dim(self) -> int:
         return sum(f.dim for f in self.factors)
 
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        return tuple(f"{name}_{i + 1}" for i, factor in enumerate(self.factors) for name in factor.leaf_names)
+
     def split(self, xi: Array) -> list[Array]:
         """The factors' parts of a vector or covector (dim,)."""
         ends = np.cumsum([0, *(f.dim for f in self.factors)])

@@ -44,6 +44,11 @@ class LieGroup:
         """N, the size of the matrices."""
         return self.basis.shape[-1]
 
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        """What the arrays of an element are called in a dataset."""
+        return ("g",)
+
     def identity(self) -> Element:
         """e."""
         raise NotImplementedError

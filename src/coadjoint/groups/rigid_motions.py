@@ -17,6 +17,10 @@ _QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 class _RigidMotions(LieGroup):
     """What SE(2) and SE(3) share: an element is (R, x), acting by v ↦ Rv + x."""
 
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        return ("R", "x")
+
     def compose(self, g: Element, h: Element) -> Element:
         return g[0] @ h[0], g[0] @ h[1] + g[1]
 

@@ -37,6 +37,10 @@ def orthogonal_projection(R: Array) -> Array:
 class _Rotations(LieGroup):
     """What SO(2) and SO(3) share: an element is the matrix R itself."""
 
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        return ("R",)
+
     def compose(self, g: Array, h: Array) -> Array:
         return g @ h
 

@@ -16,6 +16,10 @@ class Translation(LieGroup):
 
     size: int
 
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        return ("x",)
+
     def __post_init__(self):
         if self.size < 1:
             raise ValueError(f"Argument `size` of Translation must be at least 1, but is {self.size}.")

@@ -37,9 +37,7 @@ def _scan(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> lis
     order = range(length - 1, -1, -1) if parameters["reverse"] else range(length)
     rows: list[tuple[int, list[Array]]] = []
     for i in order:
-        outputs = interpreter.closed(
-            parameters["jaxpr"], [*constants, *carry, *(np.asarray(s[i]) for s in slices)]
-        )
+        outputs = interpreter.closed(parameters["jaxpr"], [*constants, *carry, *(np.asarray(s[i]) for s in slices)])
         carry = outputs[:carries]
         rows.append((i, outputs[carries:]))
     rows.sort(key=lambda row: row[0])

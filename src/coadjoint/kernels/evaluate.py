@@ -49,9 +49,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
         values = jax.tree_util.tree_map(_numpy, values)
         leaves, given = jax.tree_util.tree_flatten(values)
         if given != expected or [leaf.shape for leaf in leaves] != shapes:
-            raise ValueError(
-                "A tabulated function must be called with the structure and shapes it was traced for."
-            )
+            raise ValueError("A tabulated function must be called with the structure and shapes it was traced for.")
         if not compiled:
             try:
                 with np.errstate(all="ignore"):

@@ -38,9 +38,7 @@ def _slice(p: Any, x: Array) -> Array:
     return x[tuple(map(slice, p["start_indices"], p["limit_indices"], strides))]
 
 
-def _starts(
-    name: str, starts: tuple[Array, ...], shape: tuple[int, ...], sizes: tuple[int, ...]
-) -> list[slice]:
+def _starts(name: str, starts: tuple[Array, ...], shape: tuple[int, ...], sizes: tuple[int, ...]) -> list[slice]:
     if any(map(symbolic, starts)):
         raise Untraceable(name, "its indices depend on values")
     first = [min(max(int(s), 0), n - size) for s, n, size in zip(starts, shape, sizes, strict=True)]
@@ -65,9 +63,7 @@ def _pad(p: Any, x: Array, value: Array) -> Array:
         spread = filled((*x.shape[:axis], inner, *x.shape[axis + 1 :]), value[()], x)
         spread[(slice(None),) * axis + (slice(None, None, interior + 1),)] = x
         spread = spread[(slice(None),) * axis + (slice(max(-low, 0), inner - max(-high, 0)),)]
-        edges = [
-            filled((*x.shape[:axis], max(e, 0), *x.shape[axis + 1 :]), value[()], x) for e in (low, high)
-        ]
+        edges = [filled((*x.shape[:axis], max(e, 0), *x.shape[axis + 1 :]), value[()], x) for e in (low, high)]
         x = np.concatenate([edges[0], spread, edges[1]], axis)
     return x
 
@@ -113,9 +109,7 @@ def _gather(p: Any, operand: Array, indices: Array) -> Array:
     numbers, inside = _windows("gather", operand.shape, indices, sizes, d.start_index_map, batching, clip)
     lead = indices.ndim - 1
     gone = sorted((*d.collapsed_slice_dims, *d.operand_batching_dims))
-    numbers = numbers.reshape(
-        (*numbers.shape[:lead], *(s for axis, s in enumerate(sizes) if axis not in gone))
-    )
+    numbers = numbers.reshape((*numbers.shape[:lead], *(s for axis, s in enumerate(sizes) if axis not in gone)))
     inside = np.broadcast_to(inside.reshape((*inside.shape, *(1,) * (numbers.ndim - lead))), numbers.shape)
     values = operand.reshape(-1)[numbers]
     if not np.all(inside):

@@ -14,10 +14,7 @@ from coadjoint.kernels.interpreter import Array, Rule, Untraceable
 from coadjoint.kernels.movement import MOVEMENT, scatters
 
 UNARY: dict[str, Callable] = {
-    **{
-        name: getattr(np, name)
-        for name in ("abs", "sign", "floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "log")
-    },
+    **{name: getattr(np, name) for name in ("abs", "sign", "floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "log")},
     **{name: getattr(np, name) for name in ("expm1", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
     "neg": np.negative,
     "asin": np.arcsin,
@@ -103,9 +100,7 @@ def _arg(function: Callable) -> Rule:
 def _cumulative(function: Callable) -> Rule:
     def rule(p: Any, x: Array) -> Array:
         axis = p["axis"]
-        return (
-            np.flip(function(np.flip(x, axis), axis=axis), axis) if p["reverse"] else function(x, axis=axis)
-        )
+        return np.flip(function(np.flip(x, axis), axis=axis), axis) if p["reverse"] else function(x, axis=axis)
 
     return rule
 
@@ -146,11 +141,7 @@ def _triangular(p: Any, a: Array, b: Array) -> Array:
 def _sort(p: Any, *operands: Array) -> list[Array]:
     keys = operands[: p["num_keys"]]
     if operands[0].ndim == 1 or p["num_keys"] == 1:
-        order = (
-            np.argsort(keys[0], axis=p["dimension"], kind="stable")
-            if len(keys) == 1
-            else np.lexsort(keys[::-1])
-        )
+        order = np.argsort(keys[0], axis=p["dimension"], kind="stable") if len(keys) == 1 else np.lexsort(keys[::-1])
         return [np.take_along_axis(x, order, p["dimension"]) for x in operands]
     raise Untraceable("sort", "several keys along one of several axes")
 

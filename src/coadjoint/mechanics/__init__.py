@@ -1,0 +1,1 @@
+"""Systems with symmetry, their continuous and discrete equations, and what they conserve."""

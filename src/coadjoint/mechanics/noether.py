@@ -11,10 +11,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.parameters import float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Adjoint, Space
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -32,6 +32,7 @@ class System:
     `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
     `forces`: a function (motion, p) → Force(torque, force), body frame.
+    `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
     """
 
@@ -42,6 +43,7 @@ class System:
     forces: Callable[..., Force] | None = field(metadata={"static": True})
     discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
+    units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
     parameters: Parameters | None
 
     def __init__(
@@ -55,6 +57,7 @@ class System:
         forces: Callable[..., Force] | None = None,
         discrete_lagrangian: Callable[..., Any] | None = None,
         name: str = "",
+        units: Mapping[str, str] | None = None,
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {group!r}.")
@@ -68,6 +71,7 @@ class System:
             "forces": forces,
             "discrete_lagrangian": discrete_lagrangian,
             "name": name or getattr(lagrangian or discrete_lagrangian, "__name__", "system"),
+            "units": tuple((units or {}).items()),
             "parameters": parameters,
         }
         for key, value in values.items():
@@ -89,8 +93,7 @@ class System:
         """A copy with some parameters replaced: `vehicle.replace(mass=130.0)`."""
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
-        made = replace_parameters(self, self.parameters.replace(**values))
-        return made
+        return replace_parameters(self, self.parameters.replace(**values))
 
     def reduced_lagrangian(self, xi, n, nu, a, t=0.0, inputs=None) -> Array:
         """ℓ(ξ, n, ν, a) with this system's parameters."""
@@ -136,7 +139,9 @@ class System:
             return jnp.zeros(dims[0]), jnp.zeros(dims[1])
         force = self.forces(motion, self.parameters) if self.parameters is not None else self.forces(motion)
         if not isinstance(force, Force):
-            raise LagrangianError(f"`forces` must return co.Force(torque=…, force=…), but returned {type(force).__name__}.")
+            raise LagrangianError(
+                f"`forces` must return co.Force(torque=…, force=…), but returned {type(force).__name__}."
+            )
         given = zip(("torque", "force"), force, dims, strict=True)
         return tuple(_covector(name, value, size) for name, value, size in given)  # type: ignore[return-value]
 

@@ -1,0 +1,21 @@
+"""Variational methods, a class a file; the default is `Midpoint(Cayley())` (mathematics: sections 6 and 7)."""
+
+from coadjoint.methods.composition import LeftRight, Suzuki4
+from coadjoint.methods.left_rectangle import LeftRectangle
+from coadjoint.methods.method import Method, Step
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.right_rectangle import RightRectangle
+from coadjoint.methods.trapezoidal import Trapezoidal
+from coadjoint.methods.variational import Variational
+
+__all__ = [
+    "LeftRectangle",
+    "LeftRight",
+    "Method",
+    "Midpoint",
+    "RightRectangle",
+    "Step",
+    "Suzuki4",
+    "Trapezoidal",
+    "Variational",
+]

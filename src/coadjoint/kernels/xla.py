@@ -1,0 +1,140 @@
+"""Runs a program by XLA: for large systems, on GPUs, and within a user's own transformations."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from coadjoint.kernels import newton
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.program import Code, Program
+
+CAPACITY = 1024
+"""The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
+
+
+class StepResult(NamedTuple):
+    """A step: its record, the state after it, and how its stages went."""
+
+    record: Any
+    after: Any
+    code: jax.Array
+    iterations: jax.Array
+    certificates: dict[str, jax.Array]
+
+
+def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
+    """One step of a program; a failed one leaves the state as it was."""
+    state = program.prepare(parameters, state)
+    before, record = state, None
+    code, iterations = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0)
+    certificates: dict[str, jax.Array] = {}
+    for stage in program.stages:
+        part = stage.fraction * h
+        root = newton.solve(
+            partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part), part
+        )
+        z = root.unknowns
+        after = stage.advance(parameters, state, part, z)
+        finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
+        inside = stage.chart(parameters, state, part, z) < 1.0
+        here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))
+        here = jnp.where((here == 0) & ~finite, int(Code.NOT_FINITE), here)
+        code = jnp.where(code > 0, code, here)
+        iterations = iterations + root.iterations
+        record = stage.record(parameters, state, part, z) if record is None else record
+        if certify:
+            for name, value in stage.certificate(parameters, state, part, z, after).items():
+                certificates[name] = jnp.maximum(certificates.get(name, -jnp.inf), value)
+        state = after
+    after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), state, before)
+    return StepResult(record, after, code, iterations, certificates)
+
+
+class _Carry(NamedTuple):
+    state: Any
+    index: jax.Array
+    code: jax.Array
+    iterations: jax.Array
+    iterations_max: jax.Array
+    records: Any
+    monitors: dict[str, jax.Array]
+    lowest: dict[str, jax.Array]
+    highest: dict[str, jax.Array]
+
+
+@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    def observe(state):
+        result = step(program, parameters, state, h, monitored)
+        seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
+        return result, seen
+
+    shapes, seen_shapes = jax.eval_shape(observe, state)
+
+    def rows(shape):
+        return jnp.zeros((capacity, *shape.shape), shape.dtype)
+
+    def limits(sign):
+        watched = {**seen_shapes, **shapes.certificates}
+        return {name: jnp.full(shape.shape, sign * jnp.inf) for name, shape in watched.items()}
+
+    def advance(carry: _Carry) -> _Carry:
+        result, seen = observe(carry.state)
+        good = result.code == 0
+        row, phase = carry.index // save_every, carry.index % save_every
+        keep = good & (phase == 0)
+
+        def store(buffer, value):
+            return buffer.at[row].set(jnp.where(keep, value, buffer[row]))
+
+        watched = {**seen, **result.certificates}
+
+        def extreme(choose, old):
+            return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
+
+        return _Carry(
+            state=result.after,
+            index=carry.index + good,
+            code=result.code,
+            iterations=carry.iterations + jnp.where(good, result.iterations, 0),
+            iterations_max=jnp.maximum(carry.iterations_max, result.iterations),
+            records=jax.tree.map(store, carry.records, result.record),
+            monitors=jax.tree.map(store, carry.monitors, seen),
+            lowest=extreme(jnp.minimum, carry.lowest),
+            highest=extreme(jnp.maximum, carry.highest),
+        )
+
+    nothing = jnp.asarray(0)
+    start = _Carry(
+        state, nothing, nothing, nothing, nothing,
+        jax.tree.map(rows, shapes.record), jax.tree.map(rows, seen_shapes), limits(1), limits(-1),
+    )  # fmt: skip
+    return lax.while_loop(lambda c: (c.index < steps) & (c.code == 0), advance, start)
+
+
+def run(
+    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
+) -> Chunk:
+    """records·save_every steps of `program` from `state`, keeping every save_every-th record; records ≤ CAPACITY."""
+    with jax.enable_x64(True):
+        numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
+        end = _loop(program, parameters, state, *numbers, capacity=CAPACITY, monitored=monitors)
+        end = jax.tree.map(np.asarray, end)
+    steps = int(end.index)
+    valid = min(-(-steps // save_every), records)
+    return Chunk(
+        records=jax.tree.map(lambda rows: rows[:valid].copy(), end.records),
+        final=end.state,
+        steps=steps,
+        code=Code(int(end.code)),
+        iterations=int(end.iterations),
+        iterations_max=int(end.iterations_max),
+        monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
+        extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )

@@ -1,0 +1,117 @@
+"""From what a person knows at the start — configuration and velocities in the space frame — to a state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import LieGroup
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.parameters import Parameters, float64
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.spaces import Several, Space
+from coadjoint.spaces.space import checked_vector
+
+
+def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> State:
+    """The state of `System.state`."""
+    group, Q, V = system.places
+    g = checked_element(group, g)
+    xi = np.zeros(group.dim) if xi is None else checked_vector(xi, group.dim, "xi")
+    q, qdot = _pair(system, q, qdot)
+    a0 = _advected(system, a0)
+    t = float64(t, "Argument `t`")
+    inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
+
+    def body(g, q, xi, qdot, a0, t, parameters):
+        here = replace_parameters(system, parameters)
+        back = group.inverse(g)
+        n, nu, a = Q.act(group, back, q), Q.push(group, back, q, qdot), V.act(group, back, a0)
+        mu, pi = legendre(here, xi, n, nu, a, t, inputs)
+        return n, nu, a, mu, pi
+
+    n, nu, a, mu, pi = evaluate(body, g, q, xi, qdot, a0, t, system.parameters)
+    return State(t, g, n, a, mu, pi, xi, nu, inputs, internal, None, places=system.places)
+
+
+def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None) -> tuple[Any, Any]:
+    """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian."""
+    if system.lagrangian is None:
+        return jax.numpy.zeros_like(xi), jax.numpy.zeros_like(nu)
+    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs)
+    return mu, system.additional.project(system.group, n, pi)
+
+
+def checked_element(group: LieGroup, g: Any) -> Any:
+    """g as an element of the group with float64 leaves; raises ArgumentError for wrong shapes and for g outside G."""
+    identity = evaluate(group.identity)
+    if g is None:
+        return identity
+    leaves, structure = jax.tree.flatten(identity)
+    try:
+        given = structure.flatten_up_to(g if not isinstance(g, list) else np.asarray(g, dtype=np.float64))
+        shapes = [np.shape(leaf) for leaf in given]
+    except (TypeError, ValueError):
+        shapes = None
+    expected = [leaf.shape for leaf in leaves]
+    if shapes != expected:
+        raise ArgumentError(
+            f"Argument `g` must be an element of {group!r}, arrays of shape {', '.join(map(str, expected))}, "
+            f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."
+        )
+    element = jax.tree.unflatten(structure, [float64(leaf, "Argument `g`") for leaf in given])
+    if not traced(element) and group.constrained:
+        defect = float(evaluate(group.defect, element))
+        turned = not traced(element) and evaluate(group.rotation, element)
+        mirror = isinstance(turned, np.ndarray) and np.linalg.det(turned) < 0
+        if defect > 1e-9 or mirror:
+            why = "its determinant is −1" if mirror else f"its defining equations fail by {defect:.2g}"
+            raise ArgumentError(
+                f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude."
+            )
+    return element
+
+
+def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
+    group, Q = system.group, system.additional
+    size = Q.ambient(group)
+    if size == 0:
+        if q is not None or qdot is not None:
+            raise ArgumentError("This system has no additional dynamics: leave out `q` and `qdot`.")
+        return np.zeros(0), np.zeros(0)
+    if q is None:
+        raise ArgumentError(
+            f"This system has additional dynamics: give `q`, shape ({size},), and `qdot` unless at rest."
+        )
+    point = Q.point(group, q, "q")
+    if qdot is None:
+        return point, np.zeros(size)
+    if isinstance(Q, Several):
+        factors = Several(dict(zip(Q.names, map(_Velocities, Q.factors), strict=True)))
+        return point, factors.point(group, qdot, "qdot")
+    return point, checked_vector(qdot, size, "qdot")
+
+
+class _Velocities(Space):
+    """The ambient velocities of a space, checked for their shape only."""
+
+    def __init__(self, space: Space):
+        self.space = space
+
+    def ambient(self, group: LieGroup) -> int:
+        return self.space.ambient(group)
+
+
+def _advected(system: System, a0: Any) -> Any:
+    group, V = system.group, system.advected
+    if V.ambient(group) == 0:
+        if a0 is not None:
+            raise ArgumentError("This system has no advected parameters: leave out `a0`.")
+        return np.zeros(0)
+    if a0 is None:
+        raise ArgumentError(f"This system has advected parameters: give `a0`, {V.ambient(group)} numbers in all.")
+    return V.point(group, a0, "a0")

@@ -1,0 +1,70 @@
+"""The left rectangle rule: the paper's scheme."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+
+from coadjoint.groups.group import Array, Element
+from coadjoint.mechanics.discrete import Node, Point, node
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method, Step
+
+
+@dataclass(frozen=True)
+class LeftRectangle(Method, Step):
+    """Λ = hℓ(ξ, n, (s − n)/h, a), order 1; with `start="velocity"` the scheme of (P73), (P74).
+
+    Solve μ_k + D = (dτ⁻¹_{hξ})*∂_ξℓ, π_k + κ = ∂_νℓ; then μ_{k+1} = Ad*_F(μ_k + D), π_{k+1} = F*(π_k + κ),
+    n_{k+1} = F⁻¹(n + hν), a_{k+1} = F⁻¹a, with D = h torque and κ = h force of the node (n, ν, a).
+    """
+
+    @property
+    def order(self) -> int:
+        return 1
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        return ((self, 1.0),)
+
+    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
+        return state.n
+
+    def increment(self, system: System, h: Array, xi: Array) -> Element:
+        return self.difference_map.tau(system.group, h * xi)
+
+    def _node(self, system: System, record: State, h: Array) -> tuple[Point, Node]:
+        point = Point(record.xi, record.n, record.nu, record.a, record.t)
+        return point, node(system, record, point)
+
+    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+        return [(1.0, self._node(system, record, h)[1])]
+
+    def equations(self, system: System, record: State, h: Array) -> Array:
+        group, Q, _ = system.places
+        point, at = self._node(system, record, h)
+        momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
+        rest = Q.coordinates(group, record.n, at.pi - record.pi - h * at.force)
+        return jnp.concatenate([momentum - record.mu - h * at.torque, rest])
+
+    def advance(self, system: System, record: State, h: Array) -> State:
+        group, Q, V = system.places
+        point, at = self._node(system, record, h)
+        F = self.increment(system, h, point.xi)
+        back = group.inverse(F)
+        n = Q.act(group, back, record.n + h * point.nu)
+        transported = Q.pull(group, F, n, record.pi + h * at.force)
+        return record.replace(
+            t=record.t + h,
+            g=group.compose(record.g, F),
+            n=n,
+            a=V.act(group, back, record.a),
+            mu=group.Ad_dual(F, record.mu + h * at.torque),
+            pi=Q.momentum(group, n, transported, Q.pull(group, F, n, at.pi)),
+        )
+
+    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+        source = h * self._node(system, record, h)[1].source
+        return source, jnp.zeros_like(source)

@@ -1,0 +1,171 @@
+"""The contracts of a step and of a method, and how a method becomes a program for a kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.difference_maps import Cayley, DifferenceMap
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.discrete import Node
+from coadjoint.mechanics.noether import momentum_scale, total_momentum
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+
+Start = Literal["momentum", "velocity"]
+
+
+class Step:
+    """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then explicit.
+
+    y are the frame coordinates of the velocity ν at the rule's own node. A step is a static object;
+    `system`, `state`, `h` and z are its arguments. A *record* is a state with the unknowns of the step that starts
+    at it.
+    """
+
+    difference_map: DifferenceMap
+
+    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
+        """The point of Q whose frame carries y, and from which the node's chord starts: n in the rule's frame."""
+        raise NotImplementedError
+
+    def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
+        """ν = (ρ(n′, hE y) − n′)/h at n′ = `frame_point`: ν = y on a flat Q."""
+        group, Q, _ = system.places
+        if Q.flat:
+            return y
+        point = self.frame_point(system, state, h, xi)
+        return Q.difference(group, point, h * Q.tangent(group, point, y)) / h
+
+    def increment(self, system: System, h: Array, xi: Array) -> Element:
+        """F = g_k⁻¹g_{k+1}."""
+        raise NotImplementedError
+
+    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+        """`state` with the unknowns of the step that starts at it."""
+        xi, y = z[: system.group.dim], z[system.group.dim :]
+        return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
+
+    def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
+        """The equations of the step at the unknowns z."""
+        return self.equations(system, self.record(system, state, h, z), h)
+
+    def guess(self, system: System, state: State, h: Array) -> Array:
+        """The last unknowns."""
+        point = self.frame_point(system, state, h, state.xi)
+        return jnp.concatenate([state.xi, system.additional.coordinates(system.group, point, state.nu)])
+
+    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+        """The quadrature of the rule: Λ = h Σ w ℓ(node)."""
+        raise NotImplementedError
+
+    def equations(self, system: System, record: State, h: Array) -> Array:
+        """The left discrete Legendre transform minus (μ_k, π_k), zero for the step that starts at the record."""
+        raise NotImplementedError
+
+    def advance(self, system: System, record: State, h: Array) -> State:
+        """The state at t + h, from the right discrete Legendre transform and (P43), (P44)."""
+        raise NotImplementedError
+
+    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+        """(Δ⁻, Δ⁺) ∈ 𝔤* in frames k and k+1 with I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
+        raise NotImplementedError
+
+    def chart(self, system: System, record: State, h: Array) -> Array | float:
+        """How far the difference map is used into its chart; below 1 is inside."""
+        return self.difference_map.chart(system.group, h * record.xi)
+
+    def energy(self, system: System, record: State, h: Array) -> Array:
+        """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s: Σ w E(node). Left: K_k + U_k of (P68–P69)."""
+        return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
+
+    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
+        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π⋄n|: Theorem 7 as one vector identity."""
+        ahead, behind = self.sources(system, record, h)
+        F = self.increment(system, h, record.xi)
+        expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
+        error = jnp.max(jnp.abs(total_momentum(system, after) - expected))
+        return _relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
+
+    def newton_residual(self, system: System, record: State, h: Array) -> Array:
+        """|equations|∞ relative to |(μ, π)|∞."""
+        scale = jnp.max(jnp.abs(jnp.concatenate([record.mu, record.pi])))
+        return _relative(jnp.max(jnp.abs(self.equations(system, record, h))), scale)
+
+
+def _relative(error: Array, scale: Array) -> Array:
+    """error/scale, and the error itself at scale 0."""
+    return jnp.where(scale > 0, error / jnp.where(scale > 0, scale, 1.0), error)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A one-step method over a group difference map.
+
+    `start="momentum"` takes (μ₀, π₀) from the continuous Legendre transform, which order ≥ 2 needs; `"velocity"`
+    takes ξ₀, ν₀ as the first discrete velocities, as the paper does.
+    """
+
+    difference_map: DifferenceMap = field(default_factory=Cayley)
+    start: Start = "momentum"
+
+    def __post_init__(self):
+        if not isinstance(self.difference_map, DifferenceMap):
+            raise ArgumentError(
+                "Argument `difference_map` must be a difference map such as co.Cayley(), "
+                f"but is {self.difference_map!r}."
+            )
+        if self.start not in ("momentum", "velocity"):
+            raise ArgumentError(f'Argument `start` must be "momentum" or "velocity", but is {self.start!r}.')
+
+    @property
+    def order(self) -> int:
+        """The order of convergence."""
+        raise NotImplementedError
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether step(−h) undoes step(h): what compositions of even order need."""
+        return False
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        """The implicit stages of a step with their fractions of h."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """The method in words, for cards and figures."""
+        return f"{type(self).__name__}({self.difference_map!r})"
+
+    def begin(self, system: System, state: State, h: float) -> State:
+        """The state with the momenta and memory that the method starts from."""
+        for step, _ in self.stages:
+            step.difference_map.require_fit(system.group)
+        return velocity_start(system, state, *self.stages[0], h) if self.start == "velocity" else state
+
+
+def velocity_start(system: System, state: State, step: Step, fraction: float, h: float) -> State:
+    """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""
+    group, Q, _ = system.places
+
+    def momenta(state, parameters, h):
+        here = replace_parameters(system, parameters)
+        z = step.guess(here, state, h)
+
+        def mismatch(p):
+            pi = Q.tangent(group, state.n, p[group.dim :])
+            return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), h, z)
+
+        nothing = jnp.zeros(group.dim + Q.dim(group))
+        p = jnp.linalg.solve(jax.jacfwd(mismatch)(nothing), -mismatch(nothing))
+        return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
+
+    mu, pi = evaluate(momenta, state, system.parameters, np.float64(h) * fraction)
+    return state.replace(mu=mu, pi=pi)

@@ -1,0 +1,94 @@
+"""How a method on a system becomes a program for a kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import jax
+
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.methods.method import Method, Step
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What a program takes besides h and the state: the system's parameters and what the monitors observe with."""
+
+    system: Any
+    monitors: Any
+
+
+jax.tree_util.register_dataclass(Constants, ["system", "monitors"], [])
+
+Monitor = Callable[[System, Step, State, Any, Any], Any]
+Inputs = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class StepProgram:
+    """A method on a system as a kernel's `Program`: pure functions of parameters, state and h."""
+
+    skeleton: System
+    method: Method
+    observed: tuple[Monitor, ...] = ()
+    inputs: Inputs | None = None
+
+    @cached_property
+    def stages(self) -> tuple[StepStage, ...]:
+        return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in self.method.stages)
+
+    def prepare(self, parameters: Constants, state: State) -> State:
+        if self.inputs is None:
+            return state
+        system = replace_parameters(self.skeleton, parameters.system)
+        motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
+        return state.replace(inputs=self.inputs(motion))
+
+    def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
+        system = replace_parameters(self.skeleton, parameters.system)
+        step, fraction = self.method.stages[0]
+        found: dict[str, Array] = {}
+        for monitor in self.observed:
+            found.update(monitor(system, step, record, fraction * h, parameters.monitors))
+        return found
+
+
+@dataclass(frozen=True)
+class StepStage:
+    """A step on a system as a kernel's `Stage`."""
+
+    skeleton: System
+    step: Step
+    fraction: float
+
+    def _system(self, parameters: Constants) -> System:
+        return replace_parameters(self.skeleton, parameters.system)
+
+    def guess(self, parameters: Constants, state: State, h: Array) -> Array:
+        return self.step.guess(self._system(parameters), state, h)
+
+    def residual(self, parameters: Constants, state: State, h: Array, z: Array) -> Array:
+        return self.step.residual(self._system(parameters), state, h, z)
+
+    def record(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
+        return self.step.record(self._system(parameters), state, h, z)
+
+    def chart(self, parameters: Constants, state: State, h: Array, z: Array) -> Array | float:
+        return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
+
+    def advance(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
+        return self.step.advance(self._system(parameters), self.record(parameters, state, h, z), h)
+
+    def certificate(
+        self, parameters: Constants, before: State, h: Array, z: Array, after: State
+    ) -> Mapping[str, Array]:
+        system, record = self._system(parameters), self.record(parameters, before, h, z)
+        return {
+            "balance": self.step.balance(system, record, h, after),
+            "newton_residual": self.step.newton_residual(system, record, h),
+        }

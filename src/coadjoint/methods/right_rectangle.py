@@ -1,0 +1,74 @@
+"""The right rectangle rule, adjoint to the left one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+
+from coadjoint.groups.group import Array, Element
+from coadjoint.mechanics.discrete import Node, Point, node
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method, Step
+
+
+@dataclass(frozen=True)
+class RightRectangle(Method, Step):
+    """Λ = hℓ(ξ, F⁻¹s, F⁻¹(s − n)/h, F⁻¹a), order 1.
+
+    At the node n⁺ = F⁻¹n + hν⁺, a⁺ = F⁻¹a: solve μ_k = (dτ⁻¹_{hξ})*∂_ξℓ, F*π_k = ∂_νℓ; then
+    μ_{k+1} = Ad*_F μ_k + D, π_{k+1} = F*π_k + κ.
+    """
+
+    @property
+    def order(self) -> int:
+        return 1
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        return ((self, 1.0),)
+
+    def increment(self, system: System, h: Array, xi: Array) -> Element:
+        return self.difference_map.tau(system.group, h * xi)
+
+    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
+        group, Q, _ = system.places
+        return Q.act(group, group.inverse(self.increment(system, h, xi)), state.n)
+
+    def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
+        group, Q, V = system.places
+        xi = record.xi
+        F = self.increment(system, h, xi)
+        back = group.inverse(F)
+        start, nu = Q.act(group, back, record.n), record.nu
+        point = Point(xi, start + h * nu, nu, V.act(group, back, record.a), record.t + h)
+        return F, start, point, node(system, record, point)
+
+    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
+        return [(1.0, self._node(system, record, h)[-1])]
+
+    def equations(self, system: System, record: State, h: Array) -> Array:
+        group, Q, _ = system.places
+        F, start, point, at = self._node(system, record, h)
+        momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
+        rest = Q.coordinates(group, start, at.pi - Q.pull(group, F, start, record.pi))
+        return jnp.concatenate([momentum - record.mu, rest])
+
+    def advance(self, system: System, record: State, h: Array) -> State:
+        group, Q, _ = system.places
+        F, start, point, at = self._node(system, record, h)
+        kick = h * at.force
+        transported = Q.pull(group, F, start, record.pi) + kick
+        return record.replace(
+            t=record.t + h,
+            g=group.compose(record.g, F),
+            n=point.n,
+            a=point.a,
+            mu=group.Ad_dual(F, record.mu) + h * at.torque,
+            pi=Q.momentum(group, point.n, transported, at.pi + kick),
+        )
+
+    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+        source = h * self._node(system, record, h)[-1].source
+        return jnp.zeros_like(source), source

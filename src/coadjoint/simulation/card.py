@@ -1,0 +1,76 @@
+"""The certificate of a run, as numbers and as a card."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.run import Run
+
+
+def certificate(run: Run) -> dict[str, Any]:
+    """What the card says, under plain names; errors are maxima over every step, relative unless the start is zero."""
+    found: dict[str, Any] = {
+        "system": run.system.name,
+        "method": run.method.title,
+        "steps": run.good_steps,
+        "dt": run.dt,
+        "newton_iterations_mean": run.newton_iterations_mean,
+        "newton_iterations_max": run.iterations_max,
+        "seconds": run.seconds,
+        "set_up_seconds": run.set_up_seconds,
+    }
+    if not run.count:
+        return found
+    for name in ("energy", "discrete_energy", "kelvin_noether"):
+        if name in run.monitors:
+            series = run.monitors[name]
+            found[f"{name}_initial"] = series[0].tolist()
+            found[f"{name}_error_max"] = run.relative_change(name)
+            size = np.linalg.norm(series[0])
+            found[f"{name}_error_final"] = float(np.linalg.norm(series[-1] - series[0]) / (size if size > 0 else 1.0))
+    for name in ("balance", "newton_residual", "group_defect"):
+        if name in run.extrema:
+            found[f"{name}_max"] = run.largest(name)
+    return found
+
+
+def card(run: Run) -> str:
+    """The certificate as text."""
+    c = certificate(run)
+    lines = [
+        ("system", f"{c['system']} on {run.system.group!r}"),
+        ("method", f"{c['method']}, order {run.method.order}"),
+    ]
+    done = f"{run.good_steps:,} steps of {run.dt:g} s"
+    lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
+    lines.append(("saved", f"{run.count:,} nodes, every {run.save_every}, float64"))
+    for name, title in (
+        ("energy", "energy"),
+        ("discrete_energy", "energy, discrete"),
+        ("kelvin_noether", "Kelvin–Noether"),
+    ):
+        if f"{name}_initial" in c:
+            lines.append((title, _change(c, name)))
+    for key, title, what in (
+        ("balance_max", "balance", "Kelvin–Noether balance, largest residual, relative"),
+        ("newton_residual_max", "Newton", "largest residual, relative"),
+        ("group_defect_max", "group defect", "largest distance from the group"),
+    ):
+        if key in c:
+            lines.append((title, f"{c[key]:.1e}  {what}"))
+    lines.append(("iterations", f"{c['newton_iterations_mean']:.2f} a step, at most {c['newton_iterations_max']}"))
+    speed = run.good_steps / run.seconds if run.seconds > 0 else float("inf")
+    lines.append(("time", f"{run.seconds:.3g} s, {speed:,.0f} steps/s, and {run.set_up_seconds:.3g} s to set up"))
+    lines += [("warning", sentence) for sentence in run.warnings]
+    width = max(len(title) for title, _ in lines)
+    return "\n".join(f"{title:<{width}}  {text}" for title, text in lines)
+
+
+def _change(c: dict[str, Any], name: str) -> str:
+    first = np.ravel(c[f"{name}_initial"])
+    shown = f"{first[0]:.10g}" if len(first) == 1 else f"{len(first)} quantities, norm {np.linalg.norm(first):.6g}"
+    kind = "relative" if np.linalg.norm(first) > 0 else "absolute"
+    return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"

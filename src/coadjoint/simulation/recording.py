@@ -1,0 +1,85 @@
+"""What a run and a file of a run have in common: a dataset, plots, and a place on disk."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from coadjoint.errors import FileError
+from coadjoint.plotting.plots import Plots
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Recording:
+    """Anything with a `dataset`."""
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset."""
+        raise NotImplementedError
+
+    @property
+    def plot(self) -> Plots:
+        """Figures: `run.plot.energy()`, `.kelvin_noether()`, `.trajectory()`, `.attitude()`."""
+        return Plots(self.dataset)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the dataset as netCDF, whole or not at all; raises FileError rather than replace a file."""
+        target = Path(path)
+        if target.exists() and not overwrite:
+            raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
+        if not target.parent.is_dir():
+            raise FileError(f"The folder {target.parent} does not exist: make it first.")
+        temporary = ""
+        try:
+            handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+            os.close(handle)
+            self.dataset.to_netcdf(temporary, engine="h5netcdf")
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, target)
+        except OSError as error:
+            if temporary and os.path.exists(temporary):
+                os.unlink(temporary)
+            raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
+        return target
+
+
+class SavedRun(Recording):
+    """A run that was read from a file; `print` it for the certificate."""
+
+    def __init__(self, dataset: xarray.Dataset):
+        self.__dict__["dataset"] = dataset
+
+    def __str__(self) -> str:
+        return str(self.dataset.attrs.get("card", "a run without a certificate"))
+
+    def __repr__(self) -> str:
+        return f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>"
+
+
+def load(path: str | os.PathLike[str]) -> SavedRun:
+    """The run in a netCDF file written by `save`; raises FileError where there is none."""
+    import xarray
+
+    source = Path(path)
+    if not source.is_file():
+        raise FileError(f"There is no file {source}.")
+    try:
+        with xarray.open_dataset(source, engine="h5netcdf") as opened:
+            found = opened.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise FileError(f"The file {source} is not a netCDF file of a run: {error}.") from error
+    if "time" not in found or "card" not in found.attrs:
+        raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
+    return SavedRun(found)
+
+
+def _umask() -> int:
+    current = os.umask(0)
+    os.umask(current)
+    return current

@@ -1,0 +1,195 @@
+"""The driver: a run in chunks, with monitors, progress and a certificate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels import xla
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.program import MAX_ITERATIONS, Code
+from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.methods.method import Method
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation import monitors as observe
+from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.run import Run
+
+Backend = Literal["auto", "native", "xla"]
+
+_PATIENCE = 0.25
+"""Seconds between two looks at a run: what chunks are sized for."""
+
+
+def simulate(
+    system: System,
+    start: State,
+    *,
+    dt: float,
+    duration: float | None = None,
+    steps: int | None = None,
+    method: Method | None = None,
+    save_every: int = 1,
+    monitors: bool = True,
+    kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
+    inputs: Callable[[Any], Any] | None = None,
+    progress: bool | None = None,
+) -> Run:
+    """Integrate `system` from `start` and return the run: dataset, plots, and a certificate when printed.
+
+    Give `duration` (s) or `steps`. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
+    and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
+    of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
+    motion, held over each step. A progress bar appears for runs over a second on a terminal (`progress=False`: never).
+    Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
+    that fails.
+    """
+    began = time.perf_counter()
+    method = Midpoint() if method is None else method
+    _require_kinds(system, start, method)
+    h, steps = _grid(dt, duration, steps)
+    _require_whole(save_every, "save_every")
+    warnings = system.check(start)
+    state = method.begin(system, start, h)
+    _require_chart(system, method, state, h)
+    program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
+    driver = _Driver(program, constants, h, steps, save_every, monitors, progress)
+    run = Run(system, method, start, h, steps, save_every, warnings)
+    failure = driver.drive(state, run)
+    run.seconds = driver.seconds
+    run.set_up_seconds = time.perf_counter() - began - driver.seconds
+    if failure is not None:
+        raise StepError(_sentence(run, failure), run)
+    return run
+
+
+class _Driver:
+    """Chunk after chunk, sized so that a person sees progress."""
+
+    def __init__(self, program, constants, h, steps, save_every, monitors, progress):
+        self.program, self.constants, self.h = program, constants, h
+        self.steps, self.save_every, self.monitors, self.progress = steps, save_every, monitors, progress
+        self.seconds = 0.0
+
+    def _chunk(self, state: State, records: int, save_every: int) -> Chunk:
+        began = time.perf_counter()
+        chunk = xla.run(self.program, self.constants, state, self.h, records, save_every, self.monitors)
+        self.seconds += time.perf_counter() - began
+        return chunk
+
+    def drive(self, state: State, run: Run) -> Code | None:
+        """Fill `run`; the code of the step that failed, if one did."""
+        # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
+        self._chunk(state, 1, 1)
+        self.seconds = 0.0
+        size, left = 1, self.steps
+        with Progress(self.steps, self.progress, run.title) as bar:
+            while left > 0:
+                blocks = min(size, left // self.save_every) or 1
+                every = min(self.save_every, left)
+                before = self.seconds
+                chunk = self._chunk(state, blocks, every)
+                run.add(chunk, every)
+                if chunk.code:
+                    return chunk.code
+                state, left = chunk.final, left - chunk.steps
+                bar.advance(chunk.steps, self.seconds)
+                spent = max(self.seconds - before, 1e-6)
+                size = int(np.clip(blocks * min(_PATIENCE / spent, 8.0), 1, xla.CAPACITY))
+        # One solve more gives the last node the velocities of the step that starts there.
+        last = self._chunk(state, 1, 1)
+        run.close(last)
+        return last.code or None
+
+
+def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:
+    observed, watching = [], {}
+    if monitors:
+        observed = [observe.discrete_energy]
+        if system.lagrangian is not None:
+            observed.insert(0, observe.legendre_energy)
+        chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
+        for quantity in chosen:
+            quantity.require_equivariant(system, state)
+        if chosen:
+            observed.append(observe.Chosen(tuple(chosen)))
+        else:
+            watching["c0"] = isotropy_algebra(system, state)
+            if len(watching["c0"]):
+                observed.append(observe.kelvin_noether)
+        if system.group.constrained:
+            observed.append(observe.group_defect)
+    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs)
+    return program, Constants(system.parameters, watching)
+
+
+def _require_kinds(system: Any, start: Any, method: Any) -> None:
+    if not isinstance(system, System):
+        raise ArgumentError(f"Argument `system` must be a co.System, but is {type(system).__name__}.")
+    if not isinstance(start, State):
+        raise ArgumentError(f"Argument `start` must come from system.state(…), but is {type(start).__name__}.")
+    if start.places != system.places:
+        raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
+    if not isinstance(method, Method):
+        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(co.Cayley()), but is {method!r}.")
+
+
+def _require_whole(value: Any, name: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {value!r}.")
+
+
+def _grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
+    """The step size and the number of steps."""
+    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0 < dt < np.inf:
+        raise ArgumentError(f"Argument `dt` must be positive, but is {dt!r}.")
+    if (duration is None) == (steps is None):
+        raise ArgumentError("Give either `duration` or `steps`, one of them.")
+    if steps is not None:
+        _require_whole(steps, "steps")
+        return float(dt), int(steps)
+    if not isinstance(duration, (int, float, np.floating, np.integer)) or not 0 < duration < np.inf:
+        raise ArgumentError(f"Argument `duration` must be positive, but is {duration!r}.")
+    count = round(float(duration) / float(dt))
+    if count < 1 or abs(count * dt - duration) > 1e-9 * duration:
+        raise ArgumentError(
+            f"Argument `duration` must be a whole number of steps, but {duration} s is {duration / dt:.6g} steps of "
+            f"{dt} s; give duration={max(count, 1) * dt:.10g}."
+        )
+    return float(dt), count
+
+
+def _require_chart(system: System, method: Method, state: State, h: float) -> None:
+    """Raise where already the first step leaves the chart of the difference map."""
+    for step, fraction in method.stages:
+        reach = float(evaluate(lambda s, step=step, f=fraction: step.chart(system, s, np.float64(h) * f), state))
+        if reach >= 1:
+            raise ArgumentError(
+                f"Argument `dt` = {h:g} is too large: the first step would leave the chart of {step.difference_map!r} "
+                f"by a factor {reach:.3g}; take dt < {h / reach:.3g}."
+            )
+
+
+def _sentence(run: Run, code: Code) -> str:
+    """What happened, where, and the remedy."""
+    index = run.good_steps
+    where = f"Step {index} of {run.steps} (t = {run.start.t + index * run.dt:.6g} s)"
+    kept = f"what was computed until then is kept in `.run` ({run.count} records)."
+    if code is Code.NOT_CONVERGED:
+        return (
+            f"{where} did not converge in {MAX_ITERATIONS} Newton iterations with dt = {run.dt:g}; "
+            f"take a smaller dt; {kept}"
+        )
+    if code is Code.BEYOND_CHART:
+        return f"{where} left the chart of the difference map: take a smaller dt, or co.Exponential(); {kept}"
+    return (
+        f"{where} gave numbers that are not finite; take a smaller dt or check the Lagrangian and forces there; {kept}"
+    )
