@@ -44,7 +44,7 @@ def jaxpr_of(function: Callable, *args: Any) -> tuple[core.ClosedJaxpr, Any]:
 
 def _shape(leaf: Any) -> jax.ShapeDtypeStruct:
     dtype = np.dtype(getattr(leaf, "dtype", type(leaf)))
-    return jax.ShapeDtypeStruct(np.shape(leaf), np.float64 if dtype.kind == "f" else dtype)
+    return jax.ShapeDtypeStruct(np.shape(leaf), np.float64 if dtype.kind in "fO" else dtype)
 
 
 class Interpreter:
@@ -79,13 +79,36 @@ class Interpreter:
         rule = self.control.get(name)
         if rule is not None:
             return rule(self, equation.params, arguments)
-        rule = (self.expressions if any(map(symbolic, arguments)) else self.numeric).get(name)
+        if any(map(symbolic, arguments)):
+            _check_types(equation)
+            whole = name == "div" and equation.outvars[0].aval.dtype.kind in "iu"
+            rule = self.expressions.get("div_whole" if whole else name)
+        else:
+            rule = self.numeric.get(name)
         if rule is None:
             raise Untraceable(name)
         result = rule(equation.params, *arguments)
         if not equation.primitive.multiple_results:
             result = [result]
         return [_typed(r, v.aval.dtype) for r, v in zip(result, equation.outvars, strict=True)]
+
+
+WHOLE = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign", "integer_pow", "clamp", "select_n"))
+WHOLE |= {"lt", "le", "gt", "ge", "eq", "ne", "convert_element_type", "reduce_sum", "reduce_max", "reduce_min"}
+WHOLE |= {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "copy", "gather"}
+WHOLE |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "div", "rem", "and", "or"}
+"""Primitives that mean the same for integers as for whole float64 numbers."""
+
+
+def _check_types(equation: Any) -> None:
+    """Refuses integers that depend on values, where float64 arithmetic would differ, and complex numbers."""
+    name = equation.primitive.name
+    for variable in (*equation.invars, *equation.outvars):
+        kind = variable.aval.dtype.kind
+        if kind == "c":
+            raise Untraceable(name, "on complex numbers")
+        if kind in "iu" and name not in WHOLE and variable in equation.invars[:1]:
+            raise Untraceable(name, "on integers that depend on values")
 
 
 def _value(variable: Any, values: Mapping[Any, Array]) -> Array:

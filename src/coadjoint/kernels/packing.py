@@ -1,0 +1,50 @@
+"""PyTrees of numbers as flat float64 arrays and back."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coadjoint.kernels.interpreter import Untraceable
+
+
+class Layout(NamedTuple):
+    """The structure and the leaf shapes of a PyTree: hashable, a part of cache keys."""
+
+    structure: Any
+    shapes: tuple[tuple[int, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """How many numbers the PyTree holds."""
+        return sum(map(math.prod, self.shapes))
+
+    def unpack(self, numbers: np.ndarray) -> Any:
+        """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
+        lead, leaves, start = numbers.shape[:-1], [], 0
+        for shape in self.shapes:
+            end = start + math.prod(shape)
+            leaves.append(numbers[..., start:end].reshape((*lead, *shape)).copy())
+            start = end
+        return jax.tree_util.tree_unflatten(self.structure, leaves)
+
+
+def layout(tree: Any) -> Layout:
+    """The layout of a PyTree of arrays or shapes."""
+    leaves, structure = jax.tree_util.tree_flatten(tree)
+    return Layout(structure, tuple(tuple(np.shape(leaf)) for leaf in leaves))
+
+
+def pack(tree: Any) -> tuple[Layout, np.ndarray]:
+    """The layout of a PyTree and its numbers (size,). Untraceable for leaves that are no real numbers."""
+    leaves, structure = jax.tree_util.tree_flatten(tree)
+    arrays = [np.asarray(leaf) for leaf in leaves]
+    for array in arrays:
+        if array.dtype.kind not in "fi":
+            raise Untraceable("convert_element_type", f"a leaf has type {array.dtype}, not float64")
+    numbers = [array.astype(np.float64).reshape(-1) for array in arrays]
+    shapes = tuple(array.shape for array in arrays)
+    return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)

@@ -1,0 +1,54 @@
+"""Traces pure JAX functions into scalar expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.kernels.control import CONTROL
+from coadjoint.kernels.expression import Graph, Node, TooLarge
+from coadjoint.kernels.interpreter import Interpreter, Untraceable, jaxpr_of
+from coadjoint.kernels.numeric import NUMERIC
+from coadjoint.kernels.symbolic import expression_rules, lift, nodes
+
+
+class Tracer:
+    """A graph and the interpreter that fills it."""
+
+    def __init__(self) -> None:
+        self.graph = Graph()
+        self._interpreter = Interpreter(NUMERIC, CONTROL, expression_rules(self.graph))
+
+    def symbols(self, name: str, tree: Any) -> Any:
+        """`tree` with every element replaced by a symbol of its own, numbered through the leaves."""
+        leaves, structure = jax.tree_util.tree_flatten(tree)
+        placed, count = [], 0
+        for leaf in leaves:
+            shape = np.shape(leaf)
+            size = int(np.prod(shape))
+            placed.append(nodes((self.graph.symbol(f"{name}{count + i}") for i in range(size)), shape))
+            count += size
+        return jax.tree_util.tree_unflatten(structure, placed)
+
+    def trace(self, function: Callable, *args: Any) -> Any:
+        """function(*args) as a PyTree of arrays of expressions.
+
+        `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks.
+        """
+        closed, structure = jaxpr_of(function, *args)
+        inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
+        try:
+            with np.errstate(all="ignore"):
+                outputs = self._interpreter.closed(closed, inputs)
+                outputs = [lift(self.graph, output) for output in outputs]
+        except TooLarge:
+            raise Untraceable("jit", "the program has too many scalar operations") from None
+        return jax.tree_util.tree_unflatten(structure, outputs)
+
+
+def flat(tree: Any) -> list[Node]:
+    """Every expression of a PyTree of arrays of expressions, in order."""
+    return [node for leaf in jax.tree_util.tree_leaves(tree) for node in np.asarray(leaf).reshape(-1)]
