@@ -170,6 +170,8 @@ MOVEMENT: dict[str, Rule] = {
     "slice": _slice,
     "split": _split,
     "squeeze": lambda p, x: np.squeeze(x, tuple(p["dimensions"])),
+    "stack": lambda p, *xs: np.stack(xs, p["axis"]),
     "stop_gradient": lambda p, x: x,
     "transpose": lambda p, x: x.transpose(p["permutation"]),
+    "unstack": lambda p, x: list(np.moveaxis(x, p["axis"], 0)),
 }
