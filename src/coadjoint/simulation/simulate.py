@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels import backend as kernels
 from coadjoint.kernels import xla
+from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
@@ -25,7 +27,7 @@ from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.progress import Progress
 from coadjoint.simulation.run import Run
 
-Backend = Literal["auto", "native", "xla"]
+_LARGEST_CHUNK = xla.CAPACITY
 
 _PATIENCE = 0.25
 """Seconds between two looks at a run: what chunks are sized for."""
@@ -44,6 +46,7 @@ def simulate(
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Callable[[Any], Any] | None = None,
     progress: bool | None = None,
+    backend: Backend = "auto",
 ) -> Run:
     """Integrate `system` from `start` and return the run: dataset, plots, and a certificate when printed.
 
@@ -51,6 +54,7 @@ def simulate(
     and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
     motion, held over each step. A progress bar appears for runs over a second on a terminal (`progress=False`: never).
+    `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
     Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
     that fails.
     """
@@ -64,7 +68,8 @@ def simulate(
     state = method.begin(system, start, h)
     _require_chart(system, method, state, h)
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
-    driver = _Driver(program, constants, h, steps, save_every, monitors, progress)
+    chosen = kernels.choose(program, constants, state, monitors, backend)
+    driver = _Driver(chosen, program, constants, h, steps, save_every, monitors, progress)
     run = Run(system, method, start, h, steps, save_every, warnings)
     failure = driver.drive(state, run)
     run.seconds = driver.seconds
@@ -77,14 +82,15 @@ def simulate(
 class _Driver:
     """Chunk after chunk, sized so that a person sees progress."""
 
-    def __init__(self, program, constants, h, steps, save_every, monitors, progress):
-        self.program, self.constants, self.h = program, constants, h
+    def __init__(self, backend, program, constants, h, steps, save_every, monitors, progress):
+        self.backend, self.program, self.constants, self.h = backend, program, constants, h
         self.steps, self.save_every, self.monitors, self.progress = steps, save_every, monitors, progress
         self.seconds = 0.0
 
     def _chunk(self, state: State, records: int, save_every: int) -> Chunk:
         began = time.perf_counter()
-        chunk = xla.run(self.program, self.constants, state, self.h, records, save_every, self.monitors)
+        arguments = (self.program, self.constants, state, self.h, records, save_every, self.monitors)
+        chunk = kernels.run(self.backend, *arguments)
         self.seconds += time.perf_counter() - began
         return chunk
 
@@ -106,7 +112,7 @@ class _Driver:
                 state, left = chunk.final, left - chunk.steps
                 bar.advance(chunk.steps, self.seconds)
                 spent = max(self.seconds - before, 1e-6)
-                size = int(np.clip(blocks * min(_PATIENCE / spent, 8.0), 1, xla.CAPACITY))
+                size = int(np.clip(blocks * min(_PATIENCE / spent, 8.0), 1, _LARGEST_CHUNK))
         # One solve more gives the last node the velocities of the step that starts there.
         last = self._chunk(state, 1, 1)
         run.close(last)

@@ -1,0 +1,54 @@
+"""Which kernel runs a program: native code where it can be traced, XLA otherwise."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, Literal
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels import native, xla
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.interpreter import Untraceable
+from coadjoint.kernels.program import Program
+
+Backend = Literal["auto", "native", "xla"]
+
+_told: set[str] = set()
+
+
+def choose(program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend) -> Backend:
+    """ "native" or "xla": what `backend` comes to for this program; compiles a native kernel on the way.
+
+    "auto" falls back to XLA where the program cannot be traced and says so once, naming the primitive; "native"
+    raises ArgumentError there.
+    """
+    if backend not in ("auto", "native", "xla"):
+        raise ArgumentError(f'Argument `backend` must be "auto", "native" or "xla", but is {backend!r}.')
+    if backend == "xla":
+        return "xla"
+    try:
+        native.compile(program, parameters, state, monitors)
+    except Untraceable as reason:
+        sentence = f"{reason} It runs by XLA, which is slower for small systems."
+        if backend == "native":
+            raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
+        if sentence not in _told:
+            _told.add(sentence)
+            warnings.warn(sentence, stacklevel=3)
+        return "xla"
+    return "native"
+
+
+def run(
+    backend: Backend,
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+) -> Chunk:
+    """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
+    kernel = native if backend == "native" else xla
+    return kernel.run(program, parameters, state, h, records, save_every, monitors)
