@@ -18,7 +18,7 @@ def certificate(run: Run) -> dict[str, Any]:
         "steps": run.good_steps,
         "dt": run.dt,
         "newton_iterations_mean": run.newton_iterations_mean,
-        "newton_iterations_max": run.iterations_max,
+        "newton_iterations_max": run.position.iterations_max,
         "seconds": run.seconds,
         "set_up_seconds": run.set_up_seconds,
     }
@@ -46,7 +46,7 @@ def card(run: Run) -> str:
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
     lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
-    lines.append(("saved", f"{run.count:,} nodes, every {run.save_every}, float64"))
+    lines.append(("saved", f"{run.count:,} nodes, every {run.plan.save_every}, float64"))
     for name, title in (
         ("energy", "energy"),
         ("discrete_energy", "energy, discrete"),

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
-from coadjoint.simulation.card import card
+from coadjoint.simulation.card import card, certificate
+from coadjoint.simulation.driver import Memory, Plan, Position
 from coadjoint.simulation.recording import Recording
 
 if TYPE_CHECKING:
     import xarray
 
 
+@dataclass(repr=False, eq=False)
 class Run(Recording):
     """What `co.simulate` returns; `print` it for the certificate.
 
@@ -26,50 +29,14 @@ class Run(Recording):
     `extrema` the (minimum, maximum) of every monitored scalar over all steps, saved or not.
     """
 
-    def __init__(
-        self,
-        system: System,
-        method: Method,
-        start: State,
-        dt: float,
-        steps: int,
-        save_every: int,
-        warnings: list[str],
-    ):
-        self.system, self.method, self.start = system, method, start
-        self.dt, self.steps, self.save_every, self.warnings = dt, steps, save_every, warnings
-        self.good_steps = 0
-        self.iterations = 0
-        self.iterations_max = 0
-        self.seconds = 0.0
-        self.set_up_seconds = 0.0
-        self.extrema: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self._chunks: list[Chunk] = []
-        self._indices: list[np.ndarray] = []
-
-    def add(self, chunk: Chunk, save_every: int) -> None:
-        """Append a stretch that starts at the step where the last one ended."""
-        rows = len(np.asarray(chunk.records.t))
-        self._indices.append(self.good_steps + save_every * np.arange(rows))
-        self._chunks.append(chunk)
-        self.good_steps += chunk.steps
-        self.iterations += chunk.iterations
-        self.iterations_max = max(self.iterations_max, chunk.iterations_max)
-        self._watch(chunk)
-
-    def close(self, chunk: Chunk) -> None:
-        """Append the last node, whose chunk is one step more than the run."""
-        if chunk.steps:
-            self._indices.append(np.array([self.good_steps]))
-            self._chunks.append(chunk)
-            self._watch(chunk)
-
-    def _watch(self, chunk: Chunk) -> None:
-        if chunk.steps == 0:
-            return
-        for name, (low, high) in chunk.extrema.items():
-            before = self.extrema.get(name, (low, high))
-            self.extrema[name] = np.minimum(before[0], low), np.maximum(before[1], high)
+    system: System
+    method: Method
+    start: State
+    plan: Plan
+    position: Position
+    memory: Memory
+    warnings: list[str]
+    set_up_seconds: float = 0.0
 
     @property
     def title(self) -> str:
@@ -77,26 +44,52 @@ class Run(Recording):
         return f"{self.system.name}, {self.method.title}"
 
     @property
+    def dt(self) -> float:
+        """The step size h, s."""
+        return self.plan.h
+
+    @property
+    def steps(self) -> int:
+        """The number of steps asked for; `good_steps` were done."""
+        return self.plan.steps
+
+    @property
+    def good_steps(self) -> int:
+        """The number of steps done."""
+        return self.position.steps
+
+    @property
+    def seconds(self) -> float:
+        """The time spent in the kernel, s; compiling and set-up are in `set_up_seconds`."""
+        return self.position.seconds
+
+    @property
+    def extrema(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """(minimum, maximum) of monitors and certificates over every step."""
+        return self.position.extrema
+
+    @property
     def count(self) -> int:
         """The number of records."""
-        return sum(len(indices) for indices in self._indices)
+        return sum(len(steps) for steps in self.memory.steps)
 
     @cached_property
     def steps_saved(self) -> np.ndarray:
         """The step index of every record."""
-        return np.concatenate(self._indices) if self._indices else np.zeros(0, dtype=int)
+        return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
 
     @cached_property
     def records(self) -> State:
         """The saved states, every leaf with a leading axis."""
-        rows = [chunk.records for chunk in self._chunks]
-        return jax.tree.map(lambda *parts: np.concatenate(parts), *rows)
+        if not self.memory.records:
+            raise ArgumentError("This run holds no records: its first step failed.")
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *self.memory.records)
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
         """Every monitored scalar, one row a record."""
-        names = self._chunks[0].monitors
-        return {name: np.concatenate([chunk.monitors[name] for chunk in self._chunks]) for name in names}
+        rows = self.memory.monitors
+        return {name: np.concatenate([part[name] for part in rows]) for name in (rows[0] if rows else {})}
 
     @property
     def final(self) -> State:
@@ -106,7 +99,7 @@ class Run(Recording):
     @property
     def newton_iterations_mean(self) -> float:
         """Newton iterations a step."""
-        return self.iterations / max(self.good_steps, 1)
+        return self.position.iterations / max(self.good_steps, 1)
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -127,14 +120,12 @@ class Run(Recording):
         """The largest value of a monitored scalar over every step."""
         return float(np.max(self.extrema[name][1]))
 
+    def summary(self) -> dict[str, Any]:
+        """The certificate as plain numbers."""
+        return certificate(self)
+
     def __str__(self) -> str:
         return card(self)
 
     def __repr__(self) -> str:
         return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
-
-    def summary(self) -> dict[str, Any]:
-        """The certificate as plain numbers."""
-        from coadjoint.simulation.card import certificate
-
-        return certificate(self)

@@ -11,9 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import xla
 from coadjoint.kernels.backend import Backend
-from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.check import trace
@@ -24,13 +22,8 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import monitors as observe
-from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.run import Run
-
-_LARGEST_CHUNK = xla.CAPACITY
-
-_PATIENCE = 0.25
-"""Seconds between two looks at a run: what chunks are sized for."""
 
 
 def simulate(
@@ -69,54 +62,13 @@ def simulate(
     _require_chart(system, method, state, h)
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
     chosen = kernels.choose(program, constants, state, monitors, backend)
-    driver = _Driver(chosen, program, constants, h, steps, save_every, monitors, progress)
-    run = Run(system, method, start, h, steps, save_every, warnings)
-    failure = driver.drive(state, run)
-    run.seconds = driver.seconds
-    run.set_up_seconds = time.perf_counter() - began - driver.seconds
-    if failure is not None:
-        raise StepError(_sentence(run, failure), run)
+    plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
+    run = Run(system, method, start, plan, Position(state), Memory(), warnings)
+    Driver(plan, run.memory, progress, run.title).drive(run.position)
+    run.set_up_seconds = time.perf_counter() - began - run.seconds
+    if run.position.code:
+        raise StepError(_sentence(run), run)
     return run
-
-
-class _Driver:
-    """Chunk after chunk, sized so that a person sees progress."""
-
-    def __init__(self, backend, program, constants, h, steps, save_every, monitors, progress):
-        self.backend, self.program, self.constants, self.h = backend, program, constants, h
-        self.steps, self.save_every, self.monitors, self.progress = steps, save_every, monitors, progress
-        self.seconds = 0.0
-
-    def _chunk(self, state: State, records: int, save_every: int) -> Chunk:
-        began = time.perf_counter()
-        arguments = (self.program, self.constants, state, self.h, records, save_every, self.monitors)
-        chunk = kernels.run(self.backend, *arguments)
-        self.seconds += time.perf_counter() - began
-        return chunk
-
-    def drive(self, state: State, run: Run) -> Code | None:
-        """Fill `run`; the code of the step that failed, if one did."""
-        # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
-        self._chunk(state, 1, 1)
-        self.seconds = 0.0
-        size, left = 1, self.steps
-        with Progress(self.steps, self.progress, run.title) as bar:
-            while left > 0:
-                blocks = min(size, left // self.save_every) or 1
-                every = min(self.save_every, left)
-                before = self.seconds
-                chunk = self._chunk(state, blocks, every)
-                run.add(chunk, every)
-                if chunk.code:
-                    return chunk.code
-                state, left = chunk.final, left - chunk.steps
-                bar.advance(chunk.steps, self.seconds)
-                spent = max(self.seconds - before, 1e-6)
-                size = int(np.clip(blocks * min(_PATIENCE / spent, 8.0), 1, _LARGEST_CHUNK))
-        # One solve more gives the last node the velocities of the step that starts there.
-        last = self._chunk(state, 1, 1)
-        run.close(last)
-        return last.code or None
 
 
 def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:
@@ -199,9 +151,9 @@ def _require_chart(system: System, method: Method, state: State, h: float) -> No
             )
 
 
-def _sentence(run: Run, code: Code) -> str:
+def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
-    index = run.good_steps
+    index, code = run.good_steps, run.position.code
     where = f"Step {index} of {run.steps} (t = {run.start.t + index * run.dt:.6g} s)"
     kept = f"what was computed until then is kept in `.run` ({run.count} records)."
     if code is Code.NOT_CONVERGED:

@@ -1,0 +1,156 @@
+"""The loop on the host: chunk after chunk, sized so that a person sees progress, into a sink of records."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from coadjoint.kernels import backend as kernels
+from coadjoint.kernels import xla
+from coadjoint.kernels.backend import Backend
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.program import Code
+from coadjoint.mechanics.state import State
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.progress import Progress
+
+Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
+
+PATIENCE = 0.25
+"""Seconds between two looks at a run: what chunks are sized for."""
+
+
+@dataclass
+class Position:
+    """Where a run stands: all that going on from here needs, and the certificate so far.
+
+    `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
+    over those steps, `iterations` Newton's; `code` tells how the last step ended; `complete` that the last node has
+    been recorded too.
+    """
+
+    state: State
+    steps: int = 0
+    iterations: int = 0
+    iterations_max: int = 0
+    seconds: float = 0.0
+    extrema: Extrema = field(default_factory=dict)
+    code: Code = Code.CONVERGED
+    complete: bool = False
+
+    def advance(self, chunk: Chunk) -> None:
+        """Move to the end of a chunk."""
+        self.state, self.steps, self.code = chunk.final, self.steps + chunk.steps, chunk.code
+        self.iterations += chunk.iterations
+        self.iterations_max = max(self.iterations_max, chunk.iterations_max)
+        self.watch(chunk)
+
+    def watch(self, chunk: Chunk) -> None:
+        """Widen the extrema by those of a chunk."""
+        if chunk.steps == 0:
+            return
+        for name, (low, high) in chunk.extrema.items():
+            before = self.extrema.get(name, (low, high))
+            self.extrema[name] = np.minimum(before[0], low), np.maximum(before[1], high)
+
+
+class Sink(Protocol):
+    """Where records go."""
+
+    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
+        """Take the records at these step indices, with one row of every monitor each."""
+        ...
+
+    def checkpoint(self, position: Position) -> None:
+        """All records up to `position` have been appended: make sure that a run can go on from there."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is run: a program from a start, over a grid."""
+
+    backend: Backend
+    program: StepProgram
+    constants: Constants
+    h: float
+    steps: int
+    save_every: int
+    monitors: bool
+
+
+class Driver:
+    """Runs a plan from a position to its end, or to the first step that fails."""
+
+    def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
+        self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
+
+    def _run(self, state: State, records: int, every: int) -> Chunk:
+        plan = self.plan
+        return kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.monitors)
+
+    def drive(self, position: Position) -> None:
+        """Move `position` to the end of the plan; its `code` tells whether a step failed."""
+        # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
+        self._run(position.state, 1, 1)
+        speed = 0.0
+        with Progress(self.plan.steps, self.progress, self.title) as bar:
+            bar.advance(position.steps, 0.0)
+            while position.steps < self.plan.steps and not position.code:
+                before = position.steps, position.seconds
+                self._stretch(position, speed)
+                done, spent = position.steps - before[0], position.seconds - before[1]
+                speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
+                bar.advance(done, position.seconds)
+        if not position.code:
+            self._close(position)
+
+    def _stretch(self, position: Position, speed: float) -> None:
+        """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""
+        every, phase = self.plan.save_every, position.steps % self.plan.save_every
+        left = self.plan.steps - position.steps
+        wished = max(int(speed * PATIENCE), 1)
+        if phase == 0 and min(wished, left) >= every:
+            records, length = min(wished // every, left // every, xla.CAPACITY), every
+        else:
+            records, length = 1, min(wished, left, every - phase)
+        began = time.perf_counter()
+        chunk = self._run(position.state, records, length)
+        position.seconds += time.perf_counter() - began
+        kept = chunk.monitors if phase == 0 else {}
+        if phase == 0 and chunk.steps:
+            rows = -(-chunk.steps // length)
+            self.sink.append(position.steps + length * np.arange(rows), chunk.records, kept)
+        position.advance(chunk)
+        self.sink.checkpoint(position)
+
+    def _close(self, position: Position) -> None:
+        """One solve more gives the last node the velocities of the step that starts there."""
+        chunk = self._run(position.state, 1, 1)
+        position.code = chunk.code
+        if not chunk.code:
+            self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
+            position.watch(chunk)
+            position.complete = True
+        self.sink.checkpoint(position)
+
+
+class Memory:
+    """A sink that keeps everything."""
+
+    def __init__(self) -> None:
+        self.steps: list[np.ndarray] = []
+        self.records: list[State] = []
+        self.monitors: list[Mapping[str, np.ndarray]] = []
+
+    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
+        self.steps.append(steps)
+        self.records.append(records)
+        self.monitors.append(monitors)
+
+    def checkpoint(self, position: Position) -> None:
+        pass
