@@ -93,6 +93,19 @@ def _reduction(function: Callable) -> Rule:
     return lambda p, x: function(x, axis=tuple(p["axes"]))
 
 
+def _extremum(function: Callable, lowest: bool) -> Rule:
+    """XLA reduces an empty array to the identity of the reduction, −∞ for a maximum."""
+
+    def rule(p: Any, x: Array) -> Array:
+        if x.size:
+            return function(x, axis=tuple(p["axes"]))
+        info = np.iinfo(x.dtype) if x.dtype.kind in "iu" else None
+        ends = (info.min, info.max) if info else (-np.inf, np.inf)
+        return function(x, axis=tuple(p["axes"]), initial=ends[0] if lowest else ends[1])
+
+    return rule
+
+
 def _arg(function: Callable) -> Rule:
     return lambda p, x: function(x, axis=p["axes"][0])
 
@@ -172,8 +185,8 @@ NUMERIC: dict[str, Rule] = {
     "logistic": lambda p, x: scipy.special.expit(x),
     "lu": _lu,
     "reduce_and": _reduction(np.all),
-    "reduce_max": _reduction(np.max),
-    "reduce_min": _reduction(np.min),
+    "reduce_max": _extremum(np.max, lowest=True),
+    "reduce_min": _extremum(np.min, lowest=False),
     "reduce_or": _reduction(np.any),
     "reduce_prod": _reduction(np.prod),
     "reduce_sum": _reduction(np.sum),
