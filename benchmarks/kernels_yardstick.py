@@ -117,9 +117,7 @@ def run(p, h, s, records, save_every, out):
             r11, r12, r13 = _row(r11, r12, r13, f11, f12, f13, f21, f22, f23, f31, f32, f33)
             r21, r22, r23 = _row(r21, r22, r23, f11, f12, f13, f21, f22, f23, f31, f32, f33)
             r31, r32, r33 = _row(r31, r32, r33, f11, f12, f13, f21, f22, f23, f31, f32, f33)
-            n1, n2, n3 = _row(
-                n1 + h * v1, n2 + h * v2, n3 + h * v3, f11, f12, f13, f21, f22, f23, f31, f32, f33
-            )
+            n1, n2, n3 = _row(n1 + h * v1, n2 + h * v2, n3 + h * v3, f11, f12, f13, f21, f22, f23, f31, f32, f33)
             a1, a2, a3 = _row(a1, a2, a3, f11, f12, f13, f21, f22, f23, f31, f32, f33)
             u1, u2, u3 = _row(l1, l2, l3, f11, f12, f13, f21, f22, f23, f31, f32, f33)
             p1, p2, p3 = _row(k1, k2, k3, f11, f12, f13, f21, f22, f23, f31, f32, f33)

@@ -39,9 +39,7 @@ LANGUAGE = {
     "einsum": lambda a, b: jnp.einsum("ij,jk,k->i", a, a, b),
     "interpolation": lambda a, b: jnp.interp(0.3, jnp.array([0.0, 1.0, 2.0]), b),
     "sorting": lambda a, b: (jnp.sort(b), jnp.argsort(a, axis=1)),
-    "elementary": lambda a, b: (
-        jax.nn.softplus(b) + jnp.hypot(b[0], b[1]) + jnp.cbrt(b) + jnp.arctan2(b, b[0])
-    ),
+    "elementary": lambda a, b: jax.nn.softplus(b) + jnp.hypot(b[0], b[1]) + jnp.cbrt(b) + jnp.arctan2(b, b[0]),
 }
 
 

@@ -99,7 +99,7 @@ def _custom_jvp(interpreter: Interpreter, parameters: Any, inputs: list[Array]) 
 
 
 CONTROL: dict[str, Rule] = {
-    **dict.fromkeys(("jit", "pjit", "checkpoint", "remat", "remat2", "custom_lin"), _call("jaxpr")),
+    **dict.fromkeys(("jit", "pjit", "checkpoint", "remat", "remat2", "composite"), _call("jaxpr")),
     **dict.fromkeys(("closed_call", "core_call", "custom_vjp_call"), _call("call_jaxpr")),
     "custom_vjp_call_jaxpr": _call("fun_jaxpr"),
     "custom_jvp_call": _custom_jvp,

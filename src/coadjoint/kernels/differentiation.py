@@ -11,7 +11,6 @@ from coadjoint.kernels.interpreter import Untraceable
 Partial = Callable[[Graph, Node], Sequence[Node]]
 
 
-
 def _reciprocal_of_root(sign: float) -> Partial:
     """1/√(1 + sign·x²), the derivative of asin (−1) and asinh (+1)."""
 
@@ -104,9 +103,7 @@ PARTIALS: dict[str, Partial] = {
     "tanh": _unary(lambda g, x, y: g.sub(g.one, g.mul(y, y))),
     "asinh": _reciprocal_of_root(1.0),
     "acosh": _unary(
-        lambda g, x, y: g.div(
-            g.one, g.mul(g.apply("sqrt", g.sub(x, g.one)), g.apply("sqrt", g.add(x, g.one)))
-        )
+        lambda g, x, y: g.div(g.one, g.mul(g.apply("sqrt", g.sub(x, g.one)), g.apply("sqrt", g.add(x, g.one))))
     ),
     "atanh": _unary(lambda g, x, y: g.div(g.one, g.sub(g.one, g.mul(x, x)))),
     "erf": _gauss(1.0),
@@ -145,9 +142,7 @@ def _tangent(graph: Graph, node: Node, inner: list[dict[int, Node] | None]) -> d
         # (ȧ − (a/b) ḃ)/b has one division where ȧ/b − ḃ (a/b)/b would have two.
         top, bottom = inner[0] or {}, inner[1] or {}
         keys = {**top, **bottom}
-        over = {
-            i: graph.sub(top.get(i, graph.zero), graph.mul(node, bottom.get(i, graph.zero))) for i in keys
-        }
+        over = {i: graph.sub(top.get(i, graph.zero), graph.mul(node, bottom.get(i, graph.zero))) for i in keys}
         return {i: graph.div(d, node.args[1]) for i, d in over.items()}
     total: dict[int, Node] = {}
     for partial, tangent in zip(_partials(graph, node), inner, strict=True):

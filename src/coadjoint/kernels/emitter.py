@@ -50,6 +50,7 @@ class Emitter:
         self.width = width
         self.number = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
+        self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
         self._scopes: list[dict[Node, Any]] = [{}]
 
     @contextmanager
@@ -75,6 +76,19 @@ class Emitter:
         """A truth value in every lane."""
         scalar = ir.Constant(BIT, int(value))
         return scalar if self.width == 1 else ir.Constant(self.truth, [scalar] * self.width)
+
+    def counts(self, value: int) -> Any:
+        """A whole number in every lane."""
+        if self.width == 1:
+            return WHOLE(value)
+        return ir.Constant(self.counter, [WHOLE(value)] * self.width)
+
+    def any(self, mask: Any) -> Any:
+        """Whether the mask holds in any lane."""
+        if self.width == 1:
+            return mask
+        bits = self.builder.bitcast(mask, ir.IntType(self.width))
+        return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
 
     def values(self, roots: Iterable[Node]) -> list[Any]:
         """The values of the roots, with everything they need that is not there yet."""

@@ -30,8 +30,9 @@ class Scheme:
     """How Newton runs for one stage.
 
     Rows that are affine in unknowns which only they determine are exact after one iteration. If there are any, the
-    `first` iteration is written out at the guess, `settled` maps those unknowns to the symbols of their values, and the
-    loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a plain Newton iteration on all unknowns.
+    `first` iteration is written out at the guess, `settled` maps those unknowns to the symbols of their values, and
+    the loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a
+    plain Newton iteration on all unknowns.
     """
 
     first: Increment | None

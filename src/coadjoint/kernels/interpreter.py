@@ -96,7 +96,7 @@ class Interpreter:
 WHOLE = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign", "integer_pow", "clamp", "select_n"))
 WHOLE |= {"lt", "le", "gt", "ge", "eq", "ne", "convert_element_type", "reduce_sum", "reduce_max", "reduce_min"}
 WHOLE |= {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "copy", "gather"}
-WHOLE |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "div", "rem", "and", "or"}
+WHOLE |= {"reduce_prod", "argmax", "argmin", "dynamic_slice", "square", "stack", "div", "rem", "and", "or"}
 """Primitives that mean the same for integers as for whole float64 numbers."""
 
 

@@ -145,9 +145,11 @@ def _scatter(name: str, combine: Callable[[Any, Any], Any]) -> Rule:
     return rule
 
 
-def scatters(add: Callable, multiply: Callable, minimum: Callable, maximum: Callable) -> dict[str, Rule]:
+def scatters(
+    add: Callable, subtract: Callable, multiply: Callable, minimum: Callable, maximum: Callable
+) -> dict[str, Rule]:
     """The scatter primitives, given how two elements combine."""
-    combine = {"-add": add, "_add": add, "-mul": multiply, "_mul": multiply}
+    combine = {"-add": add, "_add": add, "-sub": subtract, "-mul": multiply, "_mul": multiply}
     combine |= {"-min": minimum, "_min": minimum, "-max": maximum, "_max": maximum}
     rules = {f"scatter{suffix}": _scatter(f"scatter{suffix}", c) for suffix, c in combine.items()}
     return {"scatter": _scatter("scatter", lambda old, new: new), **rules}
@@ -169,8 +171,10 @@ MOVEMENT: dict[str, Rule] = {
     "rev": lambda p, x: np.flip(x, p["dimensions"]),
     "slice": _slice,
     "split": _split,
-    "squeeze": lambda p, x: np.squeeze(x, tuple(p["dimensions"])),
     "stack": lambda p, *xs: np.stack(xs, p["axis"]),
+    "tile": lambda p, x: np.tile(x, p["reps"]),
+    "unstack": lambda p, x: [np.take(x, i, p["axis"]) for i in range(x.shape[p["axis"]])],
+    "squeeze": lambda p, x: np.squeeze(x, tuple(p["dimensions"])),
     "stop_gradient": lambda p, x: x,
     "transpose": lambda p, x: x.transpose(p["permutation"]),
     "unstack": lambda p, x: list(np.moveaxis(x, p["axis"], 0)),

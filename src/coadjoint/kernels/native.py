@@ -112,9 +112,7 @@ def run(
     )
 
 
-def launch(
-    kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int
-) -> Result:
+def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> Result:
     """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes)."""
     lanes = h.shape[0]
     watched = kernel.monitor_size + len(kernel.certificates)

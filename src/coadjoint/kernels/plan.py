@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +58,7 @@ class Plan:
     certificates: dict[str, Node]
 
 
-def specialised(values: list[float]) -> tuple[int, ...]:
+def specialised(values: Iterable[float]) -> tuple[int, ...]:
     """The parameters that are exactly 0 or 1, by which code is specialised: 2 elsewhere."""
     return tuple(int(v) if v in (0.0, 1.0) else 2 for v in values)
 
@@ -117,7 +117,7 @@ def _stage(
     for i, value in plan_of_newton.settled.items():
         solution[i] = value
     chart = flat(tracer.trace(stage.chart, p, state, h, solution))[0]
-    traced = dict(h=h[()], guess=list(guess), unknowns=list(unknowns), scheme=plan_of_newton)
+    traced = {"h": h[()], "guess": list(guess), "unknowns": list(unknowns), "scheme": plan_of_newton}
     return {**traced, "solution": list(solution), "chart": chart}, solution
 
 

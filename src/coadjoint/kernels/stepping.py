@@ -8,29 +8,17 @@ iterations_max) by lanes. A lane that has failed, and in Newton's loop a lane th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from llvmlite import ir
 
 from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
 from coadjoint.kernels.expression import Node
-from coadjoint.kernels.gauss import gauss
-from coadjoint.kernels.increments import Increment
-from coadjoint.kernels.plan import Plan, StagePlan
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE, Code
+from coadjoint.kernels.newton_loop import StageLoop
+from coadjoint.kernels.plan import Plan
 
 NAME = "step"
 POINTER = DOUBLE.as_pointer()
-
-
-@dataclass
-class _Outcome:
-    """What a stage leaves behind: whether each lane is well, Newton's iterations and the code of its failure."""
-
-    sound: Any
-    iterations: Any
-    code: Any
 
 
 def assemble(plan: Plan, width: int = 1) -> str:
@@ -53,7 +41,6 @@ class _Stepper:
         self.arguments = function.args
         self.builder = b = ir.IRBuilder(function.append_basic_block("entry"))
         self.emit = Emitter(self.module, b, width)
-        self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
         self._function()
 
     # Memory: arrays of lanes.
@@ -79,18 +66,6 @@ class _Stepper:
             self.builder.store(value, place)
         return place
 
-    def counts(self, value: int) -> Any:
-        if self.width == 1:
-            return WHOLE(value)
-        return ir.Constant(self.counter, [WHOLE(value)] * self.width)
-
-    def any(self, mask: Any) -> Any:
-        """Whether the mask holds in any lane."""
-        if self.width == 1:
-            return mask
-        bits = self.builder.bitcast(mask, ir.IntType(self.width))
-        return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
-
     # The loop over steps.
 
     def _function(self) -> None:
@@ -100,10 +75,10 @@ class _Stepper:
             self.emit.bind(node, self.load(p, i))
         self.emit.bind(plan.h, self.load(h, 0))
         self.state = [self.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
-        zero = self.counts(0)
-        self.steps, self.total = self.variable(self.counter, zero), self.variable(self.counter, zero)
-        self.most = self.variable(self.counter, zero)
-        self.code = self.variable(self.counter, zero)
+        zero = self.emit.counts(0)
+        self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
+        self.most = self.variable(self.emit.counter, zero)
+        self.code = self.variable(self.emit.counter, zero)
         self.alive = self.variable(self.emit.truth, self.emit.bit(True))
         self.done, self.row = self.variable(WHOLE, WHOLE(0)), self.variable(WHOLE, WHOLE(0))
         self.due = self.variable(WHOLE, WHOLE(0))
@@ -117,7 +92,7 @@ class _Stepper:
             self._step()
         done = b.add(b.load(self.done), WHOLE(1))
         b.store(done, self.done)
-        b.cbranch(b.and_(b.icmp_signed("<", done, number), self.any(b.load(self.alive))), loop, end)
+        b.cbranch(b.and_(b.icmp_signed("<", done, number), self.emit.any(b.load(self.alive))), loop, end)
         b.position_at_end(end)
         for i, place in enumerate(self.state):
             self.store(b.load(place), s, i)
@@ -144,11 +119,11 @@ class _Stepper:
         b, plan = self.builder, self.plan
         for node, place in zip(plan.state, self.state, strict=True):
             self.emit.bind(node, b.load(place))
-        iterations = self.counts(0)
+        iterations = self.emit.counts(0)
         well: Any = None
-        code = self.counts(0)
+        code = self.emit.counts(0)
         for stage in plan.stages:
-            outcome = _Stage(self, stage).run()
+            outcome = StageLoop(self.emit, stage).run()
             iterations = b.add(iterations, outcome.iterations)
             code = outcome.code if well is None else b.select(well, outcome.code, code)
             well = outcome.sound if well is None else b.and_(well, outcome.sound)
@@ -180,7 +155,7 @@ class _Stepper:
 
         for value, place in zip(after, self.state, strict=True):
             keep(value, place)
-        keep(b.add(b.load(self.steps), self.counts(1)), self.steps)
+        keep(b.add(b.load(self.steps), self.emit.counts(1)), self.steps)
         keep(b.add(b.load(self.total), iterations), self.total)
         most = b.load(self.most)
         keep(b.select(b.icmp_signed(">", most, iterations), most, iterations), self.most)
@@ -222,172 +197,3 @@ class _Stepper:
             better = b.fcmp_ordered(order, value, old)
             better = better if well is None else b.and_(better, well)
             self.store(b.select(better, value, old), self.extrema, place)
-
-
-class _Stage:
-    """Emits Newton for one stage and judges its outcome."""
-
-    def __init__(self, stepper: _Stepper, stage: StagePlan) -> None:
-        self.stepper, self.stage = stepper, stage
-        self.b, self.emit = stepper.builder, stepper.emit
-
-    def run(self) -> _Outcome:
-        b, emit, scheme = self.b, self.emit, self.stage.scheme
-        (h,) = emit.values([self.stage.h])
-        self.floor = b.fdiv(emit.constant(FLOOR), emit.intrinsic("fabs", h))
-        start = emit.values(self.stage.guess)
-        settled, iterations = emit.bit(False), self.stepper.counts(0)
-        self.size_of_settled = emit.constant(0.0)
-        if scheme.first is not None:
-            delta = self._increment(scheme.first)
-            start = [b.fadd(x, d) for x, d in zip(start, delta, strict=True)]
-            for i, symbol in scheme.settled.items():
-                emit.bind(symbol, start[i])
-            self.size_of_settled = self._size([start[i] for i in scheme.settled])
-            settled, iterations = self._settled(delta, [start[i] for i in scheme.looped]), self.stepper.counts(1)
-        if scheme.loop is None:
-            # Everything is affine: the second increment is round-off.
-            again = self.stepper.counts(2)
-            iterations = b.select(settled, iterations, again)
-            return self._judge(start, emit.bit(True), iterations)
-        found = [start[i] for i in scheme.looped]
-        found, settled, iterations = self._loop(scheme.loop, found, settled, iterations)
-        for i, value in zip(scheme.looped, found, strict=True):
-            start[i] = value
-            emit.bind(self.stage.solution[i], value)
-        return self._judge(start, settled, iterations)
-
-    def _loop(self, increment: Increment, start: list[Any], settled: Any, iterations: Any) -> tuple:
-        b, emit, stepper = self.b, self.emit, self.stepper
-        symbols = [self.stage.unknowns[i] for i in self.stage.scheme.looped]
-        roots = [*increment.delta, increment.safe]
-        if increment.safe.op != "const":
-            roots += [*(x for row in increment.jacobian for x in row), *increment.right]
-        emit.values(outer(roots, set(symbols)))
-        before, head, end = b.block, b.append_basic_block("newton"), b.append_basic_block("solved")
-        if self.stage.scheme.first is None:
-            b.branch(head)
-        else:
-            b.cbranch(stepper.any(b.xor(settled, emit.bit(True))), head, end)
-        b.position_at_end(head)
-        old = [b.phi(emit.number) for _ in start]
-        was, count = b.phi(emit.truth), b.phi(stepper.counter)
-        trip = b.phi(WHOLE)
-        with emit.scope():
-            for symbol, value in zip(symbols, old, strict=True):
-                emit.bind(symbol, value)
-            delta = self._increment(increment)
-            new = [b.fadd(x, d) for x, d in zip(old, delta, strict=True)]
-            now = self._settled(delta, new)
-        one = stepper.counts(1)
-        counted = b.add(count, one)
-        if stepper.width > 1:
-            new = [b.select(was, x, y) for x, y in zip(old, new, strict=True)]
-            counted, now = b.select(was, count, counted), b.or_(was, now)
-        trips = b.add(trip, WHOLE(1))
-        open_lanes = stepper.any(b.xor(now, emit.bit(True)))
-        more = b.and_(open_lanes, b.icmp_signed("<", trips, WHOLE(MAX_ITERATIONS)))
-        back = b.block
-        b.cbranch(more, head, end)
-        first = 0 if self.stage.scheme.first is None else 1
-        incoming = [*zip(old, start, new, strict=True), (was, settled, now), (count, iterations, counted)]
-        for phi, value, again in [*incoming, (trip, WHOLE(first), trips)]:
-            phi.add_incoming(value, before)
-            phi.add_incoming(again, back)
-        b.position_at_end(end)
-        if self.stage.scheme.first is None:
-            return new, now, counted
-        joined = []
-        for _, value, again in incoming:
-            phi = b.phi(value.type)
-            phi.add_incoming(value, before)
-            phi.add_incoming(again, back)
-            joined.append(phi)
-        return joined[:-2], joined[-2], joined[-1]
-
-    def _increment(self, increment: Increment) -> list[Any]:
-        """δ, by the closed form where it is safe and with pivots otherwise."""
-        b, emit = self.b, self.emit
-        delta = emit.values(increment.delta)
-        if increment.safe.op == "const":
-            return delta
-        (safe,) = emit.values([increment.safe])
-        before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")
-        unsafe = self.stepper.any(b.xor(safe, emit.bit(True)))
-        b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
-        b.position_at_end(careful)
-        with emit.scope():
-            matrix = emit.values(x for row in increment.jacobian for x in row)
-            pivoted = self._pivoted(matrix, emit.values(increment.right), safe, delta)
-        careful = b.block
-        b.branch(on)
-        b.position_at_end(on)
-        joined = []
-        for quick, slow in zip(delta, pivoted, strict=True):
-            phi = b.phi(emit.number)
-            phi.add_incoming(quick, before)
-            phi.add_incoming(slow, careful)
-            joined.append(phi)
-        return joined
-
-    def _pivoted(self, matrix: list[Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
-        """The unsafe lanes by elimination with partial pivoting, one after the other."""
-        b, n, width = self.b, len(right), self.stepper.width
-        function = gauss(self.stepper.module)
-        with b.goto_entry_block():
-            a = b.alloca(DOUBLE, n * n)
-            x = b.alloca(DOUBLE, n)
-        results = list(delta)
-        for lane in range(width):
-            pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
-            for place, values in ((a, matrix), (x, right)):
-                for i, value in enumerate(values):
-                    b.store(pick(value), b.gep(place, [WHOLE(i)]))
-            b.call(function, [a, x, WHOLE(n)])
-            solved = [b.load(b.gep(x, [WHOLE(i)])) for i in range(n)]
-            if width == 1:
-                return solved
-            here = pick(safe)
-            place = ir.IntType(32)(lane)
-            results = [
-                b.insert_element(r, b.select(here, pick(r), v), place)
-                for r, v in zip(results, solved, strict=True)
-            ]
-        return results
-
-    def _size(self, values: list[Any], least: Any = None) -> Any:
-        """|values|∞; a NaN may get lost here and is found when the stage is judged."""
-        b, emit = self.b, self.emit
-        sizes = [emit.intrinsic("fabs", v) for v in values]
-        sizes = sizes if least is None else [least, *sizes]
-        while len(sizes) > 1:
-            pairs = [sizes[i : i + 2] for i in range(0, len(sizes), 2)]
-            sizes = [b.select(b.fcmp_ordered(">", *p), *p) if len(p) == 2 else p[0] for p in pairs]
-        return sizes[0] if sizes else emit.constant(0.0)
-
-    def _settled(self, delta: list[Any], z: list[Any]) -> Any:
-        b, emit = self.b, self.emit
-        scale = b.fmul(emit.constant(TOLERANCE), self._size(z, self.size_of_settled), flags=("contract",))
-        return b.fcmp_ordered("<=", self._size(delta), b.fadd(scale, self.floor, flags=("contract",)))
-
-    def _judge(self, z: list[Any], settled: Any, iterations: Any) -> _Outcome:
-        """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""
-        b, emit = self.b, self.emit
-        (chart,) = emit.values([self.stage.chart])
-        inside = b.fcmp_ordered("<", chart, emit.constant(1.0))
-        finite_after = self._finite(emit.values(self.stage.after))
-        sound = b.and_(b.and_(settled, inside), finite_after)
-        counts = self.stepper.counts
-        code = b.select(inside, counts(Code.NOT_FINITE), counts(Code.BEYOND_CHART))
-        code = b.select(settled, code, counts(Code.NOT_CONVERGED))
-        code = b.select(self._finite(z), code, counts(Code.NOT_FINITE))
-        return _Outcome(sound, iterations, code)
-
-    def _finite(self, values: list[Any]) -> Any:
-        """x − x is zero for a finite x and NaN otherwise."""
-        b, emit = self.b, self.emit
-        sums = [b.fsub(v, v) for v in values if not isinstance(v, ir.Constant)]
-        while len(sums) > 1:
-            pairs = [sums[i : i + 2] for i in range(0, len(sums), 2)]
-            sums = [b.fadd(*p) if len(p) == 2 else p[0] for p in pairs]
-        return b.fcmp_ordered("==", sums[0], emit.constant(0.0)) if sums else emit.bit(True)

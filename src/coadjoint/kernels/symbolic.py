@@ -21,7 +21,12 @@ def lift(graph: Graph, array: Array) -> Array:
     """Numbers as an array of constant expressions; expressions as they are."""
     if symbolic(array):
         return array
-    return np.asarray(np.frompyfunc(graph.constant, 1, 1)(array), dtype=object)
+    return np.asarray(each(graph.constant, array))
+
+
+def each(function: Callable[..., Node], *arrays: Any) -> Any:
+    """`function` of every element; arrays of one element may come back bare."""
+    return np.frompyfunc(function, len(arrays), 1)(*arrays)
 
 
 def nodes(items: Iterable[Node], shape: tuple[int, ...]) -> Array:
@@ -55,7 +60,7 @@ def expression_rules(graph: Graph) -> dict[str, Rule]:
     }
 
 
-_COMBINE = ("add", "mul", "min", "max")
+_COMBINE = ("add", "sub", "mul", "min", "max")
 
 
 def _lifted(graph: Graph, rule: Rule) -> Rule:
@@ -78,15 +83,15 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
         kind = np.dtype(p["new_dtype"])
         if kind.kind == "c" or (kind.kind == "f" and kind.itemsize < 8):
             raise Untraceable("convert_element_type", f"to {kind.name}")
-        return np.asarray(np.frompyfunc(lambda n: _converted(graph, n, kind.kind), 1, 1)(x), dtype=object)
+        return np.asarray(each(lambda n: _converted(graph, n, kind.kind), x))
 
     def select(p: Any, which: Array, *cases: Array) -> Array:
         if len(cases) == 2:
             return elementwise(lambda c, no, yes: graph.select(_truth(graph, c), yes, no), 3)(p, which, *cases)
         chosen = lift(graph, cases[-1])
         for i, case in reversed(list(enumerate(cases[:-1]))):
-            below = np.frompyfunc(lambda w, i=i: graph.apply("le", w, graph.constant(float(i))), 1, 1)
-            chosen = np.frompyfunc(graph.select, 3, 1)(below(lift(graph, which)), lift(graph, case), chosen)
+            here = each(lambda w, i=i: graph.apply("le", w, graph.constant(float(i))), lift(graph, which))
+            chosen = np.asarray(each(graph.select, here, lift(graph, case), chosen))
         return chosen
 
     return {
@@ -94,13 +99,13 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
         "clamp": elementwise(clamp, 3),
         "convert_element_type": convert,
         "div": elementwise(graph.div, 2),
-        "integer_pow": lambda p, x: np.frompyfunc(lambda n: graph.power(n, p["y"]), 1, 1)(x),
+        "integer_pow": lambda p, x: each(lambda n: graph.power(n, p["y"]), x),
         "div_whole": elementwise(lambda a, b: graph.apply("truncate", graph.div(a, b)), 2),
         "eq_to": elementwise(lambda a, b: graph.apply("eq", a, b), 2),
         "le_to": elementwise(lambda a, b: graph.apply("le", a, b), 2),
         "lt_to": elementwise(lambda a, b: graph.apply("lt", a, b), 2),
         "logistic": elementwise(logistic, 1),
-        "round": lambda p, x: np.frompyfunc(lambda n: graph.apply(round_name(p), n), 1, 1)(x),
+        "round": lambda p, x: each(lambda n: graph.apply(round_name(p), n), x),
         "rsqrt": elementwise(lambda x: graph.div(graph.one, graph.apply("sqrt", x)), 1),
         "select_n": select,
         "square": elementwise(lambda x: graph.mul(x, x), 1),
@@ -155,7 +160,7 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
             order = range(len(line) - 2, -1, -1) if p["reverse"] else range(1, len(line))
             for i in order:
                 before = line[i + 1] if p["reverse"] else line[i - 1]
-                line[i] = np.frompyfunc(function, 2, 1)(before, line[i])
+                line[i] = each(function, before, line[i])
             return np.moveaxis(line, 0, p["axis"])
 
         return rule
@@ -220,9 +225,8 @@ def _no_factors(graph: Graph, a: Array) -> list[Array]:
 
     Whoever uses them otherwise is told by the emitter that `lu` has no code.
     """
-    place = np.frompyfunc(lambda _: graph.placeholder("lu"), 1, 1)
-    order = place(a[..., 0])
-    return [place(a), order, order]
+    factors = np.asarray(each(lambda _: graph.placeholder("lu"), a))
+    return [factors, factors[..., 0], factors[..., 0]]
 
 
 def _triangular(graph: Graph, p: Any, a: Array, b: Array) -> Array:
@@ -237,9 +241,7 @@ def _triangular(graph: Graph, p: Any, a: Array, b: Array) -> Array:
     return solution if p["left_side"] else solution.T
 
 
-def _solve_operator(
-    graph: Graph, operator: Callable[[list[Array]], list[Array]], right: list[Array]
-) -> list[Array]:
+def _solve_operator(graph: Graph, operator: Callable[[list[Array]], list[Array]], right: list[Array]) -> list[Array]:
     """x with operator(x) = right for a linear operator: its matrix is its derivative."""
     right = [lift(graph, b) for b in right]
     flat = [node for b in right for node in b.reshape(-1)]

@@ -1,0 +1,138 @@
+"""Models ready to use, and their catalogue: `catalogue["heavy_top"].make()`.
+
+Listing the catalogue imports no model and no JAX; a model's module is loaded when first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from math import radians
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.models.entry import Entry
+from coadjoint.models.underwater.tables import TABLE_1, TABLE_2
+
+if TYPE_CHECKING:
+    from coadjoint.models import heavy_top as heavy_top
+    from coadjoint.models import rigid_body as rigid_body
+    from coadjoint.models import underwater as underwater
+
+__all__ = ["Entry", "catalogue", "heavy_top", "rigid_body", "underwater"]
+
+_TURNING = {
+    "rotation": None,
+    "euler_zxz": None,
+    "euler_zyx": None,
+    "angular_velocity": (0.0, 0.0, 0.0),
+    "euler_rates": None,
+}
+_MOVING = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **_TURNING, "down": (0.0, 0.0, 1.0)}
+_UP = {**_TURNING, "up": (0.0, 0.0, 1.0)}
+
+# REMUS 100 about its centre of buoyancy, as in the public PythonVehicleSimulator, without damping: forward, starboard,
+# down; the added mass is that of an ellipsoid with semi-axes 0.8, 0.095, 0.095 m.
+_REMUS = {
+    "mass": 31.03,
+    "inertia": (0.1120, 4.0278, 4.0278),
+    "added_mass": (0.8389, 29.4376, 29.4376, 0.0336, 3.4262, 3.4262),
+    "buoyancy": None,
+    "center_of_mass": (0.0, 0.0, 0.02),
+    "center_of_buoyancy": (0.0, 0.0, 0.0),
+    "gravity": 9.81,
+}
+_CRUISE = {**_MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
+
+_ENTRIES = (
+    Entry(
+        "free_rigid_body",
+        "A rigid body that nothing acts on, turning about its unstable middle axis.",
+        "rigid_body:make",
+        "rigid_body:start",
+        {"inertia": (1.0, 2.0, 3.0)},
+        {**_TURNING, "angular_velocity": (0.01, 1.0, 0.01)},
+    ),
+    Entry(
+        "heavy_top",
+        "A rigid body with one point fixed, under gravity: the fast heavy top of Brüls, Cardona and Arnold (2012).",
+        "heavy_top:make",
+        "heavy_top:start",
+        {
+            "mass": 15.0,
+            "center_of_mass": (0.0, 1.0, 0.0),
+            "inertia": (0.234375, 0.46875, 0.234375),
+            "gravity": 9.81,
+            "inertia_about": "center_of_mass",
+        },
+        {**_UP, "angular_velocity": (0.0, 150.0, -4.61538)},
+    ),
+    Entry(
+        "simo_wong_top",
+        "The symmetric heavy top of Simo and Wong (1991).",
+        "heavy_top:make",
+        "heavy_top:start",
+        {
+            "mass": 20.0,
+            "center_of_mass": (0.0, 0.0, 1.0),
+            "inertia": (5.0, 5.0, 1.0),
+            "gravity": 1.0,
+            "inertia_about": "pivot",
+        },
+        {**_UP, "euler_zxz": (0.0, 0.05, 0.0), "angular_velocity": (0.0, 0.0, 50.0)},
+    ),
+    Entry(
+        "underwater_vehicle",
+        "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",
+        "underwater.paper_form:vehicle",
+        "underwater.paper_form:start",
+        TABLE_1,
+        {
+            **_MOVING,
+            "position": TABLE_2["position"],
+            "velocity": TABLE_2["velocity"],
+            "euler_zxz": TABLE_2["euler_zxz"],
+            "angular_velocity": (radians(10), 0.0, radians(20)),
+        },
+    ),
+    Entry(
+        "underwater_vehicle_general",
+        "A vehicle about any body origin with a 6×6 added mass matrix, on SO(3) × ℝ³: REMUS 100 without damping.",
+        "underwater.general_form:general_vehicle",
+        "underwater.paper_form:start",
+        _REMUS,
+        _CRUISE,
+    ),
+    Entry(
+        "underwater_vehicle_se3",
+        "The same vehicle on SE(3): horizontal momentum and the vertical moment are conserved.",
+        "underwater.general_form:se3_vehicle",
+        "underwater.general_form:se3_start",
+        _REMUS,
+        _CRUISE,
+    ),
+    Entry(
+        "kirchhoff_ellipsoid",
+        "A neutrally buoyant ellipsoid in an ideal fluid, with Lamb's added mass.",
+        "underwater.ellipsoids:ellipsoid",
+        "underwater.paper_form:start",
+        {
+            "semi_axes": (0.5, 0.2, 0.3),
+            "fluid_density": 1000.0,
+            "gravity": 9.81,
+            "center_of_mass": (0.0, 0.0, 0.0),
+        },
+        {**_MOVING, "velocity": (0.5, 0.1, 0.2), "angular_velocity": (0.5, 1.0, -0.3)},
+    ),
+)
+
+catalogue: dict[str, Entry] = {entry.name: entry for entry in _ENTRIES}
+"""Every model by its name; see `Entry`."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("heavy_top", "rigid_body", "underwater"):
+        raise AttributeError(f"coadjoint.models has no `{name}`; it has: {', '.join(__all__)}.")
+    return import_module(f"{__name__}.{name}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

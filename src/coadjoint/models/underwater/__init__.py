@@ -1,0 +1,58 @@
+"""Underwater vehicles (P57–P78; mathematics: section 10).
+
+    vehicle = co.models.underwater.paper_vehicle()
+    start = co.models.underwater.paper_start(vehicle)
+
+**Axes.** The advected parameter is a = R⁻¹a₀, and a₀ is the direction of gravity in the space frame: it points *down*.
+The Lagrangian holds the weight as +(mg − B) n·a, whatever the axes are called.
+- The paper's axes: z points down, a₀ = (0, 0, 1), and q_z is a depth. A vehicle that is lighter than its water
+  (mg < B) has q_z fall: it floats up. What the paper calls rising is a dive. Body axes that point down too: a centre of
+  buoyancy above the mass centre has a negative third component, as in Table 1. So have ships' axes (north, east, down;
+  forward, starboard, down).
+- z up: pass `down=(0, 0, -1)` to `start`. Nothing else changes: q_z is then a height. Body vectors and matrices
+  (centres, added mass, inertia) are stated in the body's own axes; if these point up as well, a centre of buoyancy
+  above the mass centre has a positive third component.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "ellipsoids": ("displaced_mass", "ellipsoid", "ellipsoid_added_mass"),
+    "general_form": ("general_vehicle", "se3_start", "se3_vehicle"),
+    "paper_form": ("start", "vehicle"),
+    "tables": ("PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "paper_start", "paper_vehicle"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [*_HOME_OF]  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from coadjoint.models.underwater.ellipsoids import displaced_mass as displaced_mass
+    from coadjoint.models.underwater.ellipsoids import ellipsoid as ellipsoid
+    from coadjoint.models.underwater.ellipsoids import ellipsoid_added_mass as ellipsoid_added_mass
+    from coadjoint.models.underwater.general_form import general_vehicle as general_vehicle
+    from coadjoint.models.underwater.general_form import se3_start as se3_start
+    from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
+    from coadjoint.models.underwater.paper_form import start as start
+    from coadjoint.models.underwater.paper_form import vehicle as vehicle
+    from coadjoint.models.underwater.tables import PAPER_DURATION as PAPER_DURATION
+    from coadjoint.models.underwater.tables import PAPER_STEP as PAPER_STEP
+    from coadjoint.models.underwater.tables import TABLE_1 as TABLE_1
+    from coadjoint.models.underwater.tables import TABLE_2 as TABLE_2
+    from coadjoint.models.underwater.tables import paper_start as paper_start
+    from coadjoint.models.underwater.tables import paper_vehicle as paper_vehicle
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"coadjoint.models.underwater has no `{name}`; it has: {', '.join(sorted(_HOME_OF))}.")
+    value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME_OF)

@@ -1,0 +1,68 @@
+"""An entry of the catalogue of models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A model with its default parameters and its default initial state.
+
+    `make` and `start` take what `parameters` and `initial` name; other names raise ArgumentError. Nothing of the model
+    is imported before one of them is called. `maker`, `starter`: where the functions are, as "module:function".
+    """
+
+    name: str
+    description: str
+    maker: str
+    starter: str
+    parameters: Mapping[str, Any] = field(hash=False)
+    initial: Mapping[str, Any] = field(hash=False)
+
+    def __post_init__(self):
+        for key in ("parameters", "initial"):
+            object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
+
+    def make(self, **parameters: Any) -> System:
+        """The system with these parameters in place of the defaults."""
+        self._require_known(parameters, self.parameters, "parameter")
+        return _function(self.maker)(**{**self.parameters, **parameters})
+
+    def start(self, system: System, **initial: Any) -> State:
+        """The state to start from, with these values in place of the defaults.
+
+        Naming one way to give the attitude, or the angular velocity, replaces the default one.
+        """
+        self._require_known(initial, self.initial, "initial value")
+        values = {**self.initial, **initial}
+        for ways in _ALTERNATIVES:
+            if any(initial.get(way) is not None for way in ways):
+                values.update({way: initial.get(way) for way in ways if way in values})
+        return _function(self.starter)(system, **values)
+
+    def _require_known(self, given: Mapping[str, Any], known: Mapping[str, Any], what: str) -> None:
+        for name in given:
+            if name not in known:
+                nearest = get_close_matches(name, known, n=1, cutoff=0.5)
+                hint = f"did you mean `{nearest[0]}`? It" if nearest else "it"
+                raise ArgumentError(f"Model `{self.name}` has no {what} `{name}`; {hint} has: {', '.join(known)}.")
+
+
+_ALTERNATIVES = (("rotation", "euler_zxz", "euler_zyx"), ("angular_velocity", "euler_rates"))
+
+
+def _function(path: str) -> Any:
+    module, name = path.split(":")
+    return getattr(import_module(f"coadjoint.models.{module}"), name)

@@ -1,0 +1,68 @@
+"""The heavy top: a rigid body with one point held fixed, under gravity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import direction, number, positive, positive_definite, vector
+from coadjoint.spaces import Defining
+
+UNITS = {
+    "xi": "rad/s",
+    "mu": "kg m²/s",
+    "a": "1",
+    "energy": "J",
+    "discrete_energy": "J",
+    "kelvin_noether": "kg m²/s",
+}
+
+
+def lagrangian(xi, a, p):
+    """ℓ(ω, a) = ½ ω·Jω − mg r·a, with a = R⁻¹e_z pointing up."""
+    return 0.5 * xi @ p.inertia @ xi - p.mass * p.gravity * p.center_of_mass @ a
+
+
+def make(*, mass: Any, center_of_mass: Any, inertia: Any, gravity: Any = 9.81, inertia_about: str = "pivot") -> System:
+    """A heavy top on SO(3) with the upward direction as its advected parameter.
+
+    ℓ(ω, a) = ½ ω·Jω − mg r·a, J about the pivot. If `inertia` is about the mass centre, J = I_c + m(|r|²I − r rᵀ).
+
+    mass: m, kg. center_of_mass: r from the pivot, body frame, (3,) m. inertia: (3, 3) or its diagonal (3,), kg m²,
+    about the point named by `inertia_about`, "pivot" or "center_of_mass". gravity: g, m/s².
+    Raises ArgumentError for what no body can have.
+    """
+    m, r = positive(mass, "mass"), vector(center_of_mass, "center_of_mass")
+    J = positive_definite(inertia, "inertia")
+    if inertia_about not in ("pivot", "center_of_mass"):
+        raise ArgumentError(f'Argument `inertia_about` must be "pivot" or "center_of_mass", but is {inertia_about!r}.')
+    if inertia_about == "center_of_mass":
+        J = J + m * ((r @ r) * np.eye(3) - r[:, None] * r[None, :])
+    p = Parameters(mass=m, center_of_mass=r, inertia=J, gravity=number(gravity, "gravity", at_least=0.0))
+    return System(SO3(), lagrangian, advected=Defining(), parameters=p, name="heavy top", units=UNITS)
+
+
+def start(
+    top: System,
+    *,
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    angular_velocity: Any = None,
+    euler_rates: Any = None,
+    up: Any = (0.0, 0.0, 1.0),
+) -> State:
+    """The state of a top at an attitude R with angular velocity ω, a = R⁻¹up.
+
+    Attitude and angular velocity as in `orientation`: R = I and ω = 0 unless given. up: the direction against gravity
+    in the space frame, (3,), a unit vector.
+    """
+    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
+    return top.state(g=R, xi=omega, a0=direction(up, "up"))

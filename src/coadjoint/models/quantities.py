@@ -1,0 +1,114 @@
+"""Physical quantities as arguments of models: checked once, with a sentence for what cannot be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.mechanics.parameters import float64
+
+SYMMETRIC = 1e-9
+"""How far a matrix may differ from its transpose, relative to its largest entry."""
+SINGULAR = 1e-13
+"""Up to this fraction of the largest eigenvalue, an eigenvalue counts as zero."""
+
+
+def number(value: Any, name: str, at_least: float | None = None) -> Any:
+    """A finite number; raises ArgumentError, also for a number below `at_least`."""
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) != ():
+        raise ArgumentError(f"Argument `{name}` must be one number, but has shape {np.shape(found)}.")
+    if at_least is not None and not traced(found) and found < at_least:
+        raise ArgumentError(f"Argument `{name}` must be at least {at_least:g}, but is {float(found):g}.")
+    return found
+
+
+def positive(value: Any, name: str) -> Any:
+    """A positive number; raises ArgumentError."""
+    found = number(value, name)
+    if not traced(found) and found <= 0:
+        raise ArgumentError(f"Argument `{name}` must be positive, but is {float(found):g}.")
+    return found
+
+
+def vector(value: Any, name: str, size: int = 3) -> Any:
+    """A finite vector (size,); raises ArgumentError."""
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) != (size,):
+        raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {np.shape(found)}.")
+    return found
+
+
+def matrix(value: Any, name: str, size: int = 3) -> Any:
+    """A finite matrix (size, size); raises ArgumentError."""
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) != (size, size):
+        raise ArgumentError(f"Argument `{name}` must have shape ({size}, {size}), but has shape {np.shape(found)}.")
+    return found
+
+
+def direction(value: Any, name: str) -> Any:
+    """A unit vector (3,); raises ArgumentError."""
+    found = vector(value, name)
+    length = 1.0 if traced(found) else float(np.linalg.norm(found))
+    if abs(length - 1) > 1e-9:
+        raise ArgumentError(f"Argument `{name}` must be a unit vector, but has length {length:.6g}; divide by it.")
+    return found
+
+
+def positive_definite(value: Any, name: str, size: int = 3) -> Any:
+    """A symmetric positive definite matrix (size, size), or its diagonal (size,); raises ArgumentError."""
+    found = _symmetric(value, name, size)
+    if traced(found):
+        return found
+    eigenvalues, vectors = np.linalg.eigh(found)
+    if abs(eigenvalues[0]) <= SINGULAR * np.max(np.abs(eigenvalues)):
+        axis = np.round(vectors[:, 0], 3).tolist()
+        raise ArgumentError(
+            f"Argument `{name}` must be positive definite, but is singular: it gives no inertia along {axis}."
+        )
+    if eigenvalues[0] < 0:
+        raise ArgumentError(
+            f"Argument `{name}` must be positive definite, but has the eigenvalue {eigenvalues[0]:.6g}."
+        )
+    return found
+
+
+def positive_semidefinite(value: Any, name: str, size: int = 3) -> Any:
+    """A symmetric matrix (size, size) without negative eigenvalues, or its diagonal (size,); raises ArgumentError.
+
+    For added mass, which may vanish: a body of revolution moves no fluid when it rolls.
+    """
+    found = _symmetric(value, name, size)
+    if traced(found):
+        return found
+    eigenvalues = np.linalg.eigvalsh(found)
+    if eigenvalues[0] < -SINGULAR * np.max(np.abs(eigenvalues)):
+        raise ArgumentError(
+            f"Argument `{name}` must have no negative eigenvalue, but has {eigenvalues[0]:.6g}: added mass is positive "
+            "here, the negative of derivatives such as X_u̇."
+        )
+    return found
+
+
+def _symmetric(value: Any, name: str, size: int) -> Any:
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) == (size,):
+        return jnp.diag(found) if traced(found) else np.diag(found)
+    if np.shape(found) != (size, size):
+        raise ArgumentError(
+            f"Argument `{name}` must have shape ({size}, {size}), or ({size},) for a diagonal matrix, but has shape "
+            f"{np.shape(found)}."
+        )
+    if not traced(found):
+        skew = float(np.max(np.abs(found - found.T)))
+        if skew > SYMMETRIC * float(np.max(np.abs(found))):
+            raise ArgumentError(
+                f"Argument `{name}` must be symmetric, but differs from its transpose by {skew:.3g}; use "
+                f"({name} + {name}.T) / 2 if that is what you mean."
+            )
+    return found

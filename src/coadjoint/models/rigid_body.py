@@ -1,0 +1,43 @@
+"""The free rigid body: Euler's equations and the attitude."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from coadjoint.groups import SO3
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import positive_definite
+
+UNITS = {"xi": "rad/s", "mu": "kg m²/s", "energy": "J", "discrete_energy": "J", "kelvin_noether": "kg m²/s"}
+
+
+def lagrangian(xi, p):
+    """ℓ(ω) = ½ ω·Jω."""
+    return 0.5 * xi @ p.inertia @ xi
+
+
+def make(*, inertia: Any) -> System:
+    """A rigid body on SO(3) that nothing acts on: Jω̇ = Jω × ω, Ṙ = Rω^×.
+
+    inertia: J about the mass centre in the body frame, (3, 3) or its diagonal (3,), kg m². Raises ArgumentError unless
+    it is symmetric and positive definite.
+    """
+    p = Parameters(inertia=positive_definite(inertia, "inertia"))
+    return System(SO3(), lagrangian, parameters=p, name="free rigid body", units=UNITS)
+
+
+def start(
+    body: System,
+    *,
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    angular_velocity: Any = None,
+    euler_rates: Any = None,
+) -> State:
+    """The state of a body at an attitude R with angular velocity ω, given as in `orientation`."""
+    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
+    return body.state(g=R, xi=omega)
