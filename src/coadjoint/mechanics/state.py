@@ -29,6 +29,8 @@ class State:
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
     and noise, `memory` to the method.
+    `from_velocities` marks a start given by its velocities: the run that starts there takes μ, π from (ξ, ν) with its
+    own parameters. A record goes on with its own momenta.
     """
 
     t: Array
@@ -43,6 +45,7 @@ class State:
     internal: Any = None
     memory: Any = None
     places: Places = field(metadata={"static": True}, kw_only=True)
+    from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
 
     def replace(self, **changes: Any) -> State:
         """A copy with some fields replaced."""
