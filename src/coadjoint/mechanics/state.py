@@ -7,9 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Space
 
 
@@ -52,21 +55,30 @@ class State:
         return replace(self, **changes)
 
     def each(self, function: Callable[[State], Any]) -> Any:
-        """function of a single state, mapped over the leading axes of a record."""
-        axes = jax.numpy.ndim(self.t)
-        for _ in range(axes):
+        """function of a single state, mapped over the leading axes of records; NumPy unless traced."""
+        for _ in range(np.ndim(self.t)):
             function = jax.vmap(function)
-        return function(self)
+        return evaluate(function, self)
 
     @property
     def q(self) -> Array:
         """The additional configuration q = g·n in the space frame."""
-        return self.each(lambda s: s.places.additional.act(s.places.group, s.g, s.n))
+        return evaluate(lambda state: state.each(_position), self)
 
     @property
     def qdot(self) -> Array:
         """The velocity q̇ = g·ν in the space frame."""
-        return self.each(lambda s: s.places.additional.push(s.places.group, s.g, s.n, s.nu))
+        return evaluate(lambda state: state.each(_velocity), self)
+
+
+def _position(state: State) -> Array:
+    group, Q, _ = state.places
+    return Q.act(group, state.g, state.n)
+
+
+def _velocity(state: State) -> Array:
+    group, Q, _ = state.places
+    return Q.push(group, state.g, state.n, state.nu)
 
 
 class Motion(NamedTuple):

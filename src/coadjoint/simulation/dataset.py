@@ -9,7 +9,6 @@ import numpy as np
 import xarray
 
 from coadjoint.groups import attitude
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.spaces import Space
 
@@ -43,7 +42,7 @@ def dataset(run: Run) -> xarray.Dataset:
     leaves = jax.tree.leaves(records.g)
     for name, leaf in zip(group.leaf_names, leaves, strict=True):
         variables[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
-    derived = evaluate(lambda r: r.each(_derived), records)
+    derived = records.each(_derived)
     for name in ("xi", "mu"):
         variables[name] = (("time", "algebra"), getattr(records, name))
     variables["xi_spatial"] = (("time", "algebra"), derived.pop("xi_spatial"))
@@ -54,7 +53,7 @@ def dataset(run: Run) -> xarray.Dataset:
         for path, leaf in jax.tree_util.tree_leaves_with_path(records.inputs):
             name = "inputs" + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
             variables[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
-    rotation = evaluate(lambda r: r.each(lambda s: group.rotation(s.g)), records)
+    rotation = records.each(lambda s: group.rotation(s.g))
     if rotation is not None:
         variables["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
     for name, values in run.monitors.items():
