@@ -177,5 +177,4 @@ MOVEMENT: dict[str, Rule] = {
     "squeeze": lambda p, x: np.squeeze(x, tuple(p["dimensions"])),
     "stop_gradient": lambda p, x: x,
     "transpose": lambda p, x: x.transpose(p["permutation"]),
-    "unstack": lambda p, x: list(np.moveaxis(x, p["axis"], 0)),
 }
