@@ -22,6 +22,9 @@ BIT = ir.IntType(1)
 FUSED = ("contract",)
 """Products and sums may fuse; nothing is reassociated, and NaN and infinity keep their meaning."""
 
+FREE = ("contract", "reassoc", "nsz")
+"""For what only steers Newton, the derivatives and the linear solve: sums may be reordered as well."""
+
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
@@ -51,7 +54,12 @@ class Emitter:
         self.number = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
         self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
+        self._exact: set[Node] | None = None
         self._scopes: list[dict[Node, Any]] = [{}]
+
+    def keep_exact(self, nodes: Iterable[Node]) -> None:
+        """Say which expressions are results; all others may have their sums reordered."""
+        self._exact = set(nodes)
 
     @contextmanager
     def scope(self) -> Iterator[None]:
@@ -123,7 +131,8 @@ class Emitter:
             raise Untraceable(str(node.value), "its result is used other than in a linear solve")
         args = [self._known(a) for a in node.args]
         if op in _ARITHMETIC:
-            return getattr(builder, _ARITHMETIC[op])(*args, flags=FUSED)
+            flags = FUSED if self._exact is None or node in self._exact else FREE
+            return getattr(builder, _ARITHMETIC[op])(*args, flags=flags)
         if op == "neg":
             return builder.fneg(*args)
         if op == "select":

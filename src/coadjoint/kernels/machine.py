@@ -8,6 +8,12 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from coadjoint.kernels import store
+from coadjoint.kernels.interpreter import Untraceable
+
+_RECIPE = "1"
+"""Changes whenever `object_code` would make other code of the same assembly."""
+
 _lock = threading.Lock()
 _ready = False
 
@@ -19,7 +25,6 @@ def _target() -> llvm.TargetMachine:
         if not _ready:
             llvm.initialize_native_target()
             llvm.initialize_native_asmprinter()
-            # Elementary functions come from the C library's libm; NumPy has loaded it already.
             _ready = True
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(
@@ -34,7 +39,8 @@ def object_code(assembly: str) -> bytes:
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.slp_vectorization = True
+    # Grouping scalars of one trajectory into vectors takes most of the compilation and gains nothing.
+    options.slp_vectorization = False
     options.loop_unrolling = False
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
@@ -42,12 +48,25 @@ def object_code(assembly: str) -> bytes:
 
 
 def machine(assembly: str) -> Machine:
-    """A module, compiled and loaded."""
-    return Machine(object_code(assembly))
+    """A module, compiled or taken from the store, and loaded."""
+    features = llvm.get_host_cpu_features().flatten()
+    version = ".".join(map(str, llvm.llvm_version_info))
+    name = store.key(_RECIPE, version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features, assembly)
+    code = store.fetch(name)
+    try:
+        if code is None:
+            code = object_code(assembly)
+            store.keep(name, code)
+        return Machine(code)
+    except RuntimeError as error:
+        raise Untraceable("step", f"LLVM refused its code ({str(error).splitlines()[0]})") from None
 
 
 class Machine:
-    """Machine code in memory; its functions live as long as this object."""
+    """Machine code in memory; its functions live as long as this object.
+
+    Elementary functions come from the C library's libm, which NumPy has loaded.
+    """
 
     def __init__(self, code: bytes) -> None:
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())

@@ -13,7 +13,7 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
-from coadjoint.kernels.expression import Node
+from coadjoint.kernels.expression import Node, reachable
 from coadjoint.kernels.newton_loop import StageLoop
 from coadjoint.kernels.plan import Plan
 
@@ -84,6 +84,7 @@ class _Stepper:
         self.due = self.variable(WHOLE, WHOLE(0))
         number = b.mul(records, every)
         self.every = every
+        self.emit.keep_exact(reachable(self._results()))
         self.emit.values(outer(self._roots(), self._varying()))
         loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
         b.cbranch(b.icmp_signed(">", number, WHOLE(0)), loop, end)
@@ -100,11 +101,19 @@ class _Stepper:
             self.store(b.load(place), status, i)
         b.ret_void()
 
-    def _roots(self) -> list[Node]:
+    def _results(self) -> list[Node]:
+        """What must be computed as it is written, the residuals among them."""
         plan = self.plan
         roots = [*plan.record, *plan.monitors, *plan.certificates.values()]
         for stage in plan.stages:
             roots += [*stage.guess, *stage.solution, stage.chart, *stage.after]
+            for increment in stage.increments():
+                roots += increment.right
+        return roots
+
+    def _roots(self) -> list[Node]:
+        roots = self._results()
+        for stage in self.plan.stages:
             for increment in stage.increments():
                 roots += [*increment.delta, increment.safe]
         return roots
