@@ -12,7 +12,6 @@ import numpy as np
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Space
 
 
@@ -63,22 +62,12 @@ class State:
     @property
     def q(self) -> Array:
         """The additional configuration q = g·n in the space frame."""
-        return evaluate(lambda state: state.each(_position), self)
+        return self.each(lambda s: s.places.additional.act(s.places.group, s.g, s.n))
 
     @property
     def qdot(self) -> Array:
         """The velocity q̇ = g·ν in the space frame."""
-        return evaluate(lambda state: state.each(_velocity), self)
-
-
-def _position(state: State) -> Array:
-    group, Q, _ = state.places
-    return Q.act(group, state.g, state.n)
-
-
-def _velocity(state: State) -> Array:
-    group, Q, _ = state.places
-    return Q.push(group, state.g, state.n, state.nu)
+        return self.each(lambda s: s.places.additional.push(s.places.group, s.g, s.n, s.nu))
 
 
 class Motion(NamedTuple):
