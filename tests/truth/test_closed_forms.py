@@ -22,12 +22,11 @@ METHODS: list[co.Method] = [
     co.Suzuki4(co.Midpoint(co.Exponential())),
 ]
 PROBLEMS: list[Problem] = [*FREE_RIGID_BODIES, *HEAVY_TOPS, *VEHICLES]
-ROUND_OFF = 2e-11
-"""Relative; below it an error says nothing about an order."""
-
 ULP_A_STAGE = 4e-16
 """Round-off that a stage may leave in g and in the momentum: in a relative equilibrium every step rounds alike, so that
 it adds up (measured: 2e-16 a stage at worst)."""
+AMPLIFIED = 50
+"""By how much the angles of a run amplify it; an error below says nothing about an order."""
 
 
 def title(thing: Problem | co.Method) -> str:
@@ -45,7 +44,7 @@ def test_the_start_has_the_state_and_the_energy_of_the_closed_form(problem: Prob
 @pytest.mark.parametrize("problem", PROBLEMS, ids=title)
 @pytest.mark.parametrize("method", METHODS, ids=title)
 def test_a_method_converges_to_the_exact_motion_at_its_order_and_conserves(method: co.Method, problem: Problem):
-    errors, energies = [], []
+    errors, energies, floors = [], [], []
     for fraction in (1, 2, 4):
         steps = fraction * round(problem.duration / problem.dt)
         run = co.simulate(
@@ -55,15 +54,17 @@ def test_a_method_converges_to_the_exact_motion_at_its_order_and_conserves(metho
         reached = np.ravel(run.extrema["energy"]) - problem.energy
         energies.append(float(np.max(np.abs(reached))) / max(abs(problem.energy), 1.0))
         allowed = 1e-14 + ULP_A_STAGE * steps * len(method.stages)
+        floors.append(AMPLIFIED * allowed)
         assert run.relative_change("kelvin_noether") <= allowed and run.largest("group_defect") <= allowed
         assert run.largest("balance") <= 1e-14
     print(f"{method.title}, {problem.title}: errors {errors}, energy {energies}")
     assert errors[-1] <= 0.05
-    _assert_order(errors, method.order)
-    _assert_order(energies, method.order)
+    _assert_order(errors, floors, method.order)
+    _assert_order(energies, floors, method.order)
 
 
-def _assert_order(errors: list[float], order: int) -> None:
-    """The last halving divides the error by 2^order or more, unless round-off is reached."""
-    if errors[-1] > ROUND_OFF:
-        assert np.log2(errors[-2] / errors[-1]) >= order - 0.15, errors
+def _assert_order(errors: list[float], floors: list[float], order: int) -> None:
+    """The last halving above round-off divides the error by 2^order or more."""
+    seen = [error for error, floor in zip(errors, floors, strict=True) if error > floor]
+    if len(seen) > 1:
+        assert np.log2(seen[-2] / seen[-1]) >= order - 0.15, errors
