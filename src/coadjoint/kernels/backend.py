@@ -6,8 +6,8 @@ import warnings
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels import ensemble, native, xla
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Program
 
@@ -52,3 +52,20 @@ def run(
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
     kernel = native if backend == "native" else xla
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
+
+
+def run_ensemble(
+    backend: Backend,
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
+    kernel = ensemble if backend == "native" else xla
+    return kernel.run_ensemble(program, parameters, state, h, records, save_every, monitors, axes=axes)

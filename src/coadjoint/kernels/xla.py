@@ -11,7 +11,7 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels import newton
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 
 CAPACITY = 1024
@@ -136,5 +136,45 @@ def run(
         iterations=int(end.iterations),
         iterations_max=int(end.iterations_max),
         monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
+        extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )
+
+
+def run_ensemble(
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis."""
+    flags = jax.tree.map(lambda flag: 0 if flag else None, axes)
+    with jax.enable_x64(True):
+        numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
+        loop = jax.vmap(
+            lambda p, s: _loop(program, p, s, *numbers, capacity=records, monitored=monitors), in_axes=flags
+        )
+        end = jax.tree.map(np.asarray, loop(parameters, state))
+    rows = np.minimum(-(-end.index // save_every), records)
+    absent = np.arange(records) >= rows[:, None]
+
+    def blank(values):
+        values = np.array(values)
+        values[absent] = np.nan
+        return values
+
+    return EnsembleChunk(
+        records=jax.tree.map(blank, end.records),
+        final=end.state,
+        steps=end.index,
+        rows=rows,
+        code=end.code,
+        iterations=end.iterations,
+        iterations_max=end.iterations_max,
+        monitors={name: blank(values) for name, values in end.monitors.items()},
         extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
     )
