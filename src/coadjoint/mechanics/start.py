@@ -40,7 +40,25 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
         require_scalar(lambda *z: system.reduced_lagrangian(*z, t, inputs), "The Lagrangian", (xi, *zeros))
     n, nu, a, mu, pi = evaluate(body, g, q, xi, qdot, a0, t, system.parameters)
-    return State(t, g, n, a, mu, pi, xi, nu, inputs, internal, None, places=system.places)
+    return State(t, g, n, a, mu, pi, xi, nu, inputs, internal, places=system.places, from_velocities=True)
+
+
+def momentum_start(system: System, state: State) -> State:
+    """(μ₀, π₀) by the continuous Legendre transform of (ξ, ν), for a state that was given by its velocities."""
+    if not state.from_velocities:
+        return state
+    if system.lagrangian is None:
+        raise ArgumentError(
+            'A system with only a discrete Lagrangian has no continuous Legendre transform: use start="velocity", '
+            'as in co.Variational(co.Cayley(), start="velocity").'
+        )
+
+    def momenta(state, parameters):
+        here = replace_parameters(system, parameters)
+        return legendre(here, state.xi, state.n, state.nu, state.a, state.t, state.inputs)
+
+    mu, pi = evaluate(momenta, state, system.parameters)
+    return state.replace(mu=mu, pi=pi, from_velocities=False)
 
 
 def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None) -> tuple[Any, Any]:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Space
 
 
@@ -29,6 +31,8 @@ class State:
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
     and noise, `memory` to the method.
+    `from_velocities` marks a start given by its velocities: the run that starts there takes μ, π from (ξ, ν) with its
+    own parameters. A record goes on with its own momenta.
     """
 
     t: Array
@@ -43,17 +47,17 @@ class State:
     internal: Any = None
     memory: Any = None
     places: Places = field(metadata={"static": True}, kw_only=True)
+    from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
 
     def replace(self, **changes: Any) -> State:
         """A copy with some fields replaced."""
         return replace(self, **changes)
 
     def each(self, function: Callable[[State], Any]) -> Any:
-        """function of a single state, mapped over the leading axes of a record."""
-        axes = jax.numpy.ndim(self.t)
-        for _ in range(axes):
+        """function of a single state, mapped over the leading axes of records; NumPy unless traced."""
+        for _ in range(np.ndim(self.t)):
             function = jax.vmap(function)
-        return function(self)
+        return evaluate(function, self)
 
     @property
     def q(self) -> Array:

@@ -71,7 +71,7 @@ class System:
             "forces": forces,
             "discrete_lagrangian": discrete_lagrangian,
             "name": name or getattr(lagrangian or discrete_lagrangian, "__name__", "system"),
-            "units": tuple((units or {}).items()),
+            "units": tuple(dict(units or {}).items()),
             "parameters": parameters,
         }
         for key, value in values.items():

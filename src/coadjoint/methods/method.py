@@ -15,6 +15,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
+from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
@@ -109,7 +110,7 @@ class Method:
     """A one-step method over a group difference map.
 
     `start="momentum"` takes (μ₀, π₀) from the continuous Legendre transform, which order ≥ 2 needs; `"velocity"`
-    takes ξ₀, ν₀ as the first discrete velocities, as the paper does.
+    takes ξ₀, ν₀ as the first discrete velocities, as the paper does. A record of another run goes on with its momenta.
     """
 
     difference_map: DifferenceMap = field(default_factory=Cayley)
@@ -148,7 +149,9 @@ class Method:
         """The state with the momenta and memory that the method starts from."""
         for step, _ in self.stages:
             step.difference_map.require_fit(system.group)
-        return velocity_start(system, state, *self.stages[0], h) if self.start == "velocity" else state
+        if self.start == "velocity" and state.from_velocities:
+            return velocity_start(system, state, *self.stages[0], h)
+        return momentum_start(system, state)
 
 
 def velocity_start(system: System, state: State, step: Step, fraction: float, h: float) -> State:
@@ -168,4 +171,4 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
         return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
 
     mu, pi = evaluate(momenta, state, system.parameters, np.float64(h) * fraction)
-    return state.replace(mu=mu, pi=pi)
+    return state.replace(mu=mu, pi=pi, from_velocities=False)

@@ -13,6 +13,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method, Step
+from coadjoint.spaces.named import named
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class StepProgram:
             return state
         system = replace_parameters(self.skeleton, parameters.system)
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
-        return state.replace(inputs=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), self.inputs(motion)))
+        given = named(self.inputs(motion))
+        return state.replace(inputs=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), given))
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)

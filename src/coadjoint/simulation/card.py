@@ -25,12 +25,12 @@ def certificate(run: Run) -> dict[str, Any]:
     if not run.count:
         return found
     for name in ("energy", "discrete_energy", "kelvin_noether"):
-        if name in run.monitors:
-            series = run.monitors[name]
-            found[f"{name}_initial"] = series[0].tolist()
+        if name in run.ends:
+            first, last = run.ends[name]
+            found[f"{name}_initial"] = first.tolist()
             found[f"{name}_error_max"] = run.relative_change(name)
-            size = np.linalg.norm(series[0])
-            found[f"{name}_error_final"] = float(np.linalg.norm(series[-1] - series[0]) / (size if size > 0 else 1.0))
+            size = np.linalg.norm(first)
+            found[f"{name}_error_final"] = float(np.linalg.norm(last - first) / (size if size > 0 else 1.0))
     for name in ("balance", "newton_residual", "group_defect"):
         if name in run.extrema:
             found[f"{name}_max"] = run.largest(name)

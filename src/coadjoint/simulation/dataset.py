@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -11,6 +12,7 @@ import xarray
 from coadjoint.groups import attitude
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 
 if TYPE_CHECKING:
@@ -34,54 +36,83 @@ _MEANINGS = {
 }
 
 
+Variables = dict[str, tuple[tuple[str, ...], Any]]
+
+
 def dataset(run: Run) -> xarray.Dataset:
     """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`."""
-    records, system = run.records, run.system
+    made = xarray.Dataset(
+        variables(run.system, run.records, run.monitors),
+        coords={"time": run.start.t + run.dt * run.steps_saved, "step": ("time", run.steps_saved)},
+        attrs=attributes(run),
+    )
+    return labelled(made, meanings(made, run.system))
+
+
+def variables(
+    system: System,
+    records: State,
+    monitors: Mapping[str, np.ndarray],
+    derive: Callable[[State], dict[str, Any]] | None = None,
+) -> Variables:
+    """Dimensions and values of every variable, one row a record; `derive` is `derived` of all of them at once."""
     group, Q, V = system.places
-    units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
-    variables: dict[str, tuple[tuple[str, ...], Any]] = {}
-    leaves = jax.tree.leaves(records.g)
-    for name, leaf in zip(group.leaf_names, leaves, strict=True):
-        variables[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
-    derived = evaluate(lambda r: r.each(_derived), records)
+    found: Variables = {}
+    for name, leaf in zip(group.leaf_names, jax.tree.leaves(records.g), strict=True):
+        found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
+    more = evaluate(derived, records) if derive is None else derive(records)
+    rotation = more.pop("rotation")
     for name in ("xi", "mu"):
-        variables[name] = (("time", "algebra"), getattr(records, name))
-    variables["xi_spatial"] = (("time", "algebra"), derived.pop("xi_spatial"))
-    for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **derived}), (V, {"a": records.a})):
+        found[name] = (("time", "algebra"), getattr(records, name))
+    found["xi_spatial"] = (("time", "algebra"), more.pop("xi_spatial"))
+    for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
-            variables.update(_parts(space, group, name, values))
+            found.update(_parts(space, group, name, values))
     if records.inputs is not None:
         for path, leaf in jax.tree_util.tree_leaves_with_path(records.inputs):
             name = "inputs" + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
-            variables[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
-    rotation = evaluate(lambda r: r.each(lambda s: group.rotation(s.g)), records)
+            found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
     if rotation is not None:
-        variables["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
-    for name, values in run.monitors.items():
-        variables[name] = (("time", "quantity") if values.ndim > 1 else ("time",), values)
-    made = xarray.Dataset(
-        variables,
-        coords={"time": run.start.t + run.dt * run.steps_saved, "step": ("time", run.steps_saved)},
-        attrs=_attributes(run),
-    )
+        found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
+    for name, values in monitors.items():
+        found[name] = (("time", "quantity") if values.ndim > 1 else ("time",), values)
+    return found
+
+
+def derived(records: State) -> dict[str, Any]:
+    """Ad_g ξ, q = g·n, q̇ = g·ν and the rotation in g, if there is one, of every record."""
+
+    def one(state: State) -> dict[str, Any]:
+        group, Q, _ = state.places
+        return {
+            "xi_spatial": group.Ad(state.g, state.xi),
+            "q": Q.act(group, state.g, state.n),
+            "qdot": Q.push(group, state.g, state.n, state.nu),
+            "rotation": group.rotation(state.g),
+        }
+
+    return jax.vmap(one)(records)
+
+
+def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, str]]:
+    """Unit and meaning of each variable, where known."""
+    units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
+    found: dict[str, dict[str, str]] = {}
+    for name in (*map(str, made), "time"):
+        base = name if name in _MEANINGS else name.split("_")[0]
+        unit = units.get(name, units.get(base))
+        told = {"units": unit, "long_name": _MEANINGS.get(base)}
+        found[name] = {key: value for key, value in told.items() if value is not None}
+    return found
+
+
+def labelled(made: xarray.Dataset, told: Mapping[str, Mapping[str, str]]) -> xarray.Dataset:
+    """The dataset with named angles, and with the units and meanings of its variables."""
     if "angle" in made.dims:
         made = made.assign_coords(angle=["yaw", "pitch", "roll"])
-    for name in (*made.data_vars, "time"):
-        base = str(name).split("_")[0] if str(name) not in _MEANINGS else str(name)
-        if str(name) in units or base in units:
-            made[name].attrs["units"] = units.get(str(name), units.get(base))
-        if base in _MEANINGS:
-            made[name].attrs["long_name"] = _MEANINGS[base]
+    for name, attrs in told.items():
+        made[name].attrs.update(attrs)
     return made
-
-
-def _derived(state: State) -> dict[str, Any]:
-    group, Q, _ = state.places
-    return {
-        "xi_spatial": group.Ad(state.g, state.xi),
-        "q": Q.act(group, state.g, state.n),
-        "qdot": Q.push(group, state.g, state.n, state.nu),
-    }
 
 
 def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str, tuple[tuple[str, ...], Any]]:
@@ -92,7 +123,8 @@ def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str,
     return {part: (("time", dims[part]), values[..., span]) for part, span in parts.items()}
 
 
-def _attributes(run: Run) -> dict[str, Any]:
+def attributes(run: Run) -> dict[str, Any]:
+    """The certificate of a run as the attributes of its dataset."""
     found = {key: value for key, value in run.summary().items() if value is not None}
     lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in run.extrema.items()}
     highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in run.extrema.items()}

@@ -92,6 +92,11 @@ class Run(Recording):
         return {name: np.concatenate([part[name] for part in rows]) for name in (rows[0] if rows else {})}
 
     @property
+    def ends(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Every monitored scalar at the first and at the last record."""
+        return {name: (rows[0], rows[-1]) for name, rows in self.monitors.items()}
+
+    @property
     def final(self) -> State:
         """The last record."""
         return jax.tree.map(lambda rows: rows[-1], self.records)
@@ -111,7 +116,7 @@ class Run(Recording):
     def relative_change(self, name: str) -> float:
         """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute if X₀ = 0."""
         low, high = self.extrema[name]
-        first = self.monitors[name][0]
+        first = self.ends[name][0]
         size = float(np.linalg.norm(first))
         change = float(np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low))))
         return change / size if size > 0 else change

@@ -24,6 +24,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.run import Run
+from coadjoint.spaces.named import named
 
 
 def simulate(
@@ -46,7 +47,8 @@ def simulate(
     Give `duration` (s) or `steps`. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
     and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
-    motion, held over each step. A progress bar appears for runs over a second on a terminal (`progress=False`: never).
+    motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`. A progress bar
+    appears for runs over a second on a terminal (`progress=False`: never).
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
     Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
     that fails.
@@ -98,7 +100,7 @@ def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | No
         return start
 
     def first(s: State) -> Any:
-        return inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal))
+        return named(inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal)))
 
     trace(first, "`inputs`", (start,))
     return start.replace(inputs=jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), evaluate(first, start)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import jax
@@ -67,3 +67,8 @@ class Named:
         made = object.__new__(cls)
         object.__setattr__(made, "_values", dict(zip(keys, values, strict=True)))
         return made
+
+
+def named(tree: Any) -> Any:
+    """A dictionary, and the dictionaries in it, as namespaces; anything else as it is."""
+    return Named(**{name: named(value) for name, value in tree.items()}) if isinstance(tree, Mapping) else tree

@@ -80,7 +80,7 @@ def general_vehicle(
     q = R n is the position of O, ν the body velocity of O, a = R⁻¹a₀ points down.
 
     mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal (3,), kg m².
-    added_mass: M_A about O, (6, 6) or its diagonal (6,), in the order surge, sway, heave, roll, pitch, yaw; kg, kg m and
+    added_mass: M_A about O, (6, 6) or its diagonal (6,), in the order surge, sway, heave, roll, pitch, yaw; kg, kg m,
     kg m²; symmetric, without negative eigenvalues. buoyancy: B = ρ|V|g, N, by default the weight. center_of_mass,
     center_of_buoyancy: r_g, r_b from O in the body frame, (3,) m. gravity: g, m/s².
     Raises ArgumentError for what no vehicle can have. Source: mathematics, section 10; with O the mass centre, (P71).

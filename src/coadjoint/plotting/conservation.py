@@ -1,0 +1,109 @@
+"""How well conserved quantities are conserved, on a logarithmic axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coadjoint.errors import ArgumentError
+from coadjoint.plotting.decimation import thin
+from coadjoint.plotting.entries import Entry, require
+from coadjoint.plotting.style import COLUMN, canvas, legend, look, time_axis
+
+Definition = Literal["discrete", "legendre"]
+
+_HEIGHT = 2.3
+
+
+def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
+    """|E_k/E₀ − 1| over time.
+
+    `definition`: "discrete" is E_k = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
+    "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
+    paper shows, and the second for every other rule.
+    """
+    if definition not in (None, "discrete", "legendre"):
+        raise ArgumentError(f'Argument `definition` must be "discrete" or "legendre", but is {definition!r}.')
+
+    def name(run: Entry) -> str:
+        left = str(run.dataset.attrs.get("method", "")).startswith("LeftRectangle")
+        discrete = definition == "discrete" or (definition is None and left)
+        names = ["discrete_energy", "energy"] if discrete else ["energy", "discrete_energy"]
+        return require(run, names[:1] if definition else names, "No energy was recorded, as with `monitors=False`.")
+
+    return _changes(runs, name, "energy error", "E")
+
+
+def kelvin_noether(runs: Sequence[Entry]) -> Figure:
+    """|I_k − I₀|/|I₀| over time; the norm over the quantities where there are several."""
+    sentence = (
+        "No Kelvin–Noether quantity was recorded: nothing leaves all advected parameters alone, or monitors=False."
+    )
+    return _changes(runs, lambda run: require(run, ["kelvin_noether"], sentence), "Kelvin–Noether error", "I")
+
+
+def group_defect(runs: Sequence[Entry]) -> Figure:
+    """How far g is from its group over time; for rotations the largest entry of |RᵀR − I|."""
+    figure = canvas(COLUMN, _HEIGHT)
+    axes = figure.subplots()
+    for index, run in enumerate(runs):
+        name = require(run, ["group_defect"], "No group defect was recorded.")
+        _curve(axes, run, run.values(name), index)
+    _finish(figure, axes, runs, "distance from the group")
+    return figure
+
+
+def relative(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """|X_k − X₀|/|X₀| with the Euclidean norm over components, and True; |X_k| and False where X₀ = 0."""
+    columns = values.reshape(len(values), -1)
+    change = np.linalg.norm(columns - columns[0], axis=1)
+    size = float(np.linalg.norm(columns[0]))
+    return (change / size, True) if size > 0 else (change, False)
+
+
+def _changes(runs: Sequence[Entry], name: Callable[[Entry], str], what: str, letter: str) -> Figure:
+    figure = canvas(COLUMN, _HEIGHT)
+    axes = figure.subplots()
+    found = [relative(run.values(name(run))) for run in runs]
+    all_relative = all(is_relative for _, is_relative in found)
+    for index, (run, (change, is_relative)) in enumerate(zip(runs, found, strict=True)):
+        values = run.values(name(run))
+        size = 1.0 if all_relative or not is_relative else float(np.linalg.norm(values[0]))
+        _curve(axes, run, change * size, index)
+    unit = runs[0].unit(name(runs[0]))
+    if all_relative:
+        label = rf"{what} $|{letter}_k/{letter}_0 - 1|$"
+    else:
+        label = rf"{what} $|{letter}_k - {letter}_0|$" + (f" ({unit})" if unit else "")
+    _finish(figure, axes, runs, label)
+    return figure
+
+
+def _curve(axes: Axes, run: Entry, values: np.ndarray, index: int) -> None:
+    """A curve on the logarithmic axis; exact zeros have no place there and are left out, all-zero curves are named."""
+    positive = np.flatnonzero(values > 0)
+    if not len(positive):
+        axes.plot([], [], label=f"{run.label} (exactly 0)", **look(index))
+        return
+    kept = positive[thin(np.log(values[positive]))]
+    axes.plot(run.time[kept], values[kept], label=run.label, **look(index))
+
+
+def _finish(figure: Figure, axes: Axes, runs: Sequence[Entry], label: str) -> None:
+    axes.set_yscale("log")
+    axes.set_ylabel(label)
+    heights = [np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()]
+    heights = [values for values in heights if len(values)]
+    if heights:
+        # A factor of two on either side, and a decade at least, so that a nearly constant error does not look wild.
+        low, high = min(map(np.min, heights)) / 2, max(map(np.max, heights)) * 2
+        axes.set_ylim(min(low, high / 10), high)
+    else:
+        axes.set_ylim(1e-17, 1e-15)
+        axes.text(0.5, 0.5, "exactly 0 at every saved node", transform=axes.transAxes, ha="center", va="center")
+    time_axis([axes], [run.time for run in runs])
+    legend(figure, *axes.get_legend_handles_labels())

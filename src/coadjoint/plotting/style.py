@@ -1,0 +1,128 @@
+"""The look of all figures: column widths, colours that colour-blind readers tell apart, no pyplot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from coadjoint.errors import ArgumentError
+from coadjoint.plotting.whole_file import whole_file
+
+COLUMN = 3.5
+"""Width of a figure in one column of a journal, in inches."""
+PAGE = 7.2
+"""Width of a figure over both columns, in inches."""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's palette (2008), without its yellow, which is too pale for lines."""
+DASHES = ("-", (0, (4, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+"""Line styles, so that curves which coincide, or are printed in grey, stay apart."""
+
+_SETTINGS = {
+    "figure.dpi": 300,
+    "savefig.dpi": 300,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.titlesize": 8,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.1,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
+
+
+class PlotFigure(Figure):
+    """A matplotlib Figure that notebooks show without pyplot and that no global state knows of."""
+
+    def _repr_png_(self) -> bytes:
+        from io import BytesIO
+
+        stream = BytesIO()
+        with style():
+            self.savefig(stream, format="png", dpi=150)
+        return stream.getvalue()
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The shared settings, for as long as a figure is made or written; the user's own are back afterwards."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_SETTINGS)
+        yield
+
+
+def canvas(width: float, height: float) -> PlotFigure:
+    """An empty figure (inches) with constrained layout."""
+    figure = PlotFigure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def look(index: int) -> dict[str, Any]:
+    """Colour and line style of the index-th curve."""
+    return {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
+
+
+def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
+    """A legend above everything, where it hides nothing, if there is more than one curve to tell apart."""
+    if len(handles) < 2:
+        return
+    longest = max(map(len, labels))
+    columns = min(max(int(figure.get_figwidth() / (0.5 + 0.065 * longest)), 1), len(handles))
+    rows = -(-len(handles) // columns)
+    figure.set_figheight(figure.get_figheight() + 0.16 * rows)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+
+
+def time_axis(column: Iterable[Axes], times: Sequence[np.ndarray]) -> None:
+    """One time axis under a column of panels, exactly as long as the longest run."""
+    column = list(column)
+    low, high = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
+    if high > low:
+        for axes in column:
+            axes.set_xlim(low, high)
+    column[-1].set_xlabel("time $t$ (s)")
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure, whole or not at all, in the format of the name's ending; raises ArgumentError, FileError."""
+    target = Path(path)
+    ending = target.suffix.lstrip(".").lower()
+    known = figure.canvas.get_supported_filetypes()
+    if ending not in known:
+        raise ArgumentError(
+            f"A figure's file must end in {', '.join('.' + name for name in sorted(known))}, but is {target.name}."
+        )
+    with whole_file(target) as temporary, style():
+        figure.savefig(temporary, format=ending)
+    return target

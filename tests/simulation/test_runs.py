@@ -1,0 +1,99 @@
+"""A run keeps what it says: nodes, extrema between nodes, files, and goes on exactly where another ended."""
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from paper_vehicle import start, system
+
+VEHICLE = system()
+START = start(VEHICLE)
+
+
+def test_a_run_that_goes_on_from_a_record_is_the_same_run():
+    whole = co.simulate(VEHICLE, START, dt=0.01, steps=200)
+    first = co.simulate(VEHICLE, START, dt=0.01, steps=120)
+    second = co.simulate(VEHICLE, first.final, dt=0.01, steps=80)
+    for one, other in zip(jax.tree.leaves(whole.final), jax.tree.leaves(second.final), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("steps", "save_every"), [(100, 7), (100, 1), (100, 100), (5, 100)])
+def test_every_kth_node_and_the_last_are_kept(steps, save_every):
+    run = co.simulate(VEHICLE, START, dt=0.01, steps=steps, save_every=save_every)
+    expected = sorted({*range(0, steps, save_every), steps})
+    np.testing.assert_array_equal(run.steps_saved, expected)
+    np.testing.assert_allclose(run.dataset.time, 0.01 * np.array(expected), rtol=0, atol=1e-15)
+    full = co.simulate(VEHICLE, START, dt=0.01, steps=steps)
+    np.testing.assert_array_equal(run.records.q, full.records.q[expected])
+
+
+def test_extrema_are_taken_over_every_step_although_few_are_saved():
+    sparse = co.simulate(VEHICLE, START, dt=0.01, steps=500, save_every=250)
+    dense = co.simulate(VEHICLE, START, dt=0.01, steps=500)
+    for name, values in dense.monitors.items():
+        low, high = sparse.extrema[name]
+        np.testing.assert_array_equal(low, values.min(axis=0))
+        np.testing.assert_array_equal(high, values.max(axis=0))
+
+
+def test_both_backends_agree_to_round_off_with_equal_newton_counts():
+    native = co.simulate(VEHICLE, START, dt=0.01, steps=100, backend="native")
+    xla = co.simulate(VEHICLE, START, dt=0.01, steps=100, backend="xla")
+    assert native.position.iterations == xla.position.iterations
+    for one, other in zip(jax.tree.leaves(native.records), jax.tree.leaves(xla.records), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+
+
+def test_a_saved_run_is_read_back_as_it_was_and_never_overwritten(tmp_path):
+    run = co.simulate(VEHICLE, START, dt=0.01, steps=20)
+    path = run.save(tmp_path / "dive.nc")
+    back = co.load(path)
+    assert str(back) == str(run)
+    for name, values in run.dataset.data_vars.items():
+        np.testing.assert_array_equal(back.dataset[name], values)
+    with pytest.raises(co.FileError, match="exists already"):
+        run.save(path)
+    with pytest.raises(co.FileError, match="There is no file"):
+        co.load(tmp_path / "none.nc")
+    with pytest.raises(co.FileError, match="does not exist"):
+        run.save(tmp_path / "nowhere" / "dive.nc")
+    assert [p.name for p in tmp_path.iterdir()] == ["dive.nc"]
+
+
+def test_the_dataset_carries_what_people_plot():
+    data = co.simulate(VEHICLE, START, dt=0.01, steps=20).dataset
+    R, n = data.R.values, data.n.values
+    np.testing.assert_allclose(data.q, np.einsum("tij,tj->ti", R, n), atol=1e-15)
+    np.testing.assert_allclose(data.xi_spatial, np.einsum("tij,tj->ti", R, data.xi), atol=1e-15)
+    angles = [co.attitude.zyx(*row) for row in data.euler_angles.values]
+    np.testing.assert_allclose(angles, R, atol=1e-14)
+
+
+def test_inputs_are_held_over_each_step_and_recorded():
+    """A constant thrust u along e₁ for a body without weight: q̈ = u/m, exact for every variational rule."""
+
+    def free(xi, n, nu, a, p):
+        return 0.5 * p.mass * nu @ nu + 0.5 * xi @ p.inertia @ xi + 0.0 * n @ a
+
+    def forces(motion, p):
+        return co.Force(force=motion.inputs.thrust)
+
+    body = system(free, forces=forces)
+    run = co.simulate(
+        body,
+        start(body, xi=[0, 0, 0], qdot=[0, 0, 0]),
+        dt=0.01,
+        steps=100,
+        inputs=lambda motion: co.Parameters(thrust=[2.0, 0.0, 0.0]),
+    )
+    expected = 0.5 * 2.0 / 123.8 * run.dataset.time**2
+    np.testing.assert_allclose(run.dataset.q[:, 0], expected, atol=1e-14)
+    np.testing.assert_array_equal(run.dataset.inputs_thrust[3], [2.0, 0.0, 0.0])
+
+
+def test_the_card_says_what_the_run_did():
+    card = str(co.simulate(VEHICLE, START, dt=0.01, steps=20))
+    for word in ("energy", "Kelvin–Noether", "balance", "Newton", "group defect", "iterations", "steps/s"):
+        assert word in card
