@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels import backend
-from coadjoint.kernels.interpreter import Untraceable
 
 H = 0.01
 
@@ -29,7 +29,7 @@ def everything(chunk):
 
 def test_both_kernels_give_the_same_chunk():
     s = start(H, [1.0, -2.0, 3.0])
-    native, xla = (backend.run(VehicleProgram(), PAPER, s, H, 5, 20, backend=name) for name in ("native", "xla"))
+    native, xla = (backend.run(name, VehicleProgram(), PAPER, s, H, 5, 20) for name in ("native", "xla"))
     assert_close(everything(native), everything(xla))
     for name in ("steps", "code", "iterations", "iterations_max"):
         assert getattr(native, name) == getattr(xla, name)
@@ -40,7 +40,7 @@ def test_both_kernels_give_the_same_ensemble():
     starts = [start(H, xi) for xi in ([1.0, -2.0, 3.0], [0.1, 0.2, 0.3], [np.nan, 0, 0])]
     s = jax.tree.map(lambda *leaves: np.stack(leaves), *starts)
     native, xla = (
-        backend.run_ensemble(VehicleProgram(), PAPER, s, H, 2, 20, axes=(False, True), backend=name)
+        backend.run_ensemble(name, VehicleProgram(), PAPER, s, H, 2, 20, axes=(False, True))
         for name in ("native", "xla")
     )
     # A state of NaN stays in both: compare the members that are well.
@@ -59,16 +59,16 @@ class Sorting(LeftRectangle):
 
 def test_a_fallback_is_told_once_and_names_the_primitive():
     program = VehicleProgram((Sorting(),))
-    with pytest.warns(RuntimeWarning, match="`sort`"):
-        chunk = backend.run(program, PAPER, start(H), H, 1, 2)
-    assert chunk.steps == 2
+    with pytest.warns(match="`sort`"):
+        assert backend.choose(program, PAPER, start(H), True, "auto") == "xla"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        backend.run(program, PAPER, start(H), H, 1, 2)
-    with pytest.raises(Untraceable, match="`sort`"):
-        backend.run(program, PAPER, start(H), H, 1, 2, backend="native")
+        assert backend.choose(program, PAPER, start(H), True, "auto") == "xla"
+    with pytest.raises(ArgumentError, match="`sort`"):
+        backend.choose(program, PAPER, start(H), True, "native")
+    assert backend.choose(VehicleProgram(), PAPER, start(H), True, "auto") == "native"
 
 
 def test_an_unknown_backend_is_refused():
-    with pytest.raises(ValueError, match="but is \"cuda\"|but is 'cuda'"):
-        backend.run(VehicleProgram(), PAPER, start(H), H, 1, 1, backend="cuda")  # pyright: ignore
+    with pytest.raises(ArgumentError, match="`backend` must be"):
+        backend.choose(VehicleProgram(), PAPER, start(H), True, "cuda")  # pyright: ignore

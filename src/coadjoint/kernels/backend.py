@@ -6,8 +6,9 @@ import warnings
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import native, xla
+from coadjoint.kernels import ensemble, native, xla
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.ensemble import EnsembleChunk
 from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Program
 
@@ -52,3 +53,25 @@ def run(
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
     kernel = native if backend == "native" else xla
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
+
+
+def run_ensemble(
+    backend: Backend,
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: Any,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """Every member, by the backend that `choose` found for one of them; by XLA one member after another.
+
+    `axes` = (of parameters, of state) are PyTrees of bools or prefixes, True where a leaf has an axis of members.
+    """
+    arguments = program, parameters, state, h, records, save_every, monitors
+    if backend == "native":
+        return ensemble.run_ensemble(*arguments, axes=axes)
+    return ensemble.one_by_one(xla.run, *arguments, axes=axes)
