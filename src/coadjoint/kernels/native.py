@@ -58,23 +58,24 @@ def compile(program: Program, parameters: Any, state: Any, monitors: bool = True
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, values), (shape_s, _) = pack(parameters), pack(state)
-    return _kernel(program, parameters, state, (shape_p, shape_s, specialised(values), monitors, width))
+    return kernel_for(program, parameters, state, (shape_p, shape_s, specialised(values), monitors, width))
 
 
-def _kernel(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
+def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
+    """The kernel for key = (layout of parameters, of state, zeros and ones, monitors, lanes), made at its first use."""
     key = (program, *key)
     with _lock:
-        kernel = _kernels.get(key)
-        if kernel is not None:
+        known = _kernels.get(key)
+        if known is not None:
             _kernels.move_to_end(key)
-            return kernel
+            return known
     *_, pattern, monitors, width = key
-    kernel = _load(plan(program, parameters, state, pattern, monitors), width)
+    made = _load(plan(program, parameters, state, pattern, monitors), width)
     with _lock:
-        _kernels[key] = kernel
+        _kernels[key] = made
         while len(_kernels) > KEPT:
             _kernels.popitem(last=False)
-    return kernel
+    return made
 
 
 def _load(planned: Plan, width: int) -> Kernel:
@@ -96,7 +97,7 @@ def run(
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
-    kernel = _kernel(program, parameters, state, (shape_p, shape_s, specialised(p), monitors, 1))
+    kernel = kernel_for(program, parameters, state, (shape_p, shape_s, specialised(p), monitors, 1))
     result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
     steps, code, iterations, iterations_max = map(int, result.status[:, 0])
     valid = min(-(-steps // save_every), records)

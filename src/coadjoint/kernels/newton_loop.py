@@ -27,15 +27,16 @@ class Outcome:
 class StageLoop:
     """Emits Newton for one stage and judges its outcome."""
 
-    def __init__(self, emit: Emitter, stage: StagePlan) -> None:
-        self.emit, self.stage, self.b = emit, stage, emit.builder
+    def __init__(self, emit: Emitter, stage: StagePlan, idle: Any) -> None:
+        # Newton does not wait for idle lanes: those of members that failed before.
+        self.emit, self.stage, self.b, self.idle = emit, stage, emit.builder, idle
 
     def run(self) -> Outcome:
         b, emit, scheme = self.b, self.emit, self.stage.scheme
         (h,) = emit.values([self.stage.h])
         self.floor = b.fdiv(emit.constant(FLOOR), emit.intrinsic("fabs", h))
         start = emit.values(self.stage.guess)
-        settled, iterations = emit.bit(False), self.emit.counts(0)
+        settled, iterations = self.idle, self.emit.counts(0)
         self.size_of_settled = emit.constant(0.0)
         if scheme.first is not None:
             delta = self._increment(scheme.first)
@@ -43,7 +44,8 @@ class StageLoop:
             for i, symbol in scheme.settled.items():
                 emit.bind(symbol, start[i])
             self.size_of_settled = self._size([start[i] for i in scheme.settled])
-            settled, iterations = self._settled(delta, [start[i] for i in scheme.looped]), self.emit.counts(1)
+            settled = b.or_(self.idle, self._settled(delta, [start[i] for i in scheme.looped]))
+            iterations = self.emit.counts(1)
         if scheme.loop is None:
             # Everything is affine: the second increment is round-off.
             again = self.emit.counts(2)

@@ -131,8 +131,9 @@ class _Stepper:
         iterations = self.emit.counts(0)
         well: Any = None
         code = self.emit.counts(0)
+        idle = self.emit.bit(False) if self.width == 1 else b.xor(b.load(self.alive), self.emit.bit(True))
         for stage in plan.stages:
-            outcome = StageLoop(self.emit, stage).run()
+            outcome = StageLoop(self.emit, stage, idle).run()
             iterations = b.add(iterations, outcome.iterations)
             code = outcome.code if well is None else b.select(well, outcome.code, code)
             well = outcome.sound if well is None else b.and_(well, outcome.sound)
