@@ -18,6 +18,10 @@ CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
 
 
+ENSEMBLE_CAPACITY = 64
+"""The same for an ensemble."""
+
+
 class StepResult(NamedTuple):
     """A step: its record, the state after it, and how its stages went."""
 
@@ -140,6 +144,24 @@ def run(
     )
 
 
+@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+def _loops(program: Program, parameters, states, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    def one(parameters, state):
+        return _loop(program, parameters, state, h, steps, save_every, capacity=capacity, monitored=monitored)
+
+    return jax.vmap(one)(parameters, states)
+
+
+def _spread(tree: Any, axes: Any) -> Any:
+    """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
+    leaves, structure = jax.tree.flatten(tree)
+    flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))
+    count = next(np.shape(leaf)[0] for leaf, flag in zip(leaves, flags, strict=True) if flag)
+    pairs = zip(leaves, flags, strict=True)
+    whole = [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs]
+    return jax.tree.unflatten(structure, whole)
+
+
 def run_ensemble(
     program: Program,
     parameters: Any,
@@ -151,14 +173,19 @@ def run_ensemble(
     *,
     axes: tuple[Any, Any],
 ) -> EnsembleChunk:
-    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis."""
-    flags = jax.tree.map(lambda flag: 0 if flag else None, axes)
+    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis.
+
+    records ≤ ENSEMBLE_CAPACITY.
+    """
+    spread = _spread((parameters, state), axes)
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
-        loop = jax.vmap(
-            lambda p, s: _loop(program, p, s, *numbers, capacity=records, monitored=monitors), in_axes=flags
-        )
-        end = jax.tree.map(np.asarray, loop(parameters, state))
+        end = _loops(program, *spread, *numbers, capacity=ENSEMBLE_CAPACITY, monitored=monitors)
+        end = jax.tree.map(np.asarray, end)
+    end = end._replace(
+        records=jax.tree.map(lambda rows: rows[:, :records], end.records),
+        monitors=jax.tree.map(lambda rows: rows[:, :records], end.monitors),
+    )
     rows = np.minimum(-(-end.index // save_every), records)
     absent = np.arange(records) >= rows[:, None]
 

@@ -226,7 +226,7 @@ def drive(ensemble: Ensemble, axes: Any, progress: bool | None) -> None:
             saved.append(done + every * np.arange(records))
             state, done = chunk.final, done + records * every
             bar.advance(records * every, ensemble.seconds)
-            records = int(np.clip(records * min(PATIENCE / max(spent, 1e-6), 8.0), 1, xla.CAPACITY))
+            records = int(np.clip(records * min(PATIENCE / max(spent, 1e-6), 8.0), 1, xla.ENSEMBLE_CAPACITY))
     last = run(state, 1, 1)
     ensemble.add(last, keep=True)
     ensemble.codes = np.where(ensemble.codes == 0, last.code, ensemble.codes)
