@@ -22,6 +22,7 @@ _HOMES = {
     ),
     "coadjoint.groups": ("SE2", "SE3", "SO2", "SO3", "DirectProduct", "LieGroup", "MatrixGroup", "Translation"),
     "coadjoint.kernels.float64": ("float64",),
+    "coadjoint.mechanics.each": ("each",),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
     "coadjoint.mechanics.state": ("Force", "Motion", "State"),
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from coadjoint.groups import *  # noqa: F403
     from coadjoint.groups import attitude as attitude
     from coadjoint.kernels.float64 import float64 as float64
+    from coadjoint.mechanics.each import each as each
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.state import Force as Force

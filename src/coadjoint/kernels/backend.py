@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels import ensemble, native, xla
-from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.ensemble import EnsembleChunk
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Program
 
@@ -60,18 +59,13 @@ def run_ensemble(
     program: Program,
     parameters: Any,
     state: Any,
-    h: Any,
+    h: float,
     records: int,
     save_every: int,
     monitors: bool = True,
     *,
     axes: tuple[Any, Any],
 ) -> EnsembleChunk:
-    """Every member, by the backend that `choose` found for one of them; by XLA one member after another.
-
-    `axes` = (of parameters, of state) are PyTrees of bools or prefixes, True where a leaf has an axis of members.
-    """
-    arguments = program, parameters, state, h, records, save_every, monitors
-    if backend == "native":
-        return ensemble.run_ensemble(*arguments, axes=axes)
-    return ensemble.one_by_one(xla.run, *arguments, axes=axes)
+    """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
+    kernel = ensemble if backend == "native" else xla
+    return kernel.run_ensemble(program, parameters, state, h, records, save_every, monitors, axes=axes)

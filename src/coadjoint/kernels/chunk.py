@@ -29,3 +29,22 @@ class Chunk:
     iterations_max: int
     monitors: Mapping[str, np.ndarray]
     extrema: Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class EnsembleChunk:
+    """A stretch of the runs of all members: as `Chunk`, with a leading axis of members everywhere.
+
+    Members that failed have fewer records, `rows` (members,) of them; what would come after is NaN. `code` (members,)
+    are whole numbers of `Code`.
+    """
+
+    records: Any
+    final: Any
+    steps: np.ndarray
+    rows: np.ndarray
+    code: np.ndarray
+    iterations: np.ndarray
+    iterations_max: np.ndarray
+    monitors: Mapping[str, np.ndarray]
+    extrema: Mapping[str, tuple[np.ndarray, np.ndarray]]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -13,30 +11,11 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from coadjoint.kernels import native
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.native import Kernel, Result
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.plan import specialised
 from coadjoint.kernels.program import Program
-
-
-@dataclass(frozen=True)
-class EnsembleChunk:
-    """A stretch of the runs of all members: as `Chunk`, with a leading axis for the members everywhere.
-
-    Members that failed have fewer records, `rows` (members,) of them; what would come after is NaN. `code` (members,)
-    are whole numbers of `Code`.
-    """
-
-    records: Any
-    final: Any
-    steps: np.ndarray
-    rows: np.ndarray
-    code: np.ndarray
-    iterations: np.ndarray
-    iterations_max: np.ndarray
-    monitors: Mapping[str, np.ndarray]
-    extrema: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 def lanes() -> int:
@@ -92,52 +71,6 @@ def run_ensemble(
     with ThreadPoolExecutor(threads or _cores()) as pool:
         results = list(pool.map(launch, groups))
     return _gathered(kernel, shape_s, results, count, save_every)
-
-
-def one_by_one(
-    run: Callable[..., Chunk],
-    program: Program,
-    parameters: Any,
-    state: Any,
-    h: Any,
-    records: int,
-    save_every: int,
-    monitors: bool = True,
-    *,
-    axes: tuple[Any, Any],
-) -> EnsembleChunk:
-    """The same by `run` for one member after another."""
-    shape_p, p = _members(parameters, axes[0])
-    shape_s, s = _members(state, axes[1])
-    steps = np.asarray(h, np.float64).reshape(-1)
-    chunks = []
-    for i in range(_count(len(p), len(s), len(steps))):
-        own_p, own_s = shape_p.unpack(p[i % len(p)]), shape_s.unpack(s[i % len(s)])
-        chunks.append(run(program, own_p, own_s, float(steps[i % len(steps)]), records, save_every, monitors))
-    return _stacked(chunks, records, save_every)
-
-
-def _stacked(chunks: list[Chunk], records: int, save_every: int) -> EnsembleChunk:
-    """Chunks of members as one."""
-
-    def padded(rows: np.ndarray) -> np.ndarray:
-        return np.concatenate([rows, np.full((records - len(rows), *rows.shape[1:]), np.nan)])
-
-    def stacked(trees: list[Any]) -> Any:
-        return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *trees)
-
-    steps = np.array([chunk.steps for chunk in chunks])
-    return EnsembleChunk(
-        records=stacked([jax.tree_util.tree_map(padded, chunk.records) for chunk in chunks]),
-        final=stacked([chunk.final for chunk in chunks]),
-        steps=steps,
-        rows=np.minimum(-(-steps // save_every), records),
-        code=np.array([int(chunk.code) for chunk in chunks]),
-        iterations=np.array([chunk.iterations for chunk in chunks]),
-        iterations_max=np.array([chunk.iterations_max for chunk in chunks]),
-        monitors=stacked([{name: padded(rows) for name, rows in chunk.monitors.items()} for chunk in chunks]),
-        extrema=stacked([dict(chunk.extrema) for chunk in chunks]),
-    )
 
 
 def _members(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:

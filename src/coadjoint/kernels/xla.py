@@ -11,11 +11,15 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels import newton
-from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 
 CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
+
+
+ENSEMBLE_CAPACITY = 64
+"""The same for an ensemble."""
 
 
 class StepResult(NamedTuple):
@@ -136,5 +140,68 @@ def run(
         iterations=int(end.iterations),
         iterations_max=int(end.iterations_max),
         monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
+        extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )
+
+
+@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+def _loops(program: Program, parameters, states, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    def one(parameters, state):
+        return _loop(program, parameters, state, h, steps, save_every, capacity=capacity, monitored=monitored)
+
+    return jax.vmap(one)(parameters, states)
+
+
+def _spread(tree: Any, axes: Any) -> Any:
+    """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
+    leaves, structure = jax.tree.flatten(tree)
+    flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))
+    count = next(np.shape(leaf)[0] for leaf, flag in zip(leaves, flags, strict=True) if flag)
+    pairs = zip(leaves, flags, strict=True)
+    whole = [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs]
+    return jax.tree.unflatten(structure, whole)
+
+
+def run_ensemble(
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis.
+
+    records ≤ ENSEMBLE_CAPACITY.
+    """
+    spread = _spread((parameters, state), axes)
+    with jax.enable_x64(True):
+        numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
+        end = _loops(program, *spread, *numbers, capacity=ENSEMBLE_CAPACITY, monitored=monitors)
+        end = jax.tree.map(np.asarray, end)
+    end = end._replace(
+        records=jax.tree.map(lambda rows: rows[:, :records], end.records),
+        monitors=jax.tree.map(lambda rows: rows[:, :records], end.monitors),
+    )
+    rows = np.minimum(-(-end.index // save_every), records)
+    absent = np.arange(records) >= rows[:, None]
+
+    def blank(values):
+        values = np.array(values)
+        values[absent] = np.nan
+        return values
+
+    return EnsembleChunk(
+        records=jax.tree.map(blank, end.records),
+        final=end.state,
+        steps=end.index,
+        rows=rows,
+        code=end.code,
+        iterations=end.iterations,
+        iterations_max=end.iterations_max,
+        monitors={name: blank(values) for name, values in end.monitors.items()},
         extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
     )

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.each import Each
 from coadjoint.spaces.named import Named
 
 
@@ -16,7 +17,8 @@ from coadjoint.spaces.named import Named
 class Parameters(Named):
     """Named parameters, `co.Parameters(mass=123.8, inertia=np.diag([5.46, 5.29, 5.72]))`, in SI units.
 
-    Values are numbers, arrays or nested dictionaries of these, kept as float64; float32 arrays, text and values that
+    Values are numbers, arrays, nested dictionaries of these, or `co.each` of them, kept as float64; float32 arrays,
+    text and values that
     are not finite raise ArgumentError.
     """
 
@@ -27,6 +29,8 @@ class Parameters(Named):
 
 
 def _leaf(name: str, value: Any) -> Any:
+    if isinstance(value, Each):
+        return value
     if isinstance(value, Mapping):
         return Parameters(**value)
     if isinstance(value, Named):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -12,35 +13,82 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.check import require_scalar
+from coadjoint.mechanics.each import Each, count_members, member_of
 from coadjoint.mechanics.parameters import Parameters, float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces import Several, Space
 from coadjoint.spaces.space import checked_vector
 
+ON_GROUP = 1e-9
+"""The largest defect of an element that is taken for round-off."""
+
+
+class _Given(NamedTuple):
+    """The arguments of `System.state`, checked: element and flat float64 arrays."""
+
+    g: Any
+    q: Any
+    qdot: Any
+    xi: Any
+    a0: Any
+    t: Any
+
 
 def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> State:
-    """The state of `System.state`."""
+    """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis."""
     group, Q, V = system.places
-    g = checked_element(group, g)
-    xi = np.zeros(group.dim) if xi is None else checked_vector(xi, group.dim, "xi")
-    q, qdot = _pair(system, q, qdot)
-    a0 = _advected(system, a0)
-    t = float64(t, "Argument `t`")
     inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
-
-    def body(g, q, xi, qdot, a0, t, parameters):
-        here = replace_parameters(system, parameters)
-        back = group.inverse(g)
-        n, nu, a = Q.act(group, back, q), Q.push(group, back, q, qdot), V.act(group, back, a0)
-        mu, pi = legendre(here, xi, n, nu, a, t, inputs)
-        return n, nu, a, mu, pi
-
+    arguments = (g, q, qdot, xi, a0, t)
+    count = count_members(arguments)
+    parameters = member_of(system.parameters, 0)
+    here = replace_parameters(system, parameters)
+    if count is None:
+        given = _check(system, checked_element(group, g), *arguments[1:])
+    else:
+        given = _check_members(system, arguments, count)
     if system.lagrangian is not None:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
-        require_scalar(lambda *z: system.reduced_lagrangian(*z, t, inputs), "The Lagrangian", (xi, *zeros))
-    n, nu, a, mu, pi = evaluate(body, g, q, xi, qdot, a0, t, system.parameters)
-    return State(t, g, n, a, mu, pi, xi, nu, inputs, internal, places=system.places, from_velocities=True)
+        here_at = partial(here.reduced_lagrangian, t=0.0, inputs=inputs)
+        require_scalar(here_at, "The Lagrangian", (np.zeros(group.dim), *zeros))
+
+    def body(given: _Given, parameters) -> State:
+        system_ = replace_parameters(system, parameters)
+        back = group.inverse(given.g)
+        n, nu = Q.act(group, back, given.q), Q.push(group, back, given.q, given.qdot)
+        a = V.act(group, back, given.a0)
+        mu, pi = legendre(system_, given.xi, n, nu, a, given.t, inputs)
+        return State(
+            given.t, given.g, n, a, mu, pi, given.xi, nu, inputs, internal, places=system.places, from_velocities=True
+        )
+
+    made = body if count is None else jax.vmap(body, in_axes=(0, None))
+    return evaluate(made, given, parameters)
+
+
+def _check(system: System, element: Any, q, qdot, xi, a0, t) -> _Given:
+    q, qdot = _pair(system, q, qdot)
+    xi = np.zeros(system.group.dim) if xi is None else checked_vector(xi, system.group.dim, "xi")
+    return _Given(element, q, qdot, xi, _advected(system, a0), float64(t, "Argument `t`"))
+
+
+def _check_members(system: System, arguments: tuple[Any, ...], count: int) -> _Given:
+    """All members, stacked; the group elements are checked together, because that is what takes time."""
+    group = system.group
+    g, *others = arguments
+    first = checked_element(group, member_of(g, 0))
+    if isinstance(g, Each):
+        elements = jax.tree.map(lambda leaf, values: np.asarray(values), first, g.values)
+        if group.constrained:
+            defects = np.asarray(evaluate(jax.vmap(group.defect), elements))
+            if np.max(defects) > ON_GROUP:
+                worst = int(np.argmax(defects))
+                checked_element(group, jax.tree.map(lambda leaf: leaf[worst], elements))
+    else:
+        elements = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *leaf.shape)), first)
+    rows = [_check(system, first, *member_of(others, index)) for index in range(count)]
+    stack = [np.stack([getattr(row, name) for row in rows]) for name in _Given._fields[1:]]
+    return _Given(elements, *stack)
 
 
 def momentum_start(system: System, state: State) -> State:
@@ -91,7 +139,7 @@ def checked_element(group: LieGroup, g: Any) -> Any:
         defect = float(evaluate(group.defect, element))
         turned = not traced(element) and evaluate(group.rotation, element)
         mirror = isinstance(turned, np.ndarray) and np.linalg.det(turned) < 0
-        if defect > 1e-9 or mirror:
+        if defect > ON_GROUP or mirror:
             why = "its determinant is −1" if mirror else f"its defining equations fail by {defect:.2g}"
             raise ArgumentError(
                 f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude."

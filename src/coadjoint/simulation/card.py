@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
 
@@ -74,3 +75,33 @@ def _change(c: dict[str, Any], name: str) -> str:
     shown = f"{first[0]:.10g}" if len(first) == 1 else f"{len(first)} quantities, norm {np.linalg.norm(first):.6g}"
     kind = "relative" if np.linalg.norm(first) > 0 else "absolute"
     return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
+
+
+def ensemble_card(ensemble: Ensemble) -> str:
+    """The certificate of an ensemble as text."""
+    count, plan = ensemble.members.count, ensemble.plan
+    failed = ensemble.failures
+    lines = [
+        ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
+        ("method", f"{ensemble.method.title}, order {ensemble.method.order}"),
+        ("steps", f"{plan.steps:,} steps of {plan.h:g} s each"),
+        ("saved", f"{len(ensemble.steps_saved):,} nodes a member, every {plan.save_every}, float64"),
+        ("finished", f"{count - len(failed):,} of {count:,}"),
+    ]
+    lines += [("failed", f"member {index}: {what}") for index, what in list(failed.items())[:5]]
+    for name, title in (("energy", "energy"), ("kelvin_noether", "Kelvin–Noether")):
+        if name in ensemble.monitors:
+            change = ensemble.relative_changes(name)[ensemble.codes == 0]
+            if len(change):
+                worst = f"median {np.median(change):.2e}, worst {np.max(change):.2e}"
+                lines.append((title, f"largest relative change: {worst}"))
+    for name, title in (("balance", "balance"), ("newton_residual", "Newton"), ("group_defect", "group defect")):
+        if name in ensemble.extrema:
+            lines.append((title, f"{np.max(ensemble.extrema[name][1]):.1e}  worst of all members"))
+    done = int(np.sum(ensemble.steps_done))
+    lines.append(("iterations", f"{np.sum(ensemble.iterations) / max(done, 1):.2f} a step"))
+    speed = done / ensemble.seconds if ensemble.seconds > 0 else float("inf")
+    lines.append(("time", f"{ensemble.seconds:.3g} s, {speed:,.0f} steps/s, {ensemble.set_up_seconds:.3g} s to set up"))
+    lines += [("warning", sentence) for sentence in ensemble.warnings]
+    width = max(len(title) for title, _ in lines)
+    return "\n".join(f"{title:<{width}}  {text}" for title, text in lines)

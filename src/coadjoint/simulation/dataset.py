@@ -16,6 +16,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 
 if TYPE_CHECKING:
+    from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
 _MEANINGS = {
@@ -47,6 +48,36 @@ def dataset(run: Run) -> xarray.Dataset:
         attrs=attributes(run),
     )
     return labelled(made, meanings(made, run.system))
+
+
+def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
+    """The records of an ensemble, as `dataset` with a dimension `member`; NaN where a member has failed."""
+    members, nodes = np.shape(ensemble.records.t)
+    good = np.isfinite(ensemble.records.t).ravel()
+
+    def rows(values: np.ndarray) -> np.ndarray:
+        return values.reshape(members * nodes, *values.shape[2:])[good]
+
+    monitors = {name: rows(values) for name, values in ensemble.monitors.items()}
+    flat = variables(ensemble.system, jax.tree.map(rows, ensemble.records), monitors)
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        whole = np.full((members * nodes, *values.shape[1:]), np.nan)
+        whole[good] = values
+        return whole.reshape(members, nodes, *values.shape[1:])
+
+    made = xarray.Dataset(
+        {name: (("member", *dims), spread(values)) for name, (dims, values) in flat.items()},
+        coords={
+            "member": np.arange(members),
+            "time": ensemble.plan.h * ensemble.steps_saved + np.ravel(ensemble.start.t)[0],
+            "step": ("time", ensemble.steps_saved),
+            "steps_done": ("member", ensemble.steps_done),
+            "code": ("member", ensemble.codes),
+        },
+        attrs={"group": repr(ensemble.system.group), "system": ensemble.system.name, "card": str(ensemble)},
+    )
+    return labelled(made, meanings(made, ensemble.system))
 
 
 def variables(

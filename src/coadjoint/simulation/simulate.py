@@ -23,6 +23,15 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
+from coadjoint.simulation.ensemble import (
+    Ensemble,
+    begin_members,
+    count_of,
+    drive,
+    first_member,
+    member_constants,
+    with_own_directions,
+)
 from coadjoint.simulation.run import Run
 from coadjoint.spaces.named import named
 
@@ -49,6 +58,8 @@ def simulate(
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
     motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`. A progress bar
     appears for runs over a second on a terminal (`progress=False`: never).
+    With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with the same face and
+    a dimension `member`; one that fails is reported and masked, the others finish.
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
     Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
     that fails.
@@ -58,6 +69,10 @@ def simulate(
     _require_kinds(system, start, method)
     h, steps = _grid(dt, duration, steps)
     _require_whole(save_every, "save_every")
+    count = count_of(system, start)
+    if count is not None:
+        whole = (monitors, kelvin_noether, inputs, backend, progress)
+        return _simulate_members(system, start, method, h, steps, save_every, count, *whole)  # type: ignore[return-value]
     start = _with_inputs(system, start, inputs)
     warnings = system.check(start)
     state = method.begin(system, start, h)
@@ -92,6 +107,32 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
             observed.append(observe.group_defect)
     program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs)
     return program, Constants(system.parameters, watching)
+
+
+def _simulate_members(
+    system, start, method, h, steps, save_every, count, monitors, kelvin_noether, inputs, backend, progress
+) -> Ensemble:
+    """`simulate` for an ensemble: what is the same for all members is checked on the first."""
+    began = time.perf_counter()
+    if inputs is not None:
+        at_first = _with_inputs(*first_member(system, start), inputs).inputs
+        spread = [np.broadcast_to(leaf, (count, *leaf.shape)) for leaf in jax.tree.leaves(at_first)]
+        held = jax.tree.unflatten(
+            jax.tree.structure(at_first), spread if np.ndim(start.t) else jax.tree.leaves(at_first)
+        )
+        start = start.replace(inputs=held)
+    warnings = first_member(system, start)[0].check(first_member(system, start)[1])
+    members = begin_members(system, start, method, h, count)
+    first, state = first_member(system, members.states)
+    _require_chart(first, method, state, h)
+    program, constants = _program(first, method, state, kelvin_noether, inputs, monitors)
+    program, constants, axes = with_own_directions(program, constants, members, warnings)
+    chosen = kernels.choose(program, member_constants(constants, axes), state, monitors, backend)
+    plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
+    ensemble = Ensemble(system, method, start, plan, members, warnings)
+    drive(ensemble, axes, progress)
+    ensemble.set_up_seconds = time.perf_counter() - began - ensemble.seconds
+    return ensemble
 
 
 def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | None) -> State:

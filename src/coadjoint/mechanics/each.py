@@ -1,0 +1,70 @@
+"""A value for each member of an ensemble, in the place of one value."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+
+
+class Each:
+    """Values with a leading axis of members; made by `co.each`, a leaf wherever one value may stand."""
+
+    def __init__(self, values: Any):
+        self.values = values
+
+    def __len__(self) -> int:
+        return len(jax.tree.leaves(self.values)[0])
+
+    def __repr__(self) -> str:
+        return f"each({len(self)} values)"
+
+    def member(self, index: int) -> Any:
+        """The value of one member."""
+        return jax.tree.map(lambda leaf: leaf[index], self.values)
+
+
+def each(values: Any) -> Each:
+    """One value for each member of an ensemble: `vehicle.replace(mass=co.each(np.linspace(110, 140, 1000)))`.
+
+    `values` has a leading axis of members; it may stand for any parameter and any argument of `system.state`. For
+    group elements that are tuples, such as SE3's (R, x), a tuple of arrays. Raises ArgumentError for values that are
+    not finite numbers with one leading axis.
+    """
+    parts = values if isinstance(values, tuple) else (values,)
+    try:
+        arrays = [np.array(part, dtype=np.float64) for part in parts]
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"co.each needs numbers with a leading axis of members, but got {values!r}.") from error
+    lengths = {array.shape[0] if array.ndim else 0 for array in arrays}
+    if len(lengths) != 1 or lengths == {0}:
+        raise ArgumentError(
+            "co.each needs numbers with a leading axis of at least one member, but got shape "
+            f"{', '.join(str(array.shape) for array in arrays)}."
+        )
+    if not all(np.all(np.isfinite(array)) for array in arrays):
+        raise ArgumentError("co.each needs finite numbers, but some are not finite.")
+    return Each(tuple(arrays) if isinstance(values, tuple) else arrays[0])
+
+
+def count_members(*trees: Any) -> int | None:
+    """How many members the `Each` leaves stand for, None where there are none; raises ArgumentError if they differ."""
+    lengths = {len(leaf) for leaf in jax.tree.leaves(trees) if isinstance(leaf, Each)}
+    if len(lengths) > 1:
+        raise ArgumentError(f"All co.each of an ensemble must hold equally many values, but hold {sorted(lengths)}.")
+    return lengths.pop() if lengths else None
+
+
+def member_of(tree: Any, index: int) -> Any:
+    """The tree of one member."""
+    return jax.tree.map(lambda leaf: leaf.member(index) if isinstance(leaf, Each) else leaf, tree)
+
+
+def stacked(tree: Any) -> tuple[Any, Any]:
+    """The tree with `Each` leaves as arrays, and the tree of axes for jax.vmap: 0 where there is a member axis."""
+    values = jax.tree.map(lambda leaf: leaf.values if isinstance(leaf, Each) else leaf, tree)
+    axes = jax.tree.map(lambda leaf: 0 if isinstance(leaf, Each) else None, tree)
+    return values, axes

@@ -1,0 +1,171 @@
+"""The discrete action of every rule, written from section 6 of the mathematics and differentiated.
+
+It shares with the methods only τ, the action of the group and ℓ: neither (dτ⁻¹)*, nor diamonds, nor node forms.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+import coadjoint as co
+from coadjoint.methods import Step
+from coadjoint.spaces import Space
+
+
+class Variations(NamedTuple):
+    """η = g⁻¹δg and w = g⁻¹δq at both ends of a step."""
+
+    eta: Any
+    w: Any
+    eta_next: Any
+    w_next: Any
+
+
+def half(system: co.System, step: Step, hxi) -> Any:
+    """H = σ(hξ/2), of the midpoint rule."""
+    return step.difference_map.tau(system.group, 0.5 * hxi)
+
+
+def increment(system: co.System, step: Step, hxi) -> Any:
+    """F = τ(hξ); of the midpoint rule F = H²."""
+    if isinstance(step, co.Midpoint):
+        H = half(system, step, hxi)
+        return system.group.compose(H, H)
+    return step.difference_map.tau(system.group, hxi)
+
+
+def chord_end(system: co.System, step: Step, record: co.State, h) -> Any:
+    """s = g_k⁻¹q_{k+1} from the velocity at the rule's own node."""
+    group, Q = system.group, system.additional
+    frame = group.identity()
+    if isinstance(step, co.RightRectangle):
+        frame = increment(system, step, h * record.xi)
+    if isinstance(step, co.Midpoint):
+        frame = half(system, step, h * record.xi)
+    return Q.act(group, frame, Q.act(group, group.inverse(frame), record.n) + h * record.nu)
+
+
+def nodes(system: co.System, step: Step, xi, n, s, a, h, t) -> list[tuple[float, Any]]:
+    """(weight, (ξ, n, ν, a, t)) of the rule's quadrature."""
+    group, Q, V = system.group, system.additional, system.advected
+
+    def seen_from(frame, fraction, weight):
+        back = group.inverse(frame)
+        first, last = Q.act(group, back, n), Q.act(group, back, s)
+        place = first + fraction * (last - first)
+        return weight, (xi, place, (last - first) / h, V.act(group, back, a), t + fraction * h)
+
+    if isinstance(step, co.LeftRectangle):
+        return [seen_from(group.identity(), 0.0, 1.0)]
+    if isinstance(step, co.RightRectangle):
+        return [seen_from(increment(system, step, h * xi), 1.0, 1.0)]
+    if isinstance(step, co.Midpoint):
+        return [seen_from(half(system, step, h * xi), 0.5, 1.0)]
+    assert isinstance(step, co.Trapezoidal)
+    return [seen_from(group.identity(), 0.0, 0.5), seen_from(increment(system, step, h * xi), 1.0, 0.5)]
+
+
+def discrete_lagrangian(system: co.System, step: Step, xi, n, s, a, h, t) -> Any:
+    """Λ(ξ, n, s, a; h) = h Σ weight ℓ(node)."""
+    return h * sum(w * system.reduced_lagrangian(*at) for w, at in nodes(system, step, xi, n, s, a, h, t))
+
+
+def infinitesimal(space: Space, group, xi, x) -> Any:
+    """ξ·x by differentiation of the action, whatever closed form the space has."""
+    return Space.infinitesimal(space, group, xi, x)
+
+
+def varied_velocity(system: co.System, step: Step, hxi, v: Variations) -> Any:
+    """hδξ from δF = −η_kF + Fη_{k+1}: the linear equations Dτ(hξ)·hδξ = δF, solved by least squares."""
+    group = system.group
+
+    def F(x):
+        return group.matrix(increment(system, step, x))
+
+    tangent = jax.jacfwd(F)(hxi).reshape(-1, group.dim)
+    change = F(hxi) @ group.hat(v.eta_next) - group.hat(v.eta) @ F(hxi)
+    return jnp.linalg.solve(tangent.T @ tangent, tangent.T @ change.reshape(-1))
+
+
+def virtual_work(system: co.System, step: Step, record: co.State, h, v: Variations, dhxi) -> Any:
+    """Σ h weight (⟨T, η⟩ + ⟨f, w⟩) with η, w those of the nodes' own frames."""
+    group, Q = system.group, system.additional
+    hxi = h * record.xi
+    s = chord_end(system, step, record, h)
+    F = increment(system, step, hxi)
+    total = 0.0
+    for index, (weight, at) in enumerate(nodes(system, step, record.xi, record.n, s, record.a, h, record.t)):
+        torque, force = system.body_force(system.motion(*at))
+        if isinstance(step, co.Midpoint):
+            value, change = jax.jvp(lambda x: group.matrix(half(system, step, x)), (hxi,), (dhxi,))
+            eta = group.vee(jnp.linalg.solve(value, group.hat(v.eta) @ value + change))
+            mean = 0.5 * (v.w + Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next))
+            back = group.inverse(half(system, step, hxi))
+            w = Q.push(group, back, record.n, mean)
+        else:
+            first = isinstance(step, co.LeftRectangle) or (isinstance(step, co.Trapezoidal) and index == 0)
+            eta, w = (v.eta, v.w) if first else (v.eta_next, v.w_next)
+        total = total + h * weight * (torque @ eta + force @ w)
+    return total
+
+
+def variation(system: co.System, step: Step, record: co.State, h, v: Variations) -> Any:
+    """dΛ + virtual work of one step under the variations at its ends."""
+    group, Q, V = system.group, system.additional, system.advected
+    s = chord_end(system, step, record, h)
+    F = increment(system, step, h * record.xi)
+    dhxi = varied_velocity(system, step, h * record.xi, v)
+    dn = v.w - infinitesimal(Q, group, v.eta, record.n)
+    ds = Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next) - infinitesimal(Q, group, v.eta, s)
+    da = -infinitesimal(V, group, v.eta, record.a)
+
+    def action(xi, n, s, a):
+        return discrete_lagrangian(system, step, xi, n, s, a, h, record.t)
+
+    change = jax.jvp(action, (record.xi, record.n, s, record.a), (dhxi / h, dn, ds, da))[1]
+    return change + virtual_work(system, step, record, h, v, dhxi)
+
+
+def boundary_momenta(system: co.System, step: Step, record: co.State, h) -> Variations:
+    """(μ_k, π_k, μ_{k+1}, π_{k+1}) for which dΛ + work = [⟨μ, η⟩ + ⟨π, w⟩]: both discrete Legendre transforms."""
+    group, Q = system.group, system.additional
+    nothing = Variations(
+        jnp.zeros(group.dim), jnp.zeros(Q.ambient(group)), jnp.zeros(group.dim), jnp.zeros(Q.ambient(group))
+    )
+    slopes = jax.grad(lambda v: variation(system, step, record, h, v))(nothing)
+    n_next = Q.act(group, group.inverse(increment(system, step, h * record.xi)), chord_end(system, step, record, h))
+    return Variations(
+        -slopes.eta,
+        Q.project(group, record.n, -slopes.w),
+        slopes.eta_next,
+        Q.project(group, n_next, slopes.w_next),
+    )
+
+
+def boundary_forces(system: co.System, step: Step, record: co.State, h) -> Variations:
+    """(T⁻, φ⁻, T⁺, φ⁺): the virtual work of a step as a covector on the variations at its ends."""
+    group, Q = system.group, system.additional
+    zeros = jnp.zeros(group.dim), jnp.zeros(Q.ambient(group))
+
+    def work(v):
+        return virtual_work(system, step, record, h, v, varied_velocity(system, step, h * record.xi, v))
+
+    return jax.grad(work)(Variations(*zeros, *zeros))
+
+
+def gradients(system: co.System, step: Step, record: co.State, h) -> tuple[Any, Any, Any, Any]:
+    """(∂_ξΛ, ∂_nΛ, ∂_sΛ, ∂_aΛ) at a record."""
+    s = chord_end(system, step, record, h)
+
+    def action(xi, n, s, a):
+        return discrete_lagrangian(system, step, xi, n, s, a, h, record.t)
+
+    return jax.grad(action, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
+
+
+def diamond(space: Space, group, b, x) -> Any:
+    """b⋄x by its definition ⟨b⋄x, ξ⟩ = −⟨b, ξ·x⟩, one basis element of 𝔤 after the other."""
+    return -jax.vmap(lambda xi: b @ infinitesimal(space, group, xi, x))(jnp.eye(group.dim))

@@ -1,0 +1,45 @@
+"""Every Python block of the README and of the pages runs: those of a page in order, in one namespace."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+matplotlib.use("Agg")
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#]+)[^)]*\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    fences = [line.strip() for line in text.splitlines() if line.startswith("```")]
+    assert len(fences) % 2 == 0, f"{page.name} has a block that is not closed."
+    namespace: dict[str, object] = {"__name__": "__main__"}
+    for block in BLOCK.finditer(text):
+        before = text[: block.start(1)].count("\n")
+        # The empty lines make a traceback point at the line of the page.
+        code = compile("\n" * before + block.group(1), str(page), "exec")
+        exec(code, namespace)
+    matplotlib.pyplot.close("all")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
+    targets = LINK.findall(page.read_text(encoding="utf-8"))
+    missing = [target for target in targets if not (page.parent / target).exists()]
+    assert not missing, f"{page.name} links to {missing}."
+
+
+def test_the_readme_has_its_example_and_both_commands() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert BLOCK.search(text)
+    shell = re.findall(r"^```(?:sh|bash)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    assert sum("coadjoint reproduce" in block and block.count("\n") == 1 for block in shell) == 1
+    assert sum("pytest" in block and block.count("\n") == 1 for block in shell) == 1

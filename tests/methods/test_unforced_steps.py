@@ -1,0 +1,181 @@
+"""Unforced steps keep the discrete two-form and every momentum of the isotropy algebra, and satisfy (P52)."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import action
+import coadjoint as co
+from coadjoint.kernels import xla
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum, total_momentum
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.methods import Step
+from coadjoint.methods.program import Constants, StepProgram
+from stepping import Leap, tabulated
+from systems import MAPS, RULES, generator, pairwise, product, random_system
+
+H, STEPS = 0.15, 3
+ROUND_OFF = 2e-13
+"""Of the sum of the absolute terms of the two-form; of the largest momentum times 1 + |n|∞ for conserved momenta."""
+
+
+class Tangents(NamedTuple):
+    """Variations of a state at fixed a₀: η = g⁻¹δg, w = g⁻¹δq = δn + η·n, δμ, δπ."""
+
+    eta: jax.Array
+    w: jax.Array
+    mu: jax.Array
+    pi: jax.Array
+
+
+class Run(NamedTuple):
+    """An unforced run whose every stage carried two random tangents along."""
+
+    system: co.System
+    leaps: list[Leap]
+    two_forms: list[tuple[float, float, float]]
+    scale: float
+
+
+def two_form(system: co.System, state: co.State, d1: Tangents, d2: Tangents):
+    """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size."""
+    group, Q = system.group, system.additional
+    turned = Q.lifted(group, d1.eta, state.n, d2.w) - Q.lifted(group, d2.eta, state.n, d1.w)
+    on_group = [d2.mu @ d1.eta, -d1.mu @ d2.eta, state.mu @ group.ad(d1.eta, d2.eta)]
+    terms = jnp.stack([*on_group, d2.pi @ d1.w, -d1.pi @ d2.w, state.pi @ turned])
+    return jnp.sum(terms), jnp.sum(jnp.abs(terms))
+
+
+def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: Tangents):
+    """A step with two tangents through it: record, state after, code, and the two-form before and after."""
+    group, Q, V = system.places
+    program = StepProgram(replace_parameters(system, None), step)  # type: ignore[arg-type]
+    constants = Constants(system.parameters, None)
+
+    def map_(g, n, a, mu, pi):
+        moved = xla.step(program, constants, state.replace(g=g, n=n, a=a, mu=mu, pi=pi), h, certify=False)
+        after = moved.after
+        return (group.matrix(after.g), after.n, after.mu, after.pi), moved
+
+    at = (state.g, state.n, state.a, state.mu, state.pi)
+
+    def through(d: Tangents) -> Tangents:
+        dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
+        dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
+        (g, n, _, _), (dg, dn, dmu, dpi), _ = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi), has_aux=True)
+        eta = group.vee(jnp.linalg.solve(g, dg))
+        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi)
+
+    ends = jax.vmap(through)(jax.tree.map(lambda x, y: jnp.stack([x, y]), d1, d2))
+    _, moved = map_(*at)
+    first, last = (jax.tree.map(lambda x, i=i: x[i], ends) for i in (0, 1))
+    before = two_form(system, state, d1, d2)
+    after = two_form(system, moved.after, first, last)
+    return moved.record, moved.after, moved.code, (before[0], after[0], before[1] + after[1])
+
+
+def tangents(system: co.System, state: co.State, random: np.random.Generator) -> Tangents:
+    """Random ones; on a curved Q, w tangent to Q and δπ to T*Q, π·n = 0."""
+    Q, group = system.additional, system.group
+    w, pi = random.normal(size=(2, Q.ambient(group)))
+    eta, mu = random.normal(size=(2, group.dim))
+    if not Q.flat:
+        n = state.n
+        w = w - (w @ n) * n
+        dn = w - np.cross(eta, n)
+        pi = pi - (pi @ n) * n - (state.pi @ dn) * n
+    return Tangents(eta, w, mu, pi)
+
+
+@pytest.fixture(
+    scope="module",
+    params=pairwise() + [pytest.param(case, marks=pytest.mark.long) for case in product() if case not in pairwise()],
+    ids="-".join,
+)
+def run(request) -> Run:
+    world, tau, rule = request.param
+    system, state = random_system(world)
+    method, random = RULES[rule](MAPS[tau]), generator("tangents", world)
+    traced, leaps, forms = {}, [], []
+    for _ in range(STEPS):
+        for step, fraction in method.stages:
+            arguments = (state, fraction * H, tangents(system, state, random), tangents(system, state, random))
+            if step not in traced:
+                traced[step] = tabulate(partial(carry, system, step), *arguments)
+            record, after, code, form = traced[step](*arguments)
+            assert code == 0
+            leaps.append(Leap(step, fraction * H, record, after))
+            forms.append(form)
+            state = after
+    momenta = [np.concatenate([leap.record.mu, leap.record.pi]) for leap in leaps]
+    return Run(system, leaps, forms, max(np.max(np.abs(m)) for m in momenta))
+
+
+def test_steps_are_symplectic(run):
+    for before, after, size in run.two_forms:
+        assert abs(before) > 1e-4 * size, "a two-form of nothing proves nothing"
+        assert abs(after - before) <= ROUND_OFF * size
+
+
+def test_momenta_of_the_isotropy_algebra_are_conserved(run):
+    system = run.system
+    directions = isotropy_algebra(system, run.leaps[0].record)
+    if not len(directions):
+        pytest.skip("no direction leaves every advected parameter alone")
+    momentum = tabulate(partial(spatial_momentum, system), run.leaps[0].record)
+    first, last = directions @ momentum(run.leaps[0].record), directions @ momentum(run.leaps[-1].after)
+    reach = max(np.max(np.abs(evaluate(system.group.matrix, x.after.g))) for x in run.leaps) ** 2
+    size = 1 + max(np.max(np.abs(leap.after.n), initial=0.0) for leap in run.leaps)
+    np.testing.assert_allclose(last, first, rtol=0, atol=ROUND_OFF * run.scale * size * reach * system.group.dim)
+
+
+def test_paper_quantity_satisfies_its_balance(run):
+    """(P51)_k = ⟨𝒦_k, (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_sΛ⋄s⟩, (P52): (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩, 𝒦 = c."""
+    system = run.system
+    group, Q, V = system.places
+    noether = co.KelvinNoether(generator("c0").normal(size=group.dim))
+
+    def quantities(system, step, record, h):
+        tau = co.Squared(step.difference_map) if isinstance(step, co.Midpoint) else step.difference_map
+        slopes = action.gradients(system, step, record, h)
+        s = action.chord_end(system, step, record, h)
+        K = noether.momentum_map(system, record)
+        momentum = tau.dtau_inverse_dual(group, h * record.xi, slopes[0] / h) - Q.diamond(group, slopes[2], s)
+        source = K @ V.diamond(group, slopes[3], record.a)
+        return K @ momentum, source, K @ total_momentum(system, record), jnp.max(jnp.abs(K))
+
+    rows = tabulated(quantities, system, run.leaps)
+    size = 1 + max(np.max(np.abs(leap.after.n), initial=0.0) for leap in run.leaps)
+    allowed = ROUND_OFF * run.scale * size * max(row[3] for row in rows) * group.dim
+    for paper, source, ours, _ in rows:
+        assert abs(paper - ours - source) <= allowed
+    for (before, *_), (after, source, *_) in zip(rows[:-1], rows[1:], strict=True):
+        assert abs(after - before - source) <= allowed
+
+
+@pytest.mark.parametrize(("world", "tau", "rule"), pairwise()[::3])
+def test_velocity_start_makes_the_given_velocities_the_first_unknowns(world, tau, rule):
+    system, start = random_system(world)
+    method = RULES[rule](MAPS[tau], start="velocity")
+    begun = method.begin(system, start, H)
+    step, fraction = method.stages[0]
+
+    def residual(state, h):
+        z = step.guess(system, state, h)
+        return z, step.residual(system, state, h, z)
+
+    z, error = evaluate(residual, begun, fraction * H)
+    momentum = np.max(np.abs(np.concatenate([begun.mu, begun.pi])))
+    np.testing.assert_array_equal(z[: system.group.dim], start.xi)
+    if system.additional.flat:
+        np.testing.assert_array_equal(z[system.group.dim :], start.nu)
+    assert np.max(np.abs(error)) <= ROUND_OFF * momentum
+    other = np.max(np.abs(np.concatenate([begun.mu - start.mu, begun.pi - start.pi])))
+    assert other > 1e-3 * momentum, "the momentum start is another one"

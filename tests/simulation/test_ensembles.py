@@ -1,0 +1,82 @@
+"""Members of an ensemble are the single runs, and one that fails does not touch the others."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from paper_vehicle import PARAMETERS, start, system
+
+VEHICLE = system()
+MASSES = np.linspace(110.0, 140.0, 6)
+RANDOM = np.random.default_rng(2025)
+
+
+def same(one, other, tolerance=0.0):
+    for left, right in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_allclose(left, right, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(("backend", "tolerance"), [("native", 0.0), ("xla", 1e-12)])
+def test_each_member_is_the_single_run_with_its_own_mass(backend, tolerance):
+    settings = {"dt": 0.02, "steps": 100, "save_every": 7}
+    fleet = co.simulate(VEHICLE.replace(mass=co.each(MASSES)), start(VEHICLE), backend=backend, **settings)
+    for index, mass in enumerate(MASSES):
+        alone = co.simulate(VEHICLE.replace(mass=mass), start(VEHICLE), **settings)
+        same(jax.tree.map(lambda rows, i=index: rows[i], fleet.records), alone.records, tolerance)
+        np.testing.assert_array_equal(fleet.steps_saved, alone.steps_saved)
+
+
+def test_each_member_is_the_single_run_from_its_own_start():
+    count = 5
+    attitudes = co.attitude.zyx(RANDOM.normal(size=count), 0.2, 0.1)
+    places, spins = RANDOM.normal(size=(count, 3)), RANDOM.normal(size=(count, 3))
+    begun = start(VEHICLE, g=co.each(attitudes), q=co.each(places), xi=co.each(spins))
+    fleet = co.simulate(VEHICLE, begun, dt=0.02, steps=50)
+    for index in range(count):
+        one = start(VEHICLE, g=attitudes[index], q=places[index], xi=spins[index])
+        same(
+            jax.tree.map(lambda rows, i=index: rows[i], fleet.records),
+            co.simulate(VEHICLE, one, dt=0.02, steps=50).records,
+            1e-14,
+        )
+
+
+def test_members_with_different_directions_of_gravity_each_conserve_their_own_momentum():
+    down = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
+    fleet = co.simulate(VEHICLE, start(VEHICLE, a0=co.each(down)), dt=0.02, steps=200)
+    assert np.max(fleet.relative_changes("kelvin_noether")) < 1e-11
+    assert np.max(fleet.extrema["balance"][1]) < 1e-13
+
+
+def test_a_member_that_fails_is_reported_and_masked_and_the_others_finish():
+    parameters = co.Parameters(**{**PARAMETERS.asdict(), "until": 1.0})
+    vehicle = system(
+        parameters=parameters, forces=lambda motion, p: co.Force(torque=motion.xi * jnp.log(p.until - motion.t))
+    )
+    fleet = co.simulate(vehicle.replace(until=co.each([9.0, 0.0525, 8.0])), start(vehicle), dt=0.01, steps=30)
+    assert fleet.failures == {1: "not finite at step 5"}
+    assert list(fleet.steps_done) == [30, 5, 30]
+    assert "member 1" in str(fleet)
+    height = fleet.dataset.q.values[:, :, 2]
+    assert (
+        np.all(np.isfinite(height[[0, 2]])) and np.all(np.isfinite(height[1, :5])) and np.all(np.isnan(height[1, 5:]))
+    )
+    alone = co.simulate(vehicle.replace(until=8.0), start(vehicle), dt=0.01, steps=30)
+    np.testing.assert_allclose(fleet.dataset.q[2], alone.dataset.q, rtol=0, atol=1e-14)
+
+
+def test_ensembles_that_cannot_be_counted_are_refused():
+    both = VEHICLE.replace(mass=co.each(MASSES), buoyancy=co.each([1.0, 2.0]))
+    with pytest.raises(co.ArgumentError, match="equally many values"):
+        co.simulate(both, start(VEHICLE), dt=0.01, steps=2)
+    begun = start(VEHICLE, q=co.each(np.zeros((3, 3))))
+    with pytest.raises(co.ArgumentError, match="equally many members"):
+        co.simulate(VEHICLE.replace(mass=co.each(MASSES)), begun, dt=0.01, steps=2)
+    with pytest.raises(co.ArgumentError, match="leading axis"):
+        co.each(3.0)
+    with pytest.raises(co.ArgumentError, match="`q` must have shape"):
+        start(VEHICLE, q=co.each(np.zeros((3, 2))))
+    with pytest.raises(co.ArgumentError, match="must lie in SO3"):
+        start(VEHICLE, g=co.each(np.stack([np.eye(3), 1.1 * np.eye(3)])))

@@ -1,0 +1,84 @@
+"""Runs the steps of a method outside the driver, so that every stage of every step can be looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+import coadjoint as co
+from coadjoint.kernels import xla
+from coadjoint.kernels.evaluate import tabulate
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.methods import Step
+from coadjoint.methods.program import Constants, StepProgram
+
+
+class Leap(NamedTuple):
+    """One implicit stage: the step, its own h, the record it starts at and the state after it."""
+
+    step: Step
+    h: float
+    record: co.State
+    after: co.State
+
+
+class Stepper:
+    """The steps of a method on a system: the library's Newton and step, run on NumPy numbers or compiled."""
+
+    def __init__(self, system: co.System, method: co.Method, compiled: bool = False):
+        self.system, self.method, self.compiled = system, method, compiled
+        self._solvers: dict[Step, Any] = {}
+
+    def _solve(self, step: Step, state: co.State, h: float) -> tuple[co.State, co.State, int]:
+        constants, h = Constants(self.system.parameters, None), np.float64(h)
+        if step not in self._solvers:
+            program = StepProgram(replace_parameters(self.system, None), step)  # type: ignore[arg-type]
+
+            def solve(constants, state, h):
+                result = xla.step(program, constants, state, h, certify=False)
+                return result.record, result.after, result.code
+
+            self._solvers[step] = jax.jit(solve) if self.compiled else tabulate(solve, constants, state, h)
+        if not self.compiled:
+            return self._solvers[step](constants, state, h)
+        with jax.enable_x64(True):
+            return self._solvers[step](constants, state, h)
+
+    def leaps(self, state: co.State, h: float) -> list[Leap]:
+        """The stages of one step from a state."""
+        found = []
+        for step, fraction in self.method.stages:
+            record, after, code = self._solve(step, state, fraction * h)
+            assert code == 0, f"a stage of {self.method.title} at h = {h} ended with code {code}"
+            found.append(Leap(step, fraction * h, record, after))
+            state = after
+        return found
+
+    def run(self, start: co.State, h: float, steps: int) -> list[Leap]:
+        """All stages of `steps` steps, begun as the method begins."""
+        state, found = self.method.begin(self.system, start, h), []
+        for _ in range(steps):
+            found += self.leaps(state, h)
+            state = found[-1].after
+        return found
+
+    def final(self, start: co.State, h: float, steps: int) -> co.State:
+        """The state after `steps` steps."""
+        state = self.method.begin(self.system, start, h)
+        for _ in range(steps):
+            state = self.leaps(state, h)[-1].after
+        return state
+
+
+def tabulated(function: Callable, system: co.System, leaps: list[Leap]) -> list[Any]:
+    """function(system, step, record, h) of every leap, traced once for each kind of step."""
+    traced, rows = {}, []
+    for leap in leaps:
+        if leap.step not in traced:
+            traced[leap.step] = tabulate(partial(function, system, leap.step), leap.record, leap.h)
+        rows.append(traced[leap.step](leap.record, leap.h))
+    return rows
