@@ -82,6 +82,16 @@ def _affine(parts: list[list[int]], rows: list[dict[int, Node]], unknowns: Seque
     return found
 
 
+def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node]) -> Increment:
+    """δ with matrix δ = −right, in the order that its zeros allow."""
+    rows = [[j for j, x in enumerate(row) if x is not graph.zero] for row in matrix]
+    order = matching(rows)
+    if order is None:
+        return _increment(graph, [list(range(len(right)))], matrix, right)
+    parts = blocks([rows[i] for i in order])
+    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order])
+
+
 def _increment(graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Node]) -> Increment:
     delta: list[Node] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]

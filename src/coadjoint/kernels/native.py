@@ -70,7 +70,7 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
             _kernels.move_to_end(key)
             return known
     *_, pattern, monitors, width = key
-    made = _load(plan(program, parameters, state, pattern, monitors), width)
+    made = load(plan(program, parameters, state, pattern, monitors), width)
     with _lock:
         _kernels[key] = made
         while len(_kernels) > KEPT:
@@ -78,15 +78,23 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
     return made
 
 
-def _load(planned: Plan, width: int) -> Kernel:
+def load(planned: Plan, width: int) -> Kernel:
+    """The kernel of a plan; `record` is a layout of the plan's record, or a row of numbers if that was replaced."""
     code = machine(assemble(planned, width))
     return Kernel(
         machine=code,
         function=code.function(NAME, *_SIGNATURE),
-        record=layout(planned.record_tree),
+        record=_record_layout(planned),
         monitor_shapes=planned.monitor_shapes,
         certificates=tuple(planned.certificates),
     )
+
+
+def _record_layout(planned: Plan) -> Layout:
+    shaped = layout(planned.record_tree)
+    if shaped.size == len(planned.record):
+        return shaped
+    return layout(np.zeros(len(planned.record)))
 
 
 def run(

@@ -8,11 +8,11 @@ from typing import Any
 
 from llvmlite import ir
 
-from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
-from coadjoint.kernels.gauss import gauss
+from coadjoint.kernels.emitter import WHOLE, Emitter, outer
 from coadjoint.kernels.increments import Increment
 from coadjoint.kernels.plan import StagePlan
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE, Code
+from coadjoint.kernels.solving import increment_values
 
 
 @dataclass
@@ -39,7 +39,7 @@ class StageLoop:
         settled, iterations = self.idle, self.emit.counts(0)
         self.size_of_settled = emit.constant(0.0)
         if scheme.first is not None:
-            delta = self._increment(scheme.first)
+            delta = increment_values(emit, scheme.first)
             start = [b.fadd(x, d) for x, d in zip(start, delta, strict=True)]
             for i, symbol in scheme.settled.items():
                 emit.bind(symbol, start[i])
@@ -77,7 +77,7 @@ class StageLoop:
         with emit.scope():
             for symbol, value in zip(symbols, old, strict=True):
                 emit.bind(symbol, value)
-            delta = self._increment(increment)
+            delta = increment_values(emit, increment)
             new = [b.fadd(x, d) for x, d in zip(old, delta, strict=True)]
             now = self._settled(delta, new)
         one = emit.counts(1)
@@ -105,55 +105,6 @@ class StageLoop:
             phi.add_incoming(again, back)
             joined.append(phi)
         return joined[:-2], joined[-2], joined[-1]
-
-    def _increment(self, increment: Increment) -> list[Any]:
-        """δ, by the closed form where it is safe and with pivots otherwise."""
-        b, emit = self.b, self.emit
-        delta = emit.values(increment.delta)
-        if increment.safe.op == "const":
-            return delta
-        (safe,) = emit.values([increment.safe])
-        before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")
-        unsafe = self.emit.any(b.xor(safe, emit.bit(True)))
-        b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
-        b.position_at_end(careful)
-        with emit.scope():
-            matrix = emit.values(x for row in increment.jacobian for x in row)
-            pivoted = self._pivoted(matrix, emit.values(increment.right), safe, delta)
-        careful = b.block
-        b.branch(on)
-        b.position_at_end(on)
-        joined = []
-        for quick, slow in zip(delta, pivoted, strict=True):
-            phi = b.phi(emit.number)
-            phi.add_incoming(quick, before)
-            phi.add_incoming(slow, careful)
-            joined.append(phi)
-        return joined
-
-    def _pivoted(self, matrix: list[Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
-        """The unsafe lanes by elimination with partial pivoting, one after the other."""
-        b, n, width = self.b, len(right), self.emit.width
-        function = gauss(self.emit.module)
-        with b.goto_entry_block():
-            a = b.alloca(DOUBLE, n * n)
-            x = b.alloca(DOUBLE, n)
-        results = list(delta)
-        for lane in range(width):
-            pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
-            for place, values in ((a, matrix), (x, right)):
-                for i, value in enumerate(values):
-                    b.store(pick(value), b.gep(place, [WHOLE(i)]))
-            b.call(function, [a, x, WHOLE(n)])
-            solved = [b.load(b.gep(x, [WHOLE(i)])) for i in range(n)]
-            if width == 1:
-                return solved
-            here = pick(safe)
-            place = ir.IntType(32)(lane)
-            results = [
-                b.insert_element(r, b.select(here, pick(r), v), place) for r, v in zip(results, solved, strict=True)
-            ]
-        return results
 
     def _size(self, values: list[Any], least: Any = None) -> Any:
         """|values|∞; a NaN may get lost here and is found when the stage is judged."""

@@ -28,6 +28,7 @@ class StagePlan:
 
     h: Node
     guess: list[Node]
+    residual: list[Node]
     unknowns: list[Node]
     scheme: Scheme
     solution: list[Node]
@@ -117,7 +118,13 @@ def _stage(
     for i, value in plan_of_newton.settled.items():
         solution[i] = value
     chart = flat(tracer.trace(stage.chart, p, state, h, solution))[0]
-    traced = {"h": h[()], "guess": list(guess), "unknowns": list(unknowns), "scheme": plan_of_newton}
+    traced = {
+        "h": h[()],
+        "guess": list(guess),
+        "residual": flat(residual),
+        "unknowns": list(unknowns),
+        "scheme": plan_of_newton,
+    }
     return {**traced, "solution": list(solution), "chart": chart}, solution
 
 
