@@ -71,7 +71,7 @@ def panels(runs: Sequence[Entry], shown: Sequence[Panel]) -> Figure:
             if panel.name in run.dataset:
                 _draw(axes, run, run.values(panel.name), panel.part, index)
         unit = _unit(runs[0], panel)
-        axes.set_ylabel(panel.title + (f" ({unit})" if unit else ""))
+        axes.set_ylabel(panel.title + (f"\n({unit})" if unit else ""))
         component_legend(axes, component_labels(runs[0], panel.name)[panel.part])
     time_axis(column, [run.time for run in runs])
     handles = [Line2D([], [], color="#444444", linestyle=DASHES[i % len(DASHES)]) for i in range(len(runs))]
