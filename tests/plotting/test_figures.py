@@ -188,9 +188,11 @@ def test_a_figure_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_the_users_own_settings_are_left_alone():
-    before = dict(matplotlib.rcParams)
-    Plots(dataset()).trajectory()
-    assert dict(matplotlib.rcParams) == before
+    with matplotlib.rc_context({"font.size": 13.0, "axes.grid": False}):
+        before = dict(matplotlib.rcParams)
+        figure = Plots(dataset()).trajectory()
+        assert dict(matplotlib.rcParams) == before
+    assert figure.axes[1].yaxis.label.get_fontsize() == 8
 
 
 def test_drawing_needs_neither_pyplot_nor_jax_nor_a_display():
