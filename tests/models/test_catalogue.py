@@ -53,7 +53,7 @@ def test_every_model_runs_from_its_defaults_and_keeps_its_invariants(entry: Entr
     assert run.relative_change("energy") <= 1e-3
     assert run.relative_change("kelvin_noether") <= 1e-10
     assert run.largest("balance") <= 1e-15 * (10 + cancellation(run.records))
-    assert all("units" in run.dataset[name].attrs for name in ("xi", "mu", "energy"))
+    assert all("units" in run.dataset[name].attrs for name in ("xi", "xi_spatial", "mu", "energy"))
 
 
 def cancellation(records: co.State) -> float:
