@@ -44,6 +44,7 @@ def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]
     """
     require_free(folder, configuration, overwrite)
     made = _missing(folder)
+    before = set() if made else {entry.name for entry in folder.iterdir()}
     held, written = folder / RUN_FILE, None
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -63,7 +64,7 @@ def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]
     try:
         yield folder
     except BaseException:
-        if {entry.name for entry in folder.iterdir()} == {RUN_FILE}:
+        if {entry.name for entry in folder.iterdir()} - before == {RUN_FILE}:
             held.unlink()
             _clean(folder, made)
         raise
