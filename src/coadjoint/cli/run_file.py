@@ -129,10 +129,13 @@ def _require_method(chosen: MethodSection) -> None:
 def _apply(table: dict[str, Any], change: str) -> None:
     """Make a change "section.key=value" to a table; the value is TOML, and a text where it is none.
 
-    It replaces the same key in another unit too; with nothing behind the = the key is left out.
+    It replaces the same key in another unit too; with nothing behind the = the key, or section, is left out.
     """
     name, equals, value = change.partition("=")
     keys = name.strip().split(".")
+    if equals and len(keys) == 1 and not value.strip():
+        table.pop(keys[0], None)
+        return
     if not equals or len(keys) < 2 or not all(keys):
         raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
     try:

@@ -11,7 +11,7 @@ from coadjoint.cli.run_file import RunFile
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, StepError
 from coadjoint.plotting.plots import save_figures
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, claimed, require_free
+from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free
 from coadjoint.report.summary import run_summary, to_json, versions
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def simulate(file: RunFile, system: System, start: State, progress: bool | None 
 
 def _write(file: RunFile, folder: Path, run: Run, failure: str | None) -> Written:
     """The results, the summary last: with it the folder is complete."""
+    begin_results(folder)
     figures: list[str] = []
     if run.count:
         run.save(folder / TRAJECTORY, overwrite=True)

@@ -43,7 +43,7 @@ def in_si(section: str, given: Mapping[str, Any], known: Collection[str], kinds:
         measures, factor = UNITS[unit]
         if kinds.get(name, measures) != measures:
             raise ArgumentError(
-                f"Key `{key}` of section [{section}] ends in a unit of {measures}, but `{name}` is a {kinds[name]}."
+                f"Key `{key}` of section [{section}] ends in a unit of {measures}, but `{name}` measures {kinds[name]}."
             )
         found[name] = _times(f"[{section}] {key}", value, factor)
     return found
