@@ -44,8 +44,13 @@ class Verified(LocalStore):
 def stored_dataset(folder: Path, count: int, attributes: Mapping[str, Any]) -> xarray.Dataset:
     """The first `count` records, read from the disk when they are used; only the times are in memory."""
     store = Verified(folder / RECORDS, read_only=True)
-    found = xarray.open_zarr(store, consolidated=False, chunks=None, decode_cf=False, zarr_format=3)
-    found = found[found.attrs["order"]].set_coords("step").isel(time=slice(0, count))
+    # Opened with the times, xarray would read all of them, and those to come are not there.
+    options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
+    found = xarray.open_zarr(store, drop_variables=["time"], **options)
+    time = opened_arrays(folder, "r")["time"]
+    order = [name for name in found.attrs["order"] if name != "time"]
+    found = found[order].set_coords("step").isel(time=slice(0, count))
+    found = found.assign_coords(time=("time", time[:count], dict(time.attrs)))
     found.attrs = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
     return labelled(found, {})
 
@@ -92,7 +97,7 @@ def opened_arrays(folder: Path, mode: Any) -> dict[str, Any]:
     try:
         place = Verified(folder / RECORDS, read_only=True) if mode == "r" else LocalStore(folder / RECORDS)
         group = zarr.open_group(place, mode=mode, zarr_format=3)
-        return {name: array.with_config({"write_empty_chunks": True}) for name, array in group.arrays()}
+        return dict(group.arrays())
     except (OSError, ValueError, KeyError) as error:
         raise FileError(f"The records in {folder / RECORDS} cannot be opened ({error}): {_DAMAGED}.") from error
 

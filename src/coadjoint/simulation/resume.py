@@ -52,7 +52,8 @@ def streamed(run: Run, path: str | os.PathLike[str], chosen: Any) -> StreamedRun
 
 
 def _with_store(run: Run, store: Store) -> StreamedRun:
-    made = StreamedRun(run.system, run.method, run.start, run.plan, run.position, cast(Memory, store), run.warnings)
+    parts = (run.system, run.method, run.start, run.plan, run.position, cast(Memory, store), run.warnings)
+    made = StreamedRun(*parts, run.set_up_seconds)
     store.attributes = lambda: attributes(made)
     return made
 
@@ -96,7 +97,9 @@ def resume(
     lock = _locked(place)
     try:
         store = Store(place, system, run.plan, run.start, header["identity"], lock)
-        run.position = store.take_up(*read_checkpoint(place, header["identity"]), run.position.state)
+        found, arrays = read_checkpoint(place, header["identity"])
+        run.position = store.take_up(found, arrays, run.position.state)
+        run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
         made = _with_store(run, store)
     except BaseException:
         lock.release()
@@ -121,7 +124,7 @@ def _require_readable(folder: Path, header: dict[str, Any]) -> None:
 _PARTS = {
     "equations": "the system's or the method's equations",
     "parameters": "the parameters",
-    "start": "the start",
+    "start": "the values at the start",
     "monitors": "the monitored quantities",
     "grid": "the step size or the number of steps",
 }
@@ -134,6 +137,6 @@ def _require_same(folder: Path, header: dict[str, Any], marks: dict[str, str]) -
         then, now = header["versions"], versions()
         changed = ", ".join(f"{name} {then[name]} then and {now[name]} now" for name in now if then[name] != now[name])
         raise ArgumentError(
-            f"The folder {folder} holds another run: {' and '.join(different)} differ"
+            f"The folder {folder} holds another run: {different[0]} differ"
             f"{f' (packages differ too: {changed})' if changed else ''}; give the system it was begun with."
         )

@@ -39,8 +39,8 @@ were computed beside it."""
 BLOCK_BYTES, BLOCK_ROWS = 8 << 20, 8192
 """The most that a chunk of all variables together may take in memory."""
 
-PERIOD = 2.0
-"""Seconds between checkpoints, at least; more where writing one takes over a twentieth of that."""
+PERIOD, BURDEN = 2.0, 20.0
+"""Seconds between checkpoints: PERIOD, or BURDEN times what writing the last one took, whichever is more."""
 
 
 class Store:
@@ -87,7 +87,6 @@ class Store:
                 fill_value=_unset(values.dtype),
                 dimension_names=dims,
                 attributes={**told.get(name, {})},
-                config={"write_empty_chunks": True},
             )
         self._empty_block()
 
@@ -137,7 +136,7 @@ class Store:
             self._write_checkpoint(position)
         self._kept = self.count
         ended = time.monotonic()
-        self._due = ended + max(PERIOD, 20 * (ended - began))
+        self._due = ended + max(PERIOD, BURDEN * (ended - began))
 
     def release(self) -> None:
         """Let other processes use the folder."""
