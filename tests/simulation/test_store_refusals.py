@@ -5,6 +5,7 @@ import hashlib
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import interrupted
@@ -251,7 +252,17 @@ except co.FileError as error:
     assert co.resume(tmp_path / "run", vehicle).good_steps == interrupted.STEPS
 
 
-def test_a_folder_that_may_not_be_written_is_told(folder, vehicle):
+@pytest.fixture
+def open_place():
+    """A folder that other users may enter, which those of pytest are not."""
+    with tempfile.TemporaryDirectory() as place:
+        Path(place).chmod(0o755)
+        yield Path(place)
+
+
+def test_a_folder_that_may_not_be_written_is_told(open_place, vehicle):
+    folder = open_place / "run"
+    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
     script = f"""
 import os, sys
 sys.path.insert(0, {str(Path(interrupted.__file__).parent)!r})
@@ -262,7 +273,7 @@ co.load({str(folder)!r})
 if os.geteuid() == 0:
     os.setuid(65534)
 for attempt in (
-    lambda: interrupted.simulate({str(folder.parent / "new")!r}),
+    lambda: interrupted.simulate({str(open_place / "new")!r}),
     lambda: co.resume({str(folder)!r}, vehicle),
 ):
     try:
@@ -271,19 +282,17 @@ for attempt in (
         print(error)
 """
     before = contents(folder)
-    for place in (*folder.parent.parents, folder.parent):
-        if place.stat().st_uid == os.geteuid() and str(place).startswith("/tmp/"):
-            place.chmod(0o755)
-    for place in (folder / "lock", folder.parent, folder):
+    places = (folder / "lock", folder, open_place)
+    for place in places:
         place.chmod(place.stat().st_mode & ~0o222)
     try:
         found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     finally:
-        for place in (folder.parent, folder, folder / "lock"):
+        for place in reversed(places):
             place.chmod(place.stat().st_mode | 0o200)
-    assert found.stdout.count("\n") == 2, found
+    assert found.stdout.count("\n") == 2, found.stderr
     first, second = found.stdout.splitlines()
-    assert "cannot be made: Permission denied" in first, found.stderr
+    assert "cannot be made: Permission denied" in first
     assert "cannot be written: Permission denied" in second
     assert contents(folder) == before
-    assert [place.name for place in folder.parent.iterdir()] == ["run"]
+    assert [place.name for place in open_place.iterdir()] == ["run"]

@@ -250,13 +250,18 @@ def create(
 
 def require_free(path: Path) -> None:
     """Raise FileError unless a new run may be put at `path`."""
-    if (path / CONFIGURATION).exists():
+    try:
+        held, other = (path / CONFIGURATION).exists(), path.exists() and (not path.is_dir() or any(path.iterdir()))
+        home = path.parent.is_dir()
+    except OSError as error:
+        raise FileError(f"The folder {path} cannot be looked at: {error.strerror or error}.") from error
+    if held:
         raise FileError(
             f"The folder {path} holds a run already: continue it with co.resume, or choose another folder for `store`."
         )
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+    if other:
         raise FileError(f"Argument `store` must name a new or empty folder, but {path} holds something else.")
-    if not path.parent.is_dir():
+    if not home:
         raise FileError(f"The folder {path.parent} does not exist: make it first.")
 
 
