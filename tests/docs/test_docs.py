@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import matplotlib
@@ -45,3 +46,11 @@ def test_the_readme_has_its_example_and_both_commands() -> None:
     shell = re.findall(r"^```(?:sh|bash)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert sum("coadjoint reproduce" in block and block.count("\n") == 1 for block in shell) == 1
     assert sum("pytest" in block and block.count("\n") == 1 for block in shell) == 1
+
+
+def test_every_dependency_has_its_reason() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = {re.split(r"[\[<>=~! ]", requirement)[0] for requirement in project["dependencies"]}
+    page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    missing = [name for name in sorted(names) if f"| [{name}](" not in page and f", [{name}](" not in page]
+    assert not missing, f"docs/dependencies.md gives no reason for {missing}."
