@@ -111,12 +111,12 @@ def component_labels(run: Entry, name: str) -> list[str]:
 
 
 def _spatial(run: Entry) -> bool:
-    return str(run.dataset.attrs.get("group", "")).split("(")[0] in ("SO3", "SE3", "Translation", "SU2")
+    return str(run.dataset.attrs.get("group", "")).split("(")[0] in ("SO3", "SE3", "Translation")
 
 
 def _rotates(run: Entry) -> bool:
     """Whether ξ is an angular velocity, with a linear one behind it on SE(3)."""
-    return str(run.dataset.attrs.get("group", "")) in ("SO3()", "SE3()", "SU2()")
+    return str(run.dataset.attrs.get("group", "")) in ("SO3()", "SE3()")
 
 
 def _parts(run: Entry, name: str) -> list[str]:
