@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+import coadjoint as co
 import jax
 import numpy as np
-
-import coadjoint as co
-from coadjoint.kernels import xla
+from coadjoint.kernels import native, xla
 from coadjoint.kernels.evaluate import tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods import Step
@@ -27,26 +27,31 @@ class Leap(NamedTuple):
 
 
 class Stepper:
-    """The steps of a method on a system: the library's Newton and step, run on NumPy numbers or compiled."""
+    """The steps of a method on a system: the library's Newton and step on NumPy numbers, or native for many steps."""
 
     def __init__(self, system: co.System, method: co.Method, compiled: bool = False):
         self.system, self.method, self.compiled = system, method, compiled
+        self.constants = Constants(system.parameters, None)
         self._solvers: dict[Step, Any] = {}
 
+    def _program(self, step: Any) -> StepProgram:
+        """A step as a program of its own; how the run started does not matter to it."""
+        return StepProgram(replace_parameters(self.system, None), replace(step, start="momentum"))
+
     def _solve(self, step: Step, state: co.State, h: float) -> tuple[co.State, co.State, int]:
-        constants, h = Constants(self.system.parameters, None), np.float64(h)
+        if self.compiled:
+            chunk = native.run(self._program(step), self.constants, state, h, 1, 1, monitors=False)
+            return jax.tree.map(lambda rows: rows[0], chunk.records), chunk.final, int(chunk.code)
+        h = np.float64(h)
         if step not in self._solvers:
-            program = StepProgram(replace_parameters(self.system, None), step)  # type: ignore[arg-type]
+            program = self._program(step)
 
             def solve(constants, state, h):
                 result = xla.step(program, constants, state, h, certify=False)
                 return result.record, result.after, result.code
 
-            self._solvers[step] = jax.jit(solve) if self.compiled else tabulate(solve, constants, state, h)
-        if not self.compiled:
-            return self._solvers[step](constants, state, h)
-        with jax.enable_x64(True):
-            return self._solvers[step](constants, state, h)
+            self._solvers[step] = tabulate(solve, self.constants, state, h)
+        return self._solvers[step](self.constants, state, h)
 
     def leaps(self, state: co.State, h: float) -> list[Leap]:
         """The stages of one step from a state."""

@@ -121,13 +121,13 @@ WORLDS: dict[str, World] = {
 }
 
 
-def pairwise() -> list[tuple[str, str, str]]:
+def pairwise_cases() -> list[tuple[str, str, str]]:
     """(world, map, rule) such that every two of them meet: each world with each rule, the maps in turn."""
     maps = list(MAPS)
     return [(world, maps[(i + j) % len(maps)], rule) for i, world in enumerate(WORLDS) for j, rule in enumerate(RULES)]
 
 
-def product() -> list[tuple[str, str, str]]:
+def all_cases() -> list[tuple[str, str, str]]:
     """Every (world, map, rule)."""
     return [(world, tau, rule) for world in WORLDS for tau in MAPS for rule in RULES]
 

@@ -38,6 +38,7 @@ _HOMES = {
         "Variational",
     ),
     "coadjoint.simulation.recording": ("load",),
+    "coadjoint.simulation.resume": ("resume",),
     "coadjoint.simulation.simulate": ("simulate",),
     "coadjoint.simulation.trajectory": ("trajectory",),
     "coadjoint.spaces": (
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.system import System as System
     from coadjoint.methods import *  # noqa: F403
     from coadjoint.simulation.recording import load as load
+    from coadjoint.simulation.resume import resume as resume
     from coadjoint.simulation.simulate import simulate as simulate
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import *  # noqa: F403

@@ -76,3 +76,21 @@ def test_results_are_float64_whatever_the_configuration():
     assert not jax.config.jax_enable_x64
     assert evaluate(lambda x: x["a"] + 1, {"a": np.float32(0.5)}).dtype == np.float64
     assert not jax.config.jax_enable_x64
+
+
+@pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
+@pytest.mark.parametrize("unit_diagonal", [False, True])
+@pytest.mark.parametrize("transpose_a", [False, True])
+@pytest.mark.parametrize("lower", [False, True])
+@pytest.mark.parametrize("left_side", [False, True])
+def test_triangular_systems_are_solved_over_all_leading_axes(left_side, lower, transpose_a, unit_diagonal, batch):
+    a = _random.normal(size=(*batch, 4, 4)) + 3 * np.eye(4)
+    b = _random.normal(size=(*batch, 4, 2) if left_side else (*batch, 2, 4))
+    flags = {"left_side": left_side, "lower": lower, "transpose_a": transpose_a, "unit_diagonal": unit_diagonal}
+    x = evaluate(lambda a, b: jax.lax.linalg.triangular_solve(a, b, **flags), a, b)
+    triangle = np.tril(a) if lower else np.triu(a)
+    if unit_diagonal:
+        triangle = triangle * (1 - np.eye(4)) + np.eye(4)
+    if transpose_a:
+        triangle = np.swapaxes(triangle, -1, -2)
+    np.testing.assert_allclose(triangle @ x if left_side else x @ triangle, b, atol=1e-12)

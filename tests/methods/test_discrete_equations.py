@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ import action
 import coadjoint as co
 from coadjoint.kernels.evaluate import tabulate
 from stepping import Leap, Stepper, tabulated
-from systems import MAPS, RULES, SL2, generator, pairwise, product, random_system
+from systems import MAPS, RULES, SL2, all_cases, generator, pairwise_cases, random_system
 
 H, STEPS = 0.15, 3
 ROUND_OFF = 1e-13
@@ -39,7 +40,8 @@ def forced_run(world: str, tau: str, rule: str) -> Run:
 
 @pytest.fixture(
     scope="module",
-    params=pairwise() + [pytest.param(case, marks=pytest.mark.long) for case in product() if case not in pairwise()],
+    params=pairwise_cases()
+    + [pytest.param(case, marks=pytest.mark.long) for case in all_cases() if case not in pairwise_cases()],
     ids="-".join,
 )
 def run(request) -> Run:
@@ -90,7 +92,7 @@ def test_consecutive_steps_satisfy_the_discrete_equations(run):
         close(leap.after.n, n, size(n))
         close(leap.after.a, a, size(a))
         close(matrix(leap.after.g), g, size(g))
-    for before, after in zip(momenta[:-1], momenta[1:], strict=True):
+    for before, after in pairwise(momenta):
         close(before.eta_next, after.eta, run.scale)
         close(before.w_next, after.w, run.scale)
 

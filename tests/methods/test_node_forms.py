@@ -7,13 +7,13 @@ import pytest
 
 import action
 from coadjoint.kernels.evaluate import evaluate
-from systems import MAPS, RULES, generator, pairwise, product, random_system
+from systems import MAPS, RULES, all_cases, generator, pairwise_cases, random_system
 
 H = 0.2
 ROUND_OFF = 1e-14
 """Of the largest momentum, |(μ, π)|∞ at both ends."""
 
-SINGLE = [case for case in pairwise() if case[2] != "pair"]
+SINGLE = [case for case in pairwise_cases() if case[2] != "pair"]
 
 
 def _check(world, tau, rule):
@@ -52,6 +52,6 @@ def test_node_form_is_the_derivative_of_the_discrete_lagrangian(world, tau, rule
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("world", "tau", "rule"), [case for case in product() if case[2] != "pair"])
+@pytest.mark.parametrize(("world", "tau", "rule"), [case for case in all_cases() if case[2] != "pair"])
 def test_every_node_form_is_the_derivative_of_its_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)

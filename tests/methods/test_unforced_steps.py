@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax
@@ -19,7 +20,7 @@ from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram
 from stepping import Leap, tabulated
-from systems import MAPS, RULES, generator, pairwise, product, random_system
+from systems import MAPS, RULES, all_cases, generator, pairwise_cases, random_system
 
 H, STEPS = 0.15, 3
 ROUND_OFF = 2e-13
@@ -96,7 +97,8 @@ def tangents(system: co.System, state: co.State, random: np.random.Generator) ->
 
 @pytest.fixture(
     scope="module",
-    params=pairwise() + [pytest.param(case, marks=pytest.mark.long) for case in product() if case not in pairwise()],
+    params=pairwise_cases()
+    + [pytest.param(case, marks=pytest.mark.long) for case in all_cases() if case not in pairwise_cases()],
     ids="-".join,
 )
 def run(request) -> Run:
@@ -156,11 +158,11 @@ def test_paper_quantity_satisfies_its_balance(run):
     allowed = ROUND_OFF * run.scale * size * max(row[3] for row in rows) * group.dim
     for paper, source, ours, _ in rows:
         assert abs(paper - ours - source) <= allowed
-    for (before, *_), (after, source, *_) in zip(rows[:-1], rows[1:], strict=True):
+    for (before, *_), (after, source, *_) in pairwise(rows):
         assert abs(after - before - source) <= allowed
 
 
-@pytest.mark.parametrize(("world", "tau", "rule"), pairwise()[::3])
+@pytest.mark.parametrize(("world", "tau", "rule"), pairwise_cases()[::3])
 def test_velocity_start_makes_the_given_velocities_the_first_unknowns(world, tau, rule):
     system, start = random_system(world)
     method = RULES[rule](MAPS[tau], start="velocity")

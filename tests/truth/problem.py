@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,7 @@ import coadjoint as co
 
 
 class Problem:
-    """A system whose motion is known; a class carries the parameters, and `cases` its instances.
+    """A system whose motion is known; a class carries the parameters.
 
     `dt` is a step at which all methods are in their range of convergence, `duration` a time over which their errors
     do not yet overlap with the size of the motion.
@@ -23,11 +24,11 @@ class Problem:
     def title(self) -> str:
         raise NotImplementedError
 
-    @property
+    @cached_property
     def system(self) -> co.System:
         raise NotImplementedError
 
-    @property
+    @cached_property
     def start(self) -> co.State:
         raise NotImplementedError
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from coadjoint.kernels.control import CONTROL
 from coadjoint.kernels.interpreter import Interpreter, Untraceable, jaxpr_of
@@ -20,7 +21,7 @@ _NUMBERS = Interpreter(NUMERIC, CONTROL)
 
 def traced(*values: Any) -> bool:
     """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree_util.tree_leaves(values))
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
 
 
 def evaluate(function: Callable, *args: Any) -> Any:

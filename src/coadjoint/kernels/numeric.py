@@ -136,19 +136,18 @@ def _lu(p: Any, a: Array) -> list[Array]:
 
 
 def _triangular(p: Any, a: Array, b: Array) -> Array:
-    if a.ndim > 2:
-        return np.stack([_triangular(p, x, y) for x, y in zip(a, b, strict=True)])
-    transposed = p["transpose_a"] if p["left_side"] else not p["transpose_a"]
-    right = b if p["left_side"] else b.T
-    solution = scipy.linalg.solve_triangular(
-        a,
-        right,
-        trans=int(transposed),
-        lower=p["lower"],
-        unit_diagonal=p["unit_diagonal"],
-        check_finite=False,
-    )
-    return solution if p["left_side"] else solution.T
+    """a x = b, or x a = b, for triangular a by substitution: row after row, over all leading axes at once."""
+    lower = p["lower"]
+    if p["transpose_a"] == p["left_side"]:  # aᵀ x = b, or x a = b, which is aᵀ xᵀ = bᵀ
+        a, lower = np.swapaxes(a, -1, -2), not lower
+    x = np.array(b if p["left_side"] else np.swapaxes(b, -1, -2))
+    size = a.shape[-1]
+    for i in range(size) if lower else reversed(range(size)):
+        known = slice(0, i) if lower else slice(i + 1, size)
+        x[..., i, :] -= np.einsum("...k,...kj->...j", a[..., i, known], x[..., known, :])
+        if not p["unit_diagonal"]:
+            x[..., i, :] /= a[..., i, i, None]
+    return x if p["left_side"] else np.swapaxes(x, -1, -2)
 
 
 def _sort(p: Any, *operands: Array) -> list[Array]:

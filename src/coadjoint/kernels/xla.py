@@ -62,7 +62,7 @@ def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = 
 
 class _Carry(NamedTuple):
     state: Any
-    index: jax.Array
+    done: jax.Array
     code: jax.Array
     iterations: jax.Array
     iterations_max: jax.Array
@@ -91,7 +91,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     def advance(carry: _Carry) -> _Carry:
         result, seen = observe(carry.state)
         good = result.code == 0
-        row, phase = carry.index // save_every, carry.index % save_every
+        row, phase = carry.done // save_every, carry.done % save_every
         keep = good & (phase == 0)
 
         def store(buffer, value):
@@ -104,7 +104,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
 
         return _Carry(
             state=result.after,
-            index=carry.index + good,
+            done=carry.done + good,
             code=result.code,
             iterations=carry.iterations + jnp.where(good, result.iterations, 0),
             iterations_max=jnp.maximum(carry.iterations_max, result.iterations),
@@ -119,7 +119,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         state, nothing, nothing, nothing, nothing,
         jax.tree.map(rows, shapes.record), jax.tree.map(rows, seen_shapes), limits(1), limits(-1),
     )  # fmt: skip
-    return lax.while_loop(lambda c: (c.index < steps) & (c.code == 0), advance, start)
+    return lax.while_loop(lambda c: (c.done < steps) & (c.code == 0), advance, start)
 
 
 def run(
@@ -130,7 +130,7 @@ def run(
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
         end = _loop(program, parameters, state, *numbers, capacity=CAPACITY, monitored=monitors)
         end = jax.tree.map(np.asarray, end)
-    steps = int(end.index)
+    steps = int(end.done)
     valid = min(-(-steps // save_every), records)
     return Chunk(
         records=jax.tree.map(lambda rows: rows[:valid].copy(), end.records),
@@ -186,7 +186,7 @@ def run_ensemble(
         records=jax.tree.map(lambda rows: rows[:, :records], end.records),
         monitors=jax.tree.map(lambda rows: rows[:, :records], end.monitors),
     )
-    rows = np.minimum(-(-end.index // save_every), records)
+    rows = np.minimum(-(-end.done // save_every), records)
     absent = np.arange(records) >= rows[:, None]
 
     def blank(values):
@@ -197,7 +197,7 @@ def run_ensemble(
     return EnsembleChunk(
         records=jax.tree.map(blank, end.records),
         final=end.state,
-        steps=end.index,
+        steps=end.done,
         rows=rows,
         code=end.code,
         iterations=end.iterations,

@@ -124,10 +124,10 @@ def _require_symmetric(system: System, start: State) -> None:
     if not skewed:
         return
     random = np.random.default_rng(11)
-    vectors = [random.normal(size=np.shape(x)) for x in (start.xi, start.n, start.nu, start.a)]
+    xi, n, nu, a = (random.normal(size=np.shape(x)) for x in (start.xi, start.n, start.nu, start.a))
 
     def slope(parameters):
-        return replace_parameters(system, parameters).reduced_lagrangian(*vectors, start.t, start.inputs)
+        return replace_parameters(system, parameters).reduced_lagrangian(xi, n, nu, a, start.t, start.inputs)
 
     gradients = jax.tree_util.tree_leaves_with_path(evaluate(jax.grad(slope), system.parameters))
     for path, gradient in gradients:

@@ -42,8 +42,8 @@ def node(system: System, state: State, point: Point) -> Node:
     group, Q, V = system.places
     xi, n, nu, a, t = point
 
-    def lagrangian(*arguments):
-        return system.reduced_lagrangian(*arguments, t, state.inputs)
+    def lagrangian(xi, n, nu, a):
+        return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs)
 
     value, (mu, along_n, pi, along_a) = jax.value_and_grad(lagrangian, argnums=(0, 1, 2, 3))(xi, n, nu, a)
     torque, force = system.body_force(system.motion(xi, n, nu, a, t, state.inputs, state.internal))

@@ -29,9 +29,10 @@ def spatial_momentum(system: System, state: State) -> Array:
 
 
 def momentum_scale(system: System, state: State) -> Array:
-    """|μ|∞ + |π⋄n|∞, to which round-off in m is relative."""
-    orbital = system.additional.diamond(system.group, state.pi, state.n)
-    return jnp.max(jnp.abs(state.mu)) + jnp.max(jnp.abs(orbital), initial=0.0)
+    """|μ| + |π⋄n| or |μ| + |π||n|, the larger: what round-off in m is relative to, also where n and π are parallel."""
+    orbital = jnp.max(jnp.abs(system.additional.diamond(system.group, state.pi, state.n)))
+    product = jnp.sqrt((state.pi @ state.pi) * (state.n @ state.n))
+    return jnp.max(jnp.abs(state.mu)) + jnp.maximum(orbital, product)
 
 
 class KelvinNoether:

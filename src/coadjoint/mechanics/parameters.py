@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.each import Each
@@ -40,7 +41,7 @@ def _leaf(name: str, value: Any) -> Any:
 
 def float64(value: Any, name: str) -> Any:
     """A finite float64 array; raises ArgumentError with `name`. A float64 tracer passes as it is."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         if value.dtype != np.float64:
             raise ArgumentError(
                 f"{name} must be float64, but is traced as {value.dtype}: wrap your own jit, grad or vmap in "

@@ -87,7 +87,7 @@ class Step:
         return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
     def balance(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π⋄n|: Theorem 7 as one vector identity."""
+        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|: Theorem 7 as one vector identity."""
         ahead, behind = self.sources(system, record, h)
         F = self.increment(system, h, record.xi)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind

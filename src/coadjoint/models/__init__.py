@@ -10,7 +10,7 @@ from math import radians
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.models.entry import Entry
-from coadjoint.models.underwater.tables import TABLE_1, TABLE_2
+from coadjoint.models.underwater.tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:
     from coadjoint.models import heavy_top as heavy_top
@@ -50,6 +50,8 @@ _ENTRIES = (
         "rigid_body:start",
         {"inertia": (1.0, 2.0, 3.0)},
         {**_TURNING, "angular_velocity": (0.01, 1.0, 0.01)},
+        dt=0.05,
+        duration=100.0,
     ),
     Entry(
         "heavy_top",
@@ -64,6 +66,8 @@ _ENTRIES = (
             "inertia_about": "center_of_mass",
         },
         {**_UP, "angular_velocity": (0.0, 150.0, -4.61538)},
+        dt=1e-4,
+        duration=2.0,
     ),
     Entry(
         "simo_wong_top",
@@ -78,6 +82,8 @@ _ENTRIES = (
             "inertia_about": "pivot",
         },
         {**_UP, "euler_zxz": (0.0, 0.05, 0.0), "angular_velocity": (0.0, 0.0, 50.0)},
+        dt=0.005,
+        duration=10.0,
     ),
     Entry(
         "underwater_vehicle",
@@ -92,6 +98,8 @@ _ENTRIES = (
             "euler_zxz": TABLE_2["euler_zxz"],
             "angular_velocity": (radians(10), 0.0, radians(20)),
         },
+        dt=PAPER_STEP,
+        duration=PAPER_DURATION,
     ),
     Entry(
         "underwater_vehicle_general",
@@ -100,6 +108,8 @@ _ENTRIES = (
         "underwater.paper_form:start",
         _REMUS,
         _CRUISE,
+        dt=0.01,
+        duration=20.0,
     ),
     Entry(
         "underwater_vehicle_se3",
@@ -108,6 +118,8 @@ _ENTRIES = (
         "underwater.general_form:se3_start",
         _REMUS,
         _CRUISE,
+        dt=0.01,
+        duration=20.0,
     ),
     Entry(
         "kirchhoff_ellipsoid",
@@ -121,6 +133,8 @@ _ENTRIES = (
             "center_of_mass": (0.0, 0.0, 0.0),
         },
         {**_MOVING, "velocity": (0.5, 0.1, 0.2), "angular_velocity": (0.5, 1.0, -0.3)},
+        dt=0.02,
+        duration=100.0,
     ),
 )
 

@@ -22,6 +22,7 @@ class Entry:
 
     `make` and `start` take what `parameters` and `initial` name; other names raise ArgumentError. Nothing of the model
     is imported before one of them is called. `maker`, `starter`: where the functions are, as "module:function".
+    `dt`, `duration`: a step and a time, in s, that suit the defaults.
     """
 
     name: str
@@ -30,6 +31,8 @@ class Entry:
     starter: str
     parameters: Mapping[str, Any] = field(hash=False)
     initial: Mapping[str, Any] = field(hash=False)
+    dt: float
+    duration: float
 
     def __post_init__(self):
         for key in ("parameters", "initial"):

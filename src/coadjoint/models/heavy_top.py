@@ -17,6 +17,7 @@ from coadjoint.spaces import Defining
 
 UNITS = {
     "xi": "rad/s",
+    "xi_spatial": "rad/s",
     "mu": "kg m²/s",
     "a": "1",
     "energy": "J",

@@ -11,7 +11,14 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
 from coadjoint.models.quantities import positive_definite
 
-UNITS = {"xi": "rad/s", "mu": "kg m²/s", "energy": "J", "discrete_energy": "J", "kelvin_noether": "kg m²/s"}
+UNITS = {
+    "xi": "rad/s",
+    "xi_spatial": "rad/s",
+    "mu": "kg m²/s",
+    "energy": "J",
+    "discrete_energy": "J",
+    "kelvin_noether": "kg m²/s",
+}
 
 
 def lagrangian(xi, p):

@@ -70,13 +70,19 @@ def panels(runs: Sequence[Entry], shown: Sequence[Panel]) -> Figure:
         for index, run in enumerate(runs):
             if panel.name in run.dataset:
                 _draw(axes, run, run.values(panel.name), panel.part, index)
-        unit = runs[0].unit(panel.name)
-        axes.set_ylabel(panel.title + (f" ({unit})" if unit else ""))
+        unit = _unit(runs[0], panel)
+        axes.set_ylabel(panel.title + (f"\n({unit})" if unit else ""))
         component_legend(axes, component_labels(runs[0], panel.name)[panel.part])
     time_axis(column, [run.time for run in runs])
     handles = [Line2D([], [], color="#444444", linestyle=DASHES[i % len(DASHES)]) for i in range(len(runs))]
     legend(figure, handles, [run.label for run in runs])
     return figure
+
+
+def _unit(run: Entry, panel: Panel) -> str:
+    """The unit of a panel's columns; "rad/s (3), m/s (3)" holds one for every three columns."""
+    units = [text.removesuffix(" (3)") for text in run.unit(panel.name).split(", ")]
+    return units[min((panel.part.start or 0) // 3, len(units) - 1)] if panel.part.stop else ", ".join(units)
 
 
 def component_legend(axes: Axes, labels: Sequence[str]) -> None:

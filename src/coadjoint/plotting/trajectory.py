@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.decimation import thin
@@ -39,7 +39,8 @@ def trajectory(runs: Sequence[Entry], variable: str | None, z_down: bool) -> Fig
         _coordinates(figure, figure, paths, labels, unit, z_down=False)
         return figure
     figure = canvas(PAGE, 3.3)
-    left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
+    halves: Any = figure.subfigures(1, 2, width_ratios=(1.15, 1))
+    left, right = halves
     (_space if size == 3 else _plane)(left, paths, labels, unit, z_down)
     _coordinates(figure, right, paths, labels, unit, z_down and size == 3)
     return figure
@@ -56,8 +57,7 @@ def _position(run: Entry, variable: str | None) -> str:
 
 
 def _space(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down: bool) -> None:
-    axes = figure.add_subplot(projection="3d")
-    assert isinstance(axes, Axes3D)
+    axes: Any = figure.add_subplot(projection="3d")
     for index, (_, path) in enumerate(paths):
         kept = thin(path)
         axes.plot(*path[kept].T, **look(index))

@@ -44,10 +44,10 @@ def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]
     """
     require_free(folder, configuration, overwrite)
     made = _missing(folder)
+    before = set() if made else {entry.name for entry in folder.iterdir()}
     held, written = folder / RUN_FILE, None
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / SUMMARY).unlink(missing_ok=True)
         if not held.exists():
             # "x" lets one of two runs that start at once have the folder.
             with open(held, "x", encoding="utf-8") as file:
@@ -63,10 +63,18 @@ def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]
     try:
         yield folder
     except BaseException:
-        if {entry.name for entry in folder.iterdir()} == {RUN_FILE}:
+        if {entry.name for entry in folder.iterdir()} - before == {RUN_FILE}:
             held.unlink()
             _clean(folder, made)
         raise
+
+
+def begin_results(folder: Path) -> None:
+    """Take away the summary of a run that is repeated, so that its folder counts as complete only when it is."""
+    try:
+        (folder / SUMMARY).unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
 
 
 def _same(held: Path, configuration: str) -> bool:

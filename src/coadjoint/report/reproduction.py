@@ -13,7 +13,7 @@ from coadjoint.methods import LeftRectangle, Midpoint
 from coadjoint.models.underwater import PAPER_DURATION, PAPER_STEP, paper_start, paper_vehicle
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, claimed
+from coadjoint.report.folder import SUMMARY, begin_results, claimed
 from coadjoint.report.summary import to_json, versions
 from coadjoint.simulation.simulate import simulate
 
@@ -119,6 +119,7 @@ def reproduce(
     configuration = f"[reproduce]\ndt = {dt!r}\nduration = {duration!r}\n"
     with claimed(Path(out), configuration, overwrite) as folder:
         found = compute(dt, duration, progress)
+        begin_results(folder)
         for name in ("cayley", "exponential", "midpoint"):
             found.runs[name].save(folder / f"{name}.nc", overwrite=overwrite)
         draw(found, folder)

@@ -59,7 +59,9 @@ class Position:
 
 
 class Sink(Protocol):
-    """Where records go."""
+    """Where records go; `seconds` is the time that this took."""
+
+    seconds: float
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
         """Take the records at these step indices, with one row of every monitor each."""
@@ -67,6 +69,14 @@ class Sink(Protocol):
 
     def checkpoint(self, position: Position) -> None:
         """All records up to `position` have been appended: make sure that a run can go on from there."""
+        ...
+
+    def finish(self, position: Position) -> None:
+        """The run has ended at `position`."""
+        ...
+
+    def release(self) -> None:
+        """Nothing more will come."""
         ...
 
 
@@ -142,6 +152,8 @@ class Driver:
 class Memory:
     """A sink that keeps everything."""
 
+    seconds = 0.0
+
     def __init__(self) -> None:
         self.steps: list[np.ndarray] = []
         self.records: list[State] = []
@@ -153,4 +165,10 @@ class Memory:
         self.monitors.append(monitors)
 
     def checkpoint(self, position: Position) -> None:
+        pass
+
+    def finish(self, position: Position) -> None:
+        pass
+
+    def release(self) -> None:
         pass

@@ -40,7 +40,7 @@ class Recording:
             handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
             os.close(handle)
             self.dataset.to_netcdf(temporary, engine="h5netcdf")
-            os.chmod(temporary, 0o666 & ~_umask())
+            os.chmod(temporary, 0o666 & ~umask())
             os.replace(temporary, target)
         except OSError as error:
             if temporary and os.path.exists(temporary):
@@ -63,10 +63,17 @@ class SavedRun(Recording):
 
 
 def load(path: str | os.PathLike[str]) -> SavedRun:
-    """The run in a netCDF file written by `save`; raises FileError where there is none."""
+    """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
+
+    Raises FileError where there is none.
+    """
     import xarray
 
     source = Path(path)
+    if source.is_dir():
+        from coadjoint.simulation.reading import saved_dataset
+
+        return SavedRun(saved_dataset(source.absolute()))
     if not source.is_file():
         raise FileError(f"There is no file {source}.")
     try:
@@ -79,7 +86,8 @@ def load(path: str | os.PathLike[str]) -> SavedRun:
     return SavedRun(found)
 
 
-def _umask() -> int:
+def umask() -> int:
+    """The permissions that new files of this process lack."""
     current = os.umask(0)
     os.umask(current)
     return current

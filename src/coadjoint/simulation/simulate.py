@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -50,6 +51,7 @@ def simulate(
     inputs: Callable[[Any], Any] | None = None,
     progress: bool | None = None,
     backend: Backend = "auto",
+    store: str | os.PathLike[str] | None = None,
 ) -> Run:
     """Integrate `system` from `start` and return the run: dataset, plots, and a certificate when printed.
 
@@ -61,6 +63,8 @@ def simulate(
     With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with the same face and
     a dimension `member`; one that fails is reported and masked, the others finish.
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
+    `store`, a new folder, takes the records as they come, in constant memory; a run that is killed goes on with
+    `co.resume(store, system)`.
     Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
     that fails.
     """
@@ -71,8 +75,23 @@ def simulate(
     _require_whole(save_every, "save_every")
     count = count_of(system, start)
     if count is not None:
+        if store is not None:
+            raise ArgumentError("Argument `store` is for one run at a time: leave it out where co.each is used.")
         whole = (monitors, kelvin_noether, inputs, backend, progress)
         return _simulate_members(system, start, method, h, steps, save_every, count, *whole)  # type: ignore[return-value]
+    run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
+    if store is not None:
+        from coadjoint.simulation.resume import streamed
+
+        run = streamed(run, store, kelvin_noether)
+    return carry_on(run, progress, began)
+
+
+def prepare(
+    system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
+    kelvin_noether: Any, inputs: Any, backend: Backend,
+) -> Run:  # fmt: skip
+    """A run that is checked and set up but has not begun."""
     start = _with_inputs(system, start, inputs)
     warnings = system.check(start)
     state = method.begin(system, start, h)
@@ -80,9 +99,20 @@ def simulate(
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
     chosen = kernels.choose(program, constants, state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
-    run = Run(system, method, start, plan, Position(state), Memory(), warnings)
-    Driver(plan, run.memory, progress, run.title).drive(run.position)
-    run.set_up_seconds = time.perf_counter() - began - run.seconds
+    return Run(system, method, start, plan, Position(state), Memory(), warnings)
+
+
+def carry_on(run: Run, progress: bool | None, began: float) -> Run:
+    """Drive a run from where it stands to its end; raises StepError at a step that fails."""
+    sink = run.memory
+    try:
+        if not run.position.complete and not run.position.code:
+            before = run.seconds
+            Driver(run.plan, sink, progress, run.title).drive(run.position)
+            run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
+            sink.finish(run.position)
+    finally:
+        sink.release()
     if run.position.code:
         raise StepError(_sentence(run), run)
     return run

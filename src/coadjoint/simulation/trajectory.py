@@ -11,15 +11,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels import xla
+from coadjoint.kernels import backend as kernels
+from coadjoint.kernels import native, xla
+from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
+from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.parameters import float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 
 
 @jax.tree_util.register_dataclass
@@ -38,13 +42,21 @@ class Trajectory:
 
 
 def trajectory(
-    system: System, start: State, *, dt: Any, steps: int, method: Method | None = None, save_every: int = 1
+    system: System,
+    start: State,
+    *,
+    dt: Any,
+    steps: int,
+    method: Method | None = None,
+    save_every: int = 1,
+    backend: Backend = "auto",
 ) -> Trajectory:
     """`steps` steps of length dt from `start`, a pure function of parameters, start and dt: differentiable exactly.
 
     Derivatives go through each step by the implicit function theorem, forward and reverse. Every save_every-th record
     is kept. Called with plain numbers it returns NumPy and raises StepError for a step that fails; inside jit, grad or
-    vmap, which need `with co.float64():`, look at `code`.
+    vmap, which need `with co.float64():`, look at `code`. `backend`: "native" code (reverse mode natively, forward mode
+    by XLA), "xla" (any derivative of any order); "auto" takes native code on processors where the step can be traced.
     """
     method = Midpoint() if method is None else method
     h = float64(dt, "Argument `dt`")
@@ -54,24 +66,55 @@ def trajectory(
         raise ArgumentError(
             f"Argument `save_every` must be a whole number that divides steps = {steps}, but is {save_every!r}."
         )
+    if count_members(system.parameters) is not None or np.ndim(start.t):
+        raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
     begun = method.begin(system, start, h)
     program = StepProgram(replace_parameters(system, None), method)
+    constants = Constants(system.parameters, None)
+    inside = traced(system.parameters, begun, h)
+    if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+        raise ArgumentError(
+            "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
+        )
+    chosen = _choose(program, constants, begun, backend)
     blocks = (steps // save_every, save_every)
-    if traced(system.parameters, begun, h):
-        if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
-            raise ArgumentError(
-                "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
-            )
-        return _scan(program, Constants(system.parameters, None), begun, h, blocks)
     with jax.enable_x64(True):
-        constants = Constants(system.parameters, None)
-        found = jax.tree.map(np.asarray, _compiled(program, constants, begun, h, blocks))
+        found = _run(chosen, program, constants, begun, h, blocks, inside)
+    if inside:
+        return found
+    found = jax.tree.map(np.asarray, found)
     if found.code:
         raise StepError(f"A step of the trajectory failed: {Code(int(found.code)).name.lower().replace('_', ' ')}.")
     return found
 
 
-def _scan(program: StepProgram, constants: Constants, start: State, h: Any, blocks: tuple[int, int]) -> Trajectory:
+def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend) -> Backend:
+    """Native code where JAX computes on this processor anyway and the step can be traced."""
+    if backend == "auto" and jax.default_backend() != "cpu":
+        return "xla"
+    parameters, begun = jax.tree.map(lambda leaf: np.full(np.shape(leaf), 0.5), (constants, state))
+    return kernels.choose(program, parameters, begun, False, backend)
+
+
+def _run(
+    backend: Backend, program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, inside: bool
+) -> Trajectory:
+    if backend == "xla":
+        return (_scan if inside else _compiled)(program, constants, start, h, blocks)
+    if not inside:
+        chunk = native.run(program, constants, start, float(h), blocks[0], blocks[1], monitors=False)
+        return Trajectory(chunk.records, chunk.final, np.int64(chunk.code), np.int64(chunk.iterations))
+
+    def by_xla(arguments):
+        path = _scan(program, arguments[0], arguments[1], arguments[2], blocks)
+        return path.records, path.final
+
+    found = native_trajectory(program, (constants, start, h), blocks, by_xla)
+    records, final, code, iterations = found
+    return Trajectory(records, final, code.astype(int), iterations.astype(int))
+
+
+def _scan(program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks) -> Trajectory:
     def one(carry, _):
         def go(carry):
             state, _, iterations = carry

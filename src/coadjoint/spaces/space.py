@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
@@ -104,9 +105,9 @@ def checked_vector(value: Any, size: int, name: str) -> Any:
     shape = np.shape(value)
     if shape != (size,):
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return value
-    if isinstance(value, (list, tuple)) and any(isinstance(v, jax.core.Tracer) for v in value):
+    if isinstance(value, (list, tuple)) and any(isinstance(v, Tracer) for v in value):
         return jnp.stack(list(value))
     try:
         array = np.asarray(value, dtype=np.float64)

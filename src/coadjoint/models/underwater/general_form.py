@@ -20,6 +20,7 @@ from coadjoint.spaces import Defining, Dual
 SE3_UNITS = {
     "x": "m",
     "xi": "rad/s (3), m/s (3)",
+    "xi_spatial": "rad/s (3), m/s (3)",
     "mu": "kg m²/s (3), kg m/s (3)",
     "a": "1 (3), m",
     "energy": "J",

@@ -14,6 +14,7 @@ from coadjoint.spaces import Defining
 
 UNITS = {
     "xi": "rad/s",
+    "xi_spatial": "rad/s",
     "mu": "kg m²/s",
     "n": "m",
     "nu": "m/s",

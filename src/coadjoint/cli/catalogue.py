@@ -1,0 +1,48 @@
+"""The catalogue of models as text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.cli.toml_text import to_toml
+from coadjoint.cli.units import unknown
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.models import Entry
+
+
+def descriptions() -> dict[str, str]:
+    """Every model with its description."""
+    from coadjoint.models import catalogue
+
+    return {name: entry.description for name, entry in catalogue.items()}
+
+
+def defaults(name: str) -> dict[str, Any]:
+    """Description, parameters and initial values of a model; raises ArgumentError for a name that is none."""
+    entry = _entry(name)
+    return {"description": entry.description, "parameters": dict(entry.parameters), "initial": dict(entry.initial)}
+
+
+def example(name: str) -> str:
+    """A run file for a model, with its defaults written out; values that default to nothing stand as comments."""
+    entry = _entry(name)
+    table = {
+        "system": {"model": name},
+        "parameters": {key: value for key, value in entry.parameters.items() if value is not None},
+        "initial": {key: value for key, value in entry.initial.items() if value is not None},
+        "method": {"name": "Midpoint", "map": "Cayley"},
+        "run": {"dt": 0.01, "duration": 100.0, "save_every": 10},
+    }
+    open_keys = {part: [k for k, v in getattr(entry, part).items() if v is None] for part in ("parameters", "initial")}
+    notes = [f"# [{part}] also takes {', '.join(keys)}." for part, keys in open_keys.items() if keys]
+    return "\n".join([f"# {entry.description}", *notes]) + "\n\n" + to_toml(table)
+
+
+def _entry(name: str) -> Entry:
+    from coadjoint.models import catalogue
+
+    if name not in catalogue:
+        raise ArgumentError(unknown(f"model `{name}`", "The catalogue", name, list(catalogue)))
+    return catalogue[name]

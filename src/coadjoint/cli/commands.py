@@ -1,0 +1,178 @@
+"""The commands: a dataclass each, whose fields are its arguments."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from coadjoint.cli import terminal
+
+if TYPE_CHECKING:
+    from coadjoint.cli.running import Written
+    from coadjoint.report.reproduction import Reproduction
+
+OK, FAILED = 0, 1
+
+
+@dataclass(frozen=True)
+class Reproduce:
+    """Run section 5 of Ono, Fiori and Peng (2025) again: figures 1-3, trajectories, a report."""
+
+    out: Path = Path("reproduction")
+    """Output folder; one that holds another run is refused."""
+    json: bool = False
+    """Print the summary as JSON, and nothing else."""
+    overwrite: bool = False
+    """Repeat a reproduction that the folder holds already."""
+
+    def __call__(self) -> int:
+        from coadjoint.report.reproduction import reproduce
+        from coadjoint.report.summary import to_json
+
+        found = reproduce(self.out, overwrite=self.overwrite, progress=False if self.json else None)
+        if self.json:
+            print(to_json(found.summary()), end="")
+        else:
+            _show_reproduction(found, self.out)
+        return OK
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run a TOML file: `coadjoint run dive.toml --out dive`."""
+
+    file: tyro.conf.Positional[Path]
+    """The run file, with sections system, parameters, initial, method, run and output."""
+    out: Path | None = None
+    """Output folder, instead of the run file's; one that holds another run is refused."""
+    set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
+    """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
+    check: bool = False
+    """Check the file and stop."""
+    json: bool = False
+    """Print the summary as JSON, and nothing else."""
+    overwrite: bool = False
+    """Repeat a run that the folder holds already."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.run_file import read
+        from coadjoint.cli.running import check, execute
+
+        file = read(self.file, self.set)
+        folder = self.out or file.folder
+        if self.check:
+            check(file, folder, self.overwrite)
+            print('{"valid": true}' if self.json else f"{self.file} is a run file; its results would go to {folder}/.")
+            return OK
+        written = execute(file, folder, self.overwrite, False if self.json else None)
+        _show_run(written, self.json)
+        return FAILED if written.failure else OK
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Draw the figures of a folder of results, or of a netCDF file, again."""
+
+    source: tyro.conf.Positional[Path]
+    """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
+    figures: tyro.conf.Positional[tuple[str, ...]] = ()
+    """The figures to draw; by default all that the runs have."""
+    out: Path | None = None
+    """Where to write them, by default beside the runs."""
+    format: Literal["png", "pdf", "svg"] = "png"
+    """The format of the figures."""
+    json: bool = False
+    """Print the files as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.stored import recordings
+        from coadjoint.plotting.plots import save_figures
+
+        found = recordings(self.source)
+        folder = self.out or (self.source if self.source.is_dir() else self.source.parent)
+        folder.mkdir(parents=True, exist_ok=True)
+        labels = list(found) if len(found) > 1 else None
+        names = save_figures([run.dataset for run in found.values()], folder, self.figures or None, self.format, labels)
+        paths = [str(folder / name) for name in names]
+        print(json_text.dumps(paths) if self.json else "\n".join(paths))
+        return OK
+
+
+@dataclass(frozen=True)
+class Info:
+    """Tell what a folder of results, or a netCDF file of a run, holds."""
+
+    source: tyro.conf.Positional[Path]
+    """A folder that `run` or `reproduce` wrote, or a file of a run."""
+    json: bool = False
+    """Print the summary as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.stored import cards, summary
+
+        if self.json:
+            print(json_text.dumps(summary(self.source), indent=2, ensure_ascii=False))
+        else:
+            print("\n\n".join(cards(self.source)))
+        return OK
+
+
+@dataclass(frozen=True)
+class Models:
+    """List the catalogue, or print a run file for one model, with its defaults, to start from."""
+
+    name: tyro.conf.Positional[str] = ""
+    """A model; without it all of them."""
+    json: bool = False
+    """Print JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli import catalogue
+
+        if not self.name:
+            shown = catalogue.descriptions()
+            if self.json:
+                print(json_text.dumps(shown, indent=2, ensure_ascii=False))
+            else:
+                terminal.table(("model", "what it is"), list(shown.items()))
+        elif self.json:
+            print(json_text.dumps(catalogue.defaults(self.name), indent=2, ensure_ascii=False))
+        else:
+            print(catalogue.example(self.name), end="")
+        return OK
+
+
+def _show_run(written: Written, as_json: bool) -> None:
+    from coadjoint.report.summary import to_json
+
+    if as_json:
+        print(to_json(written.summary), end="")
+    else:
+        halves = [text.partition("  ") for text in str(written.run).splitlines()]
+        terminal.fields([*((name, text.strip()) for name, _, text in halves), ("folder", f"{written.folder}/")])
+    if written.failure:
+        terminal.complain(f"{written.failure} {written.run.count:,} records are kept in {written.folder}/.")
+
+
+def _show_reproduction(found: Reproduction, folder: Path) -> None:
+    from coadjoint.report.reproduction import FIGURES, numbers
+
+    rows = []
+    for name, run in found.runs.items():
+        c = numbers(run)
+        rows.append(
+            (
+                name.replace("_", " "),
+                f"{c['dt']:g}",
+                f"{c['energy_error_max']:.3e}",
+                f"{c['kelvin_noether_error_max']:.1e}",
+                f"{c['balance_residual_max']:.0e}",
+                f"{c['seconds']:.2g}",
+            )
+        )
+    terminal.table(("run", "h (s)", "energy error", "Kelvin–Noether error", "balance", "seconds"), rows)
+    terminal.line(f"Report: {folder / 'report.md'}; figures: {', '.join(FIGURES.values())}.")

@@ -1,0 +1,72 @@
+"""The command line: `coadjoint reproduce`, `run`, `plot`, `info`, `models`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+from coadjoint.cli import commands, terminal
+from coadjoint.errors import CoadjointError, StepError
+
+USAGE, INTERRUPTED = 2, 130
+
+Command = (
+    Annotated[commands.Reproduce, tyro.conf.subcommand("reproduce")]
+    | Annotated[commands.Run, tyro.conf.subcommand("run")]
+    | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
+    | Annotated[commands.Info, tyro.conf.subcommand("info")]
+    | Annotated[commands.Models, tyro.conf.subcommand("models")]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return the exit status.
+
+    0: done. 1: a step failed; what was computed is kept. 2: what was asked for cannot be done, in one sentence on
+    stderr. 130: interrupted. With COADJOINT_TRACEBACK set, unexpected errors show where they arose.
+    """
+    description = "Variational integrators on Lie groups from a reduced Lagrangian."
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    command = tyro.cli(
+        Command,  # pyright: ignore[reportArgumentType]
+        prog="coadjoint",
+        description=description,
+        args=given or ["--help"],
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
+    try:
+        status = command()
+        sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:
+        terminal.complain("Interrupted; nothing was kept of a run that had not ended.")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return commands.OK
+    except CoadjointError as error:
+        terminal.complain(str(error))
+        return commands.FAILED if isinstance(error, StepError) else USAGE
+    except Exception as error:
+        if os.environ.get("COADJOINT_TRACEBACK"):
+            raise
+        first = (str(error).strip().split("\n") or [""])[0]
+        terminal.complain(
+            f"coadjoint met an error that it did not expect, {type(error).__name__}: {first} "
+            "Set COADJOINT_TRACEBACK=1 to see where."
+        )
+        return commands.FAILED
+
+
+def run() -> None:
+    """The entry of `python -m coadjoint.cli.main`."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    run()

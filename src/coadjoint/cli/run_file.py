@@ -1,0 +1,157 @@
+"""Run files: a run as TOML, checked before anything heavy is loaded."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from coadjoint.cli.initial import initial_values
+from coadjoint.cli.sections import MethodSection, OutputSection, RunSection, SystemSection, section
+from coadjoint.cli.toml_text import to_toml
+from coadjoint.cli.units import in_si, unknown, without_unit
+from coadjoint.errors import ArgumentError, FileError
+
+_SECTIONS = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
+_FREE = ("parameters", "initial")
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """A run: its system with parameters and initial values, its method, its grid, its output.
+
+    `parameters` and `initial` are keywords of the system's maker and of its start, in SI units. `path` is the file that
+    it came from, `text` what is copied into the output folder.
+    """
+
+    system: SystemSection
+    run: RunSection
+    parameters: dict[str, Any] = field(default_factory=dict)
+    initial: dict[str, Any] = field(default_factory=dict)
+    method: MethodSection = field(default_factory=MethodSection)
+    output: OutputSection = field(default_factory=OutputSection)
+    path: Path = Path("run.toml")
+    text: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """The output folder: `[output] folder`, relative to the working directory, or the run file's name."""
+        return Path(self.output.folder or self.path.stem)
+
+
+def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile:
+    """The run in a TOML file, with `changes` such as "run.dt=0.02" made to it.
+
+    Raises FileError for a file that cannot be read or is no TOML, ArgumentError for what does not belong there.
+    """
+    source = Path(path)
+    text = _text(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"The file {source} is not valid TOML: {_lower(str(error))}.") from error
+    for change in changes:
+        _apply(table, change)
+    if changes:
+        text = f"# {source.name} with {', '.join(changes)}\n\n{to_toml(table)}"
+    return from_table(table, source, text)
+
+
+def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
+    """The run in a table of sections; raises ArgumentError."""
+    known = [*_SECTIONS, *_FREE]
+    for name in table:
+        if name not in known:
+            raise ArgumentError(unknown(f"section [{name}]", "A run file", name, known))
+    for name in ("system", "run"):
+        if name not in table:
+            raise ArgumentError(f"The run file {path} needs a section [{name}].")
+    made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in _SECTIONS.items()}
+    free: dict[str, Any] = {name: _free(name, table.get(name, {})) for name in _FREE}
+    if made["system"].model:
+        free = _of_model(made["system"].model, free)
+    _require_method(made["method"])
+    return RunFile(path=path, text=text, **made, **free)
+
+
+def _text(source: Path) -> str:
+    try:
+        return source.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise FileError(f"There is no run file {source}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"The file {source} is not a text in UTF-8.") from error
+    except OSError as error:
+        raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
+
+
+def _free(name: str, given: Any) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise ArgumentError(f"[{name}] must be a section of a run file, but is {given!r}.")
+    for key, value in given.items():
+        # An element g of a product is a list of arrays of several shapes.
+        if key != "g" and isinstance(value, list) and not _rectangular(value):
+            raise ArgumentError(f"[{name}] {key} must hold numbers in rows of one length, but is {value!r}.")
+    return given
+
+
+def _rectangular(value: list[Any]) -> bool:
+    if all(isinstance(inner, list) for inner in value):
+        return len({len(inner) for inner in value}) <= 1 and all(map(_rectangular, value))
+    return not any(isinstance(inner, list) for inner in value)
+
+
+def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Parameters and initial values under the names of a model of the catalogue, in SI units."""
+    from coadjoint.models import catalogue
+
+    if model not in catalogue:
+        raise ArgumentError(unknown(f"model `{model}`", "The catalogue", model, list(catalogue)))
+    entry = catalogue[model]
+    return {
+        "parameters": in_si("parameters", free["parameters"], entry.parameters, {}),
+        "initial": initial_values(free["initial"], entry.initial),
+    }
+
+
+def _require_method(chosen: MethodSection) -> None:
+    """Raise ArgumentError unless names of rules and maps are known; they are without importing them."""
+    from coadjoint.cli.methods import map_name, method_name
+
+    method_name(chosen.name)
+    map_name(chosen.map)
+    if chosen.base:
+        method_name(chosen.base)
+
+
+def _apply(table: dict[str, Any], change: str) -> None:
+    """Make a change "section.key=value" to a table; the value is TOML, and a text where it is none.
+
+    It replaces the same key in another unit too; with nothing behind the = the key, or section, is left out.
+    """
+    name, equals, value = change.partition("=")
+    keys = name.strip().split(".")
+    if equals and len(keys) == 1 and not value.strip():
+        table.pop(keys[0], None)
+        return
+    if not equals or len(keys) < 2 or not all(keys):
+        raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value
+    inner = table
+    for key in keys[:-1]:
+        inner = inner.setdefault(key, {})
+        if not isinstance(inner, dict):
+            raise ArgumentError(f"A change with --set must name a key of a section, but `{key}` of {change!r} is none.")
+    for key in [key for key in inner if without_unit(key) == without_unit(keys[-1])]:
+        del inner[key]
+    if value.strip():
+        inner[keys[-1]] = parsed
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]

@@ -1,0 +1,62 @@
+"""What lies in a folder of results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import FileError
+from coadjoint.report.folder import RUN_FILE, SUMMARY
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.recording import SavedRun
+
+
+def recordings(source: Path) -> dict[str, SavedRun]:
+    """The runs of a folder, or of one file, by the names of their files; raises FileError where there are none."""
+    from coadjoint.simulation.recording import load
+
+    _require(source)
+    files = sorted(source.glob("*.nc")) if source.is_dir() else [source]
+    if not files:
+        raise FileError(f"The folder {source} holds no trajectories (*.nc).")
+    return {file.stem: load(file) for file in files}
+
+
+def summary(source: Path) -> dict[str, Any]:
+    """The numbers of a folder's summary.json, or of a file of a run; raises FileError."""
+    _require(source)
+    if not source.is_dir():
+        from coadjoint.report.summary import to_json
+
+        (run,) = recordings(source).values()
+        return json.loads(to_json(dict(run.dataset.attrs)))
+    file = source / SUMMARY
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        state = "a run that did not finish" if (source / RUN_FILE).exists() else "no results of coadjoint"
+        raise FileError(f"The folder {source} holds {state}: there is no {SUMMARY}.") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"The file {file} cannot be read: {error}.") from error
+    if not isinstance(found, dict):
+        raise FileError(f"The file {file} was not written by coadjoint.")
+    return found
+
+
+def cards(source: Path) -> list[str]:
+    """The certificates of the runs of a folder or file, as text."""
+    _require(source)
+    if source.is_dir() and not any(source.glob("*.nc")):
+        summary(source)  # tells what is missing, unless a run failed at its first step and left only this
+    if source.is_dir() and (source / SUMMARY).exists():
+        found = summary(source)
+        if "card" in found:
+            return [str(found["card"]), *([str(found["failure"])] if found.get("failure") else [])]
+    return [f"{name}\n{run}" for name, run in recordings(source).items()]
+
+
+def _require(source: Path) -> None:
+    if not source.exists():
+        raise FileError(f"There is no folder or file {source}.")

@@ -1,0 +1,112 @@
+"""Where a run stands, on disk: exact numbers in one file that is there whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import FileError
+from coadjoint.kernels.program import Code
+from coadjoint.mechanics.state import State
+from coadjoint.simulation.driver import Position
+
+Arrays = Mapping[str, np.ndarray]
+
+
+def write(path: Path, header: Mapping[str, Any], arrays: Arrays) -> None:
+    """Put a header and arrays into `path`, a NumPy archive with its SHA-256 behind it.
+
+    Written beside it, forced to the disk, then moved into its place.
+    """
+    body = io.BytesIO()
+    text = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez(body, allow_pickle=False, header=text, **{f"array/{name}": values for name, values in arrays.items()})
+    beside = path.with_name(f".{path.name}.partial")
+    try:
+        with open(beside, "wb") as file:
+            file.write(body.getbuffer())
+            file.write(hashlib.sha256(body.getbuffer()).digest())
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
+    settle(path.parent)
+
+
+def read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The header and the arrays in `path`; raises FileError where it is damaged."""
+    data = path.read_bytes()
+    body, sealed = data[:-32], data[-32:]
+    if hashlib.sha256(body).digest() != sealed:
+        raise FileError(f"The file {path} is damaged: put back a copy of it, or start again.")
+    with np.load(io.BytesIO(body), allow_pickle=False) as found:
+        header = json.loads(bytes(found["header"]))
+        return header, {name.partition("/")[2]: found[name] for name in found.files if name != "header"}
+
+
+def settle(path: Path) -> None:
+    """Force a file, or the names in a folder, to the disk."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except PermissionError:  # systems that cannot open a folder
+        return
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def position_numbers(position: Position) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """All of a position, exactly."""
+    header = {
+        "steps": position.steps,
+        "iterations": position.iterations,
+        "iterations_max": position.iterations_max,
+        "seconds": position.seconds,
+        "code": int(position.code),
+        "complete": position.complete,
+    }
+    arrays = state_numbers("state", position.state)
+    for name, (low, high) in position.extrema.items():
+        arrays[f"lowest/{name}"], arrays[f"highest/{name}"] = np.asarray(low), np.asarray(high)
+    return header, arrays
+
+
+def position_at(header: Mapping[str, Any], arrays: Arrays, like: State) -> Position:
+    """The position that `position_numbers` took apart; `like` is a state of the same system and method."""
+    lows = {name.partition("/")[2]: low for name, low in arrays.items() if name.startswith("lowest/")}
+    return Position(
+        state=state_like("state", arrays, like),
+        steps=header["steps"],
+        iterations=header["iterations"],
+        iterations_max=header["iterations_max"],
+        seconds=header["seconds"],
+        extrema={name: (low, arrays[f"highest/{name}"]) for name, low in lows.items()},
+        code=Code(header["code"]),
+        complete=header["complete"],
+    )
+
+
+def state_numbers(name: str, state: State) -> dict[str, np.ndarray]:
+    """The leaves of a state, numbered."""
+    return {f"{name}/{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(state))}
+
+
+def state_like(name: str, arrays: Arrays, like: State) -> State:
+    """The state whose leaves are in `arrays`, in the structure of `like`; raises FileError where they do not fit."""
+    leaves, structure = jax.tree.flatten(like)
+    found = [arrays.get(f"{name}/{i}") for i in range(len(leaves))]
+    shapes = [None if leaf is None else leaf.shape for leaf in found]
+    if shapes != [np.shape(leaf) for leaf in leaves] or f"{name}/{len(leaves)}" in arrays:
+        raise FileError("The checkpoint belongs to another system or method: its state has other shapes.")
+    return jax.tree.unflatten(structure, found)

@@ -1,0 +1,115 @@
+"""What a folder says about its run: enough to set it up again from the system alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from importlib import import_module, metadata
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.spaces.named import Named
+
+_HOMES = ("coadjoint.methods", "coadjoint.difference_maps")
+_FIXED = [f.name for f in dataclasses.fields(State) if f.metadata.get("static") and f.name != "places"]
+_NUMBERS = [f.name for f in dataclasses.fields(State) if not f.metadata.get("static")]
+
+
+class Unwritable(Exception):
+    """Something that has no form as JSON: the user gives it again."""
+
+
+def versions() -> dict[str, str]:
+    """The versions of what decides the last bits of a result."""
+    return {name: metadata.version(name) for name in ("coadjoint", "jax", "numpy", "llvmlite")}
+
+
+def method_form(method: Method) -> Any:
+    """A method as class names and fields; None where it is not one of the library's own."""
+    try:
+        form = _form(method)
+        return form if method_from(form) == method else None
+    except Unwritable:
+        return None
+
+
+def _form(value: Any) -> Any:
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, tuple):
+        return [_form(item) for item in value]
+    if dataclasses.is_dataclass(value) and _class(type(value).__name__) is type(value):
+        fields = {field.name: _form(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {"class": type(value).__name__, **fields}
+    raise Unwritable
+
+
+def _class(name: str) -> Any:
+    found = (getattr(import_module(home), name, None) for home in _HOMES)
+    return next((kind for kind in found if isinstance(kind, type)), None)
+
+
+def method_from(form: Any) -> Any:
+    """What `method_form` described."""
+    if isinstance(form, list):
+        return tuple(method_from(item) for item in form)
+    if not isinstance(form, Mapping):
+        return form
+    made = object.__new__(_class(form["class"]))
+    for name, value in form.items():
+        if name != "class":
+            object.__setattr__(made, name, method_from(value))
+    return made
+
+
+def start_form(start: State) -> tuple[Any, dict[str, np.ndarray]]:
+    """The structure of a start as JSON, None where it holds anything unusual, and its numbers."""
+    numbers: dict[str, np.ndarray] = {}
+    try:
+        form = {name: _tree(getattr(start, name), numbers) for name in _NUMBERS}
+        return {**form, "fixed": {name: getattr(start, name) for name in _FIXED}}, numbers
+    except Unwritable:
+        return None, {}
+
+
+def _tree(tree: Any, numbers: dict[str, np.ndarray]) -> Any:
+    if tree is None:
+        return None
+    if isinstance(tree, (Named, dict)):
+        kind = "parameters" if isinstance(tree, Parameters) else "named" if isinstance(tree, Named) else "dict"
+        values = tree.asdict() if isinstance(tree, Named) else tree
+        return {kind: {name: _tree(value, numbers) for name, value in values.items()}}
+    if isinstance(tree, (tuple, list)) and not hasattr(tree, "_fields"):
+        return {type(tree).__name__: [_tree(value, numbers) for value in tree]}
+    if isinstance(tree, (np.ndarray, np.generic, float, int)):
+        name = f"start/{len(numbers)}"
+        numbers[name] = np.asarray(tree)
+        return name
+    raise Unwritable
+
+
+def start_from(form: Any, numbers: Mapping[str, np.ndarray], system: System) -> State:
+    """The start that `start_form` took apart; raises ArgumentError where it could not be written."""
+    if form is None:
+        raise ArgumentError("The start of this run has parts that its folder does not keep: give `start` again.")
+    grown = {name: _planted(form[name], numbers) for name in _NUMBERS}
+    return State(**grown, **form["fixed"], places=system.places)
+
+
+def _planted(form: Any, numbers: Mapping[str, np.ndarray]) -> Any:
+    if form is None:
+        return None
+    if isinstance(form, str):
+        return numbers[form]
+    ((kind, values),) = form.items()
+    if kind in ("tuple", "list"):
+        grown = [_planted(value, numbers) for value in values]
+        return tuple(grown) if kind == "tuple" else grown
+    grown = {name: _planted(value, numbers) for name, value in values.items()}
+    return grown if kind == "dict" else {"parameters": Parameters, "named": Named}[kind](**grown)

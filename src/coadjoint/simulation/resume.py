@@ -1,0 +1,142 @@
+"""Runs that go on: from a folder and its system to the run as if it had never been interrupted."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.mechanics.noether import KelvinNoether
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
+from coadjoint.simulation.dataset import attributes
+from coadjoint.simulation.driver import Memory
+from coadjoint.simulation.fingerprint import digest, fingerprint
+from coadjoint.simulation.lock import Lock
+from coadjoint.simulation.reading import read_checkpoint, read_configuration
+from coadjoint.simulation.run import Run
+from coadjoint.simulation.store import Store, create, require_free
+from coadjoint.simulation.streamed import StreamedRun
+
+FORMAT = 1
+
+
+def streamed(run: Run, path: str | os.PathLike[str], chosen: Any) -> StreamedRun:
+    """A run that has not begun, put into a new folder; `chosen` are the Kelvin–Noether quantities of the user."""
+    folder = Path(path).absolute()
+    require_free(folder)
+    marks = fingerprint(run.plan, run.position.state)
+    form, numbers = start_form(run.start)
+    header = {
+        "format": FORMAT,
+        "versions": versions(),
+        "fingerprint": marks,
+        "identity": digest(marks),
+        "dt": run.dt,
+        "steps": run.steps,
+        "save_every": run.plan.save_every,
+        "monitors": run.plan.monitors,
+        "backend": run.plan.backend,
+        "method": method_form(run.method),
+        "title": run.title,
+        "start": form,
+        "again": [name for name, it in (("inputs", run.plan.program.inputs), ("kelvin_noether", chosen)) if it],
+    }
+    store = create(folder, run.system, run.plan, run.start, run.position.state, (header, numbers))
+    return _with_store(run, store)
+
+
+def _with_store(run: Run, store: Store) -> StreamedRun:
+    parts = (run.system, run.method, run.start, run.plan, run.position, cast(Memory, store), run.warnings)
+    made = StreamedRun(*parts, run.set_up_seconds)
+    store.attributes = lambda: attributes(made)
+    return made
+
+
+def resume(
+    folder: str | os.PathLike[str],
+    system: System,
+    *,
+    start: State | None = None,
+    method: Method | None = None,
+    kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
+    inputs: Callable[[Any], Any] | None = None,
+    progress: bool | None = None,
+) -> Run:
+    """Go on with a run that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
+
+    The result is the same to the bit as that of a run that was never interrupted (on the same kind of processor). A
+    finished run is returned as it is. `system` is the system of the run; the step size, the start, the method and the
+    grid are in the folder. Functions are not: give `inputs` and `kelvin_noether` again where the run had them, and a
+    method that is not the library's own.
+    Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
+    run, is damaged, or is in use; StepError as co.simulate does.
+    """
+    from coadjoint.simulation.simulate import carry_on, prepare
+
+    began = time.perf_counter()
+    place = Path(folder).absolute()
+    header, numbers = read_configuration(place)
+    _require_readable(place, header)
+    given = {"inputs": inputs, "kelvin_noether": kelvin_noether}
+    for name in header["again"]:
+        if given[name] is None:
+            raise ArgumentError(f"This run was begun with `{name}`, which its folder does not keep: give it again.")
+    method = method_from(header["method"]) if method is None else method
+    if method is None:
+        raise ArgumentError("The method of this run is not the library's own: give `method` again.")
+    start = start_from(header["start"], numbers, system) if start is None else start
+    grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
+    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"])
+    _require_same(place, header, fingerprint(run.plan, run.position.state))
+    lock = _locked(place)
+    try:
+        store = Store(place, system, run.plan, run.start, header["identity"], lock)
+        found, arrays = read_checkpoint(place, header["identity"])
+        run.position = store.take_up(found, arrays, run.position.state)
+        run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
+        made = _with_store(run, store)
+    except BaseException:
+        lock.release()
+        raise
+    return carry_on(made, progress, began)
+
+
+def _locked(folder: Path) -> Lock:
+    try:
+        return Lock(folder)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"The folder {folder} cannot be written: {error.strerror or error}.") from error
+
+
+def _require_readable(folder: Path, header: dict[str, Any]) -> None:
+    if header.get("format") != FORMAT:
+        raise FileError(f"The run in {folder} was written by another version of coadjoint ({header.get('versions')}).")
+
+
+_PARTS = {
+    "equations": "the system's or the method's equations",
+    "parameters": "the parameters",
+    "start": "the values at the start",
+    "monitors": "the monitored quantities",
+    "grid": "the step size or the number of steps",
+}
+
+
+def _require_same(folder: Path, header: dict[str, Any], marks: dict[str, str]) -> None:
+    """Raise ArgumentError unless the run that was set up is the one in the folder."""
+    different = [_PARTS[name] for name, mark in header["fingerprint"].items() if marks[name] != mark]
+    if different:
+        then, now = header["versions"], versions()
+        changed = ", ".join(f"{name} {then[name]} then and {now[name]} now" for name in now if then[name] != now[name])
+        raise ArgumentError(
+            f"The folder {folder} holds another run: {different[0]} differ"
+            f"{f' (packages differ too: {changed})' if changed else ''}; give the system it was begun with."
+        )

@@ -1,0 +1,61 @@
+"""A run whose records are on disk."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.state import State
+from coadjoint.simulation.dataset import attributes
+from coadjoint.simulation.reading import stored_dataset
+from coadjoint.simulation.run import Run
+from coadjoint.simulation.store import Store
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class StreamedRun(Run):
+    """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
+
+    @property
+    def store(self) -> Store:
+        """Where the records are: what this run has in place of `memory`."""
+        return cast(Store, self.memory)
+
+    @property
+    def count(self) -> int:
+        return self.store.count
+
+    @cached_property
+    def steps_saved(self) -> np.ndarray:
+        return self.dataset["step"].values
+
+    @cached_property
+    def records(self) -> State:
+        raise ArgumentError(
+            f"The records of this run are on disk, in {self.store.folder}: use `run.dataset`, which reads them when "
+            "needed, or `run.final`, the last of them."
+        )
+
+    @cached_property
+    def monitors(self) -> dict[str, np.ndarray]:
+        return {name: self.dataset[name].values for name in self.ends}
+
+    @property
+    def ends(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        return self.store.ends
+
+    @property
+    def final(self) -> State:
+        if self.store.last is None:
+            raise ArgumentError("This run holds no records: its first step failed.")
+        return self.store.last
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset, read from the disk when they are used."""
+        return stored_dataset(self.store.folder, self.count, attributes(self))

@@ -1,0 +1,73 @@
+"""Every example runs, for a short time, and shows the physics that it says it shows."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.pyplot
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def run_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Run a script as a user does, in an empty folder; returns its variables."""
+
+    def run(name: str, duration: float) -> dict[str, Any]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", str(duration)])
+        found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+        matplotlib.pyplot.close("all")
+        return found
+
+    return run
+
+
+def test_every_example_has_a_test_is_short_and_says_how_to_run_it():
+    scripts = sorted(EXAMPLES.glob("*.py"))
+    tested = Path(__file__).read_text(encoding="utf-8")
+    assert scripts
+    for script in scripts:
+        text = script.read_text(encoding="utf-8")
+        assert f'"{script.stem}"' in tested, f"{script.name} has no test."
+        assert f"Run as: python examples/{script.name}" in text
+        assert len(text.splitlines()) <= 80
+
+
+def test_a_vehicle_in_a_current_is_carried_along_and_its_balance_closes(run_example):
+    found = run_example("vehicle_in_current", 60)
+    run, current = found["run"], found["current"]
+    assert run.summary()["balance_max"] < 1e-13
+    before, after = (np.linalg.norm(run.dataset.qdot.values[k, :2] - current[:2]) for k in (0, -1))
+    assert after < 0.4 * before
+    assert Path("vehicle_in_current.png").stat().st_size > 10_000
+
+
+def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_method(run_example):
+    found = run_example("fast_heavy_top", 0.2)
+    assert found["method"].order == 4
+    assert abs(found["order"] - 4) < 0.2
+    assert found["errors"][1] < 1e-9
+    assert found["momentum"] < 1e-12
+
+
+def test_the_charged_particle_runs_round_its_circle(run_example):
+    found = run_example("heisenberg", 20)
+    assert found["error"] < 1e-4 * found["radius"]
+    assert found["run"].relative_change("kelvin_noether") < 1e-13
+    assert Path("heisenberg.png").stat().st_size > 10_000
+
+
+def test_a_fleet_of_plates_keeps_its_horizontal_momenta(run_example):
+    found = run_example("falling_plates", 2)
+    momenta = found["fleet"].dataset.kelvin_noether.transpose("member", "time", ...).values
+    assert momenta.shape[0] == found["plates"]
+    assert np.max(np.abs(momenta - momenta[:, :1])) < 1e-12
+    assert Path("falling_plates.png").stat().st_size > 10_000

@@ -1,0 +1,249 @@
+"""Axioms of matrix Lie groups, over every group; closed forms against what the base class derives from matrices."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+
+import coadjoint as co
+from coadjoint.errors import GroupError
+from coadjoint.groups import LieGroup
+from coadjoint.kernels.evaluate import evaluate
+from systems import GROUPS, SL2, element, generator
+
+ROUND_OFF = 2e-14
+"""Of the product of the matrix norms that enter."""
+
+
+@pytest.fixture(params=GROUPS)
+def group(request) -> LieGroup:
+    return GROUPS[request.param]
+
+
+@pytest.fixture
+def random(group) -> np.random.Generator:
+    return generator("group", group)
+
+
+def vectors(group, random, count):
+    return random.normal(size=(count, group.dim))
+
+
+def close(found, expected, size=1.0):
+    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(x, y, rtol=0, atol=ROUND_OFF * max(1.0, size, np.max(np.abs(y), initial=0.0)))
+
+
+def matrix_sizes(group, *elements) -> float:
+    """The largest norm of the elements and their inverses, cubed: three of them meet in these identities."""
+    both = [m for g in elements for m in evaluate(lambda g: (group.matrix(g), group.matrix(group.inverse(g))), g)]
+    return max(np.linalg.norm(m) for m in both) ** 3
+
+
+def test_multiplication_is_that_of_matrices(group, random):
+    g, h, k = (element(group, random) for _ in range(3))
+
+    def products(g, h, k):
+        compose, matrix = group.compose, group.matrix
+        return {
+            "product": (matrix(compose(g, h)), matrix(g) @ matrix(h)),
+            "associative": (matrix(compose(compose(g, h), k)), matrix(compose(g, compose(h, k)))),
+            "identity": (matrix(compose(g, group.identity())), matrix(g)),
+            "unit": (matrix(group.identity()), jnp.eye(group.matrix_size)),
+            "inverse": (matrix(compose(g, group.inverse(g))), jnp.eye(group.matrix_size)),
+            "entries": (group.from_matrix(matrix(g)), g),
+        }
+
+    for found, expected in evaluate(products, g, h, k).values():
+        close(found, expected, matrix_sizes(group, g, h, k))
+
+
+def test_hat_and_vee_are_inverse_and_linear_in_the_basis(group, random):
+    (xi,) = vectors(group, random, 1)
+    hatted, back = evaluate(lambda xi: (group.hat(xi), group.vee(group.hat(xi))), xi)
+    close(back, xi)
+    close(hatted, np.tensordot(xi, group.basis, 1))
+    assert group.basis.shape == (group.dim, group.matrix_size, group.matrix_size)
+
+
+def test_tangent_is_the_derivative_of_the_exponential_as_an_element(group, random):
+    (xi,) = vectors(group, random, 1)
+    found, expected = evaluate(
+        lambda xi: (group.tangent(xi), jax.jvp(lambda e: group.exp(e * xi), (0.0,), (1.0,))[1]), xi
+    )
+    close(found, expected)
+    matrix = evaluate(lambda xi: jax.jvp(group.matrix, (group.identity(),), (group.tangent(xi),))[1], xi)
+    close(matrix, np.tensordot(xi, group.basis, 1))
+
+
+def test_adjoint_action_is_conjugation(group, random):
+    g = element(group, random)
+    (xi,) = vectors(group, random, 1)
+
+    def conjugated(g, xi):
+        m = group.matrix(g)
+        return group.hat(group.Ad(g, xi)), m @ group.hat(xi) @ jnp.linalg.inv(m)
+
+    close(*evaluate(conjugated, g, xi), matrix_sizes(group, g))
+
+
+def test_bracket_is_the_commutator_and_satisfies_jacobi(group, random):
+    xi, eta, chi = vectors(group, random, 3)
+
+    def brackets(xi, eta, chi):
+        hat, ad = group.hat, group.ad
+        jacobi = ad(xi, ad(eta, chi)) + ad(eta, ad(chi, xi)) + ad(chi, ad(xi, eta))
+        return hat(ad(xi, eta)), hat(xi) @ hat(eta) - hat(eta) @ hat(xi), jacobi
+
+    found, expected, jacobi = evaluate(brackets, xi, eta, chi)
+    close(found, expected, 10)
+    close(jacobi, np.zeros(group.dim), 50)
+
+
+def test_bracket_is_the_derivative_of_the_adjoint_action(group, random):
+    xi, eta = vectors(group, random, 2)
+    found, expected = evaluate(
+        lambda xi, eta: (
+            group.ad(xi, eta),
+            jax.jvp(lambda g: group.Ad(g, eta), (group.identity(),), (group.tangent(xi),))[1],
+        ),
+        xi,
+        eta,
+    )
+    close(found, expected, 10)
+
+
+def test_duals_pair_as_they_must(group, random):
+    """⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩ and ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩ (P5)."""
+    g = element(group, random)
+    xi, eta, mu = vectors(group, random, 3)
+
+    def pairings(g, xi, eta, mu):
+        return (
+            (group.Ad_dual(g, mu) @ xi, mu @ group.Ad(g, xi)),
+            (group.ad_dual(xi, mu) @ eta, mu @ group.ad(xi, eta)),
+        )
+
+    for found, expected in evaluate(pairings, g, xi, eta, mu):
+        close(found, expected, 10 * matrix_sizes(group, g))
+
+
+def test_dual_adjoint_composes_in_reverse_order(group, random):
+    """Ad_{gh} = Ad_g Ad_h and Ad*_{gh} = Ad*_h Ad*_g."""
+    g, h = element(group, random), element(group, random)
+    xi, mu = vectors(group, random, 2)
+
+    def orders(g, h, xi, mu):
+        gh = group.compose(g, h)
+        return (
+            (group.Ad(gh, xi), group.Ad(g, group.Ad(h, xi))),
+            (group.Ad_dual(gh, mu), group.Ad_dual(h, group.Ad_dual(g, mu))),
+        )
+
+    for found, expected in evaluate(orders, g, h, xi, mu):
+        close(found, expected, 10 * matrix_sizes(group, g) * matrix_sizes(group, h))
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-3, 1.0, 1.9, 2.1, 6.0])
+def test_exponential_agrees_with_the_matrix_exponential(group, random, scale):
+    """With a rotation of about `scale` and a unit translation, so that no small-angle error hides."""
+    (xi,) = vectors(group, random, 1)
+    xi = xi / np.linalg.norm(xi)
+    turning = np.array([np.any(np.abs(b - b.T) > 1.5) for b in group.basis])
+    xi = np.where(turning, scale * xi, xi)
+    found = evaluate(lambda xi: group.matrix(group.exp(xi)), xi)
+    expected = scipy.linalg.expm(np.tensordot(xi, group.basis, 1))
+    close(found, expected, 20)
+
+
+def test_exponential_of_commuting_elements_adds(group, random):
+    (xi,) = vectors(group, random, 1)
+    found = evaluate(lambda xi: group.matrix(group.compose(group.exp(0.3 * xi), group.exp(0.4 * xi))), xi)
+    close(found, evaluate(lambda xi: group.matrix(group.exp(0.7 * xi)), xi), np.linalg.norm(found) * 10)
+
+
+def test_projection_removes_a_small_defect_quadratically(group, random):
+    g = element(group, random)
+    noise = jax.tree.map(lambda x: 1e-5 * random.normal(size=x.shape), g)
+    disturbed = jax.tree.map(np.add, g, noise)
+    assert evaluate(group.defect, g) <= 100 * ROUND_OFF * matrix_sizes(group, g)
+    if evaluate(group.defect, disturbed) == 0.0:
+        assert isinstance(group, co.Translation)
+        return
+    assert evaluate(group.defect, disturbed) > 1e-6
+    once = evaluate(group.project, disturbed)
+    assert evaluate(group.defect, once) < 1e-8
+    close(once, g, 1e-4 / ROUND_OFF)
+    close(evaluate(group.project, g), g, matrix_sizes(group, g))
+    assert evaluate(group.defect, evaluate(group.project, once)) <= 100 * ROUND_OFF * matrix_sizes(group, g)
+
+
+def test_closed_forms_equal_the_derivation_from_matrices(group, random):
+    g = element(group, random)
+    xi, eta, mu = vectors(group, random, 3)
+
+    def both(name, *arguments):
+        return getattr(group, name)(*arguments), getattr(LieGroup, name)(group, *arguments)
+
+    def forms(g, xi, eta, mu):
+        return (
+            both("hat", xi),
+            both("vee", group.hat(xi)),
+            both("Ad", g, xi),
+            both("Ad_dual", g, mu),
+            both("ad", xi, eta),
+            both("ad_dual", xi, mu),
+            both("exp", xi),
+        )
+
+    for found, expected in evaluate(forms, g, xi, eta, mu):
+        close(found, expected, 10 * matrix_sizes(group, g))
+
+
+def test_angle_squared_describes_the_spectrum_of_ad(group, random):
+    (xi,) = vectors(group, random, 1)
+    t = evaluate(group.angle_squared, xi) if group.angle_squared(xi) is not None else None
+    if t is None:
+        pytest.skip("the group promises nothing")
+    ad = evaluate(lambda xi: jax.vmap(lambda eta: group.ad(xi, eta), out_axes=1)(jnp.eye(group.dim)), xi)
+    squared = ad @ ad
+    turned = squared + t * np.eye(group.dim)
+    close(squared @ turned @ turned, np.zeros_like(ad), 1e3)
+
+
+def test_rotation_angle_is_the_angle_of_the_rotation():
+    turns = {co.SO2(): [-0.7], co.SE2(): [-0.7, 3.0, 4.0], co.SO3(): [0.7, 0, 0], co.SE3(): [0, 0.7, 0, 3, 4, 5]}
+    for group, xi in turns.items():
+        assert evaluate(group.rotation_angle, np.array(xi, float)) == pytest.approx(0.7, abs=1e-15)
+    both = co.DirectProduct(co.SO2(), co.SO3())
+    assert evaluate(both.rotation_angle, np.array([-0.3, 0, 0.4, 0])) == pytest.approx(0.4, abs=1e-15)
+
+
+def test_groups_compare_by_what_they_are():
+    again = co.MatrixGroup(SL2.basis, SL2._constraint)
+    assert again == SL2
+    assert hash(again) == hash(SL2)
+    assert co.MatrixGroup(2 * SL2.basis) != SL2
+    assert co.SO3() == co.SO3() != co.SE3()
+    assert co.DirectProduct(co.SO3(), co.SO2()) == co.DirectProduct(co.SO3(), co.SO2())
+
+
+def test_a_basis_that_is_no_algebra_is_refused_in_one_sentence():
+    x, y, z = np.array(SL2.basis)
+    with pytest.raises(GroupError, match="closed under the bracket"):
+        co.MatrixGroup([y, z])
+    with pytest.raises(GroupError, match="linearly independent"):
+        co.MatrixGroup([x, y, x + y])
+    with pytest.raises(GroupError, match=r"shape \(dim, N, N\)"):
+        co.MatrixGroup(np.eye(3))
+
+
+def test_a_matrix_group_without_constraint_says_so():
+    free = co.MatrixGroup(SL2.basis)
+    assert not free.constrained
+    for ask in (free.project, free.defect):
+        with pytest.raises(GroupError, match="constraint"):
+            ask(np.eye(2))

@@ -1,0 +1,111 @@
+"""The catalogue: cheap to list, complete, and exact about names."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.models import Entry, catalogue, underwater
+
+ENTRIES = list(catalogue.values())
+
+
+def values(system: co.System) -> Any:
+    return system.parameters
+
+
+def entry_name(entry: Entry) -> str:
+    return entry.name
+
+
+def test_listing_names_and_descriptions_imports_no_jax():
+    listing = (
+        "import sys, coadjoint.models as m\n"
+        "lines = [f'{e.name} {e.description} {dict(e.parameters)} {dict(e.initial)}' for e in m.catalogue.values()]\n"
+        "assert len(lines) >= 7 and m.underwater.TABLE_1['mass'] == 123.8\n"
+        "assert not {'jax', 'numpy', 'scipy'} & set(sys.modules), 'a listing imported numerics'\n"
+    )
+    subprocess.run([sys.executable, "-c", listing], check=True)
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
+def test_defaults_name_every_argument_of_the_model(entry: Entry):
+    for path, defaults, skipped in ((entry.maker, entry.parameters, 0), (entry.starter, entry.initial, 1)):
+        module, name = path.split(":")
+        function = getattr(import_module(f"coadjoint.models.{module}"), name)
+        assert set(defaults) == set(list(inspect.signature(function).parameters)[skipped:]), path
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
+def test_every_model_runs_from_its_defaults_and_keeps_its_invariants(entry: Entry):
+    system = entry.make()
+    start = entry.start(system)
+    assert system.check(start) == []
+    run = co.simulate(system, start, dt=entry.dt, duration=entry.duration, save_every=100)
+    print(run)
+    assert run.relative_change("energy") <= 1e-3
+    assert run.relative_change("kelvin_noether") <= 1e-10
+    assert run.largest("balance") <= 1e-15 * (10 + cancellation(run.records))
+    assert all("units" in run.dataset[name].attrs for name in ("xi", "xi_spatial", "mu", "energy"))
+
+
+def cancellation(records: co.State) -> float:
+    """How far |π||n|, whose round-off m = μ − π⋄n carries, exceeds |μ| + |π⋄n|, to which the balance is relative."""
+    if records.n.shape[1] == 0:
+        return 0.0
+    pi, n, mu = records.pi, records.n, records.mu
+    total = np.linalg.norm(mu, axis=1) + np.linalg.norm(np.cross(pi, n), axis=1)
+    return float(np.max(np.linalg.norm(pi, axis=1) * np.linalg.norm(n, axis=1) / total))
+
+
+def test_the_entry_of_the_papers_vehicle_is_the_paper():
+    entry = catalogue["underwater_vehicle"]
+    made, paper = entry.make(), underwater.paper_vehicle()
+    for name, value in values(paper).asdict().items():
+        assert np.array_equal(values(made).asdict()[name], value), name
+    found, expected = entry.start(made), underwater.paper_start(paper)
+    for name in ("g", "n", "nu", "xi", "a", "mu", "pi"):
+        assert np.max(np.abs(getattr(found, name) - getattr(expected, name))) <= 1e-14, name
+
+
+def test_parameters_replace_defaults():
+    entry = catalogue["heavy_top"]
+    assert values(entry.make(mass=3.0)).mass == 3.0 and values(entry.make()).mass == 15.0
+    R = co.attitude.zyx(0.1, 0.2, 0.3)
+    start = entry.start(entry.make(), rotation=R, angular_velocity=[1.0, 2.0, 3.0])
+    assert np.array_equal(start.g, R) and np.array_equal(start.xi, [1.0, 2.0, 3.0])
+
+
+def test_one_way_to_state_the_attitude_replaces_another():
+    entry = catalogue["underwater_vehicle"]
+    start = entry.start(entry.make(), euler_zyx=(0.1, 0.2, 0.3), euler_rates=(0.4, 0.5, 0.6))
+    assert np.max(np.abs(start.g - co.attitude.zyx(0.1, 0.2, 0.3))) <= 1e-15
+    assert np.max(np.abs(start.xi - co.attitude.zyx_angular_velocity(0.1, 0.2, 0.3, (0.4, 0.5, 0.6)))) <= 1e-15
+    kept = entry.start(entry.make(), euler_zyx=(0.1, 0.2, 0.3))
+    assert np.max(np.abs(kept.xi - np.radians([10, 0, 20]))) <= 1e-15
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda e: e.make(mas=3.0), "Model `heavy_top` has no parameter `mas`; did you mean `mass`?"),
+        (lambda e: e.start(e.make(), angular_velocty=(0, 0, 1)), "did you mean `angular_velocity`?"),
+        (lambda e: e.start(e.make(), height=3.0), "has no initial value `height`; it has: rotation, euler_zxz"),
+    ],
+)
+def test_a_name_that_does_not_exist_is_answered_by_the_nearest(call, says):
+    with pytest.raises(co.ArgumentError) as caught:
+        call(catalogue["heavy_top"])
+    assert says in str(caught.value)
+
+
+def test_defaults_cannot_be_changed_in_place():
+    with pytest.raises(TypeError):
+        catalogue["heavy_top"].parameters["mass"] = 1.0  # type: ignore[index]
