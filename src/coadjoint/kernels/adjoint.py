@@ -7,6 +7,7 @@ With r(P, S, h, z) = 0 and S⁺ = advance(P, S, h, z): z̄ = (∂S⁺/∂z)ᵀ S
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from llvmlite import ir
 
@@ -88,7 +89,7 @@ def assemble(adjoint: Adjoint) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, 1)
 
-    def load(nodes: list[Node], place: ir.Value, start: ir.Value) -> None:
+    def load(nodes: list[Node], place: ir.Value, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(b.gep(place, [b.add(start, WHOLE(i))])))
 

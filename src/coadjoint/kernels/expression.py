@@ -37,7 +37,8 @@ class Node:
     def __repr__(self) -> str:
         if not self.args:
             return str(self.value)
-        return f"{self.op}({', '.join(map(repr, self.args))})"
+        # One level: written out in full, shared expressions would fill memory.
+        return f"{self.op}({', '.join(str(a.value) if not a.args else f'#{a.number}' for a in self.args)})"
 
     def is_constant(self, value: float) -> bool:
         """Whether this is the number `value`."""
@@ -75,6 +76,10 @@ class Graph:
     def symbol(self, name: str) -> Node:
         """An unknown, by its name."""
         return self._node("symbol", (), name)
+
+    def unknown(self) -> Node:
+        """A symbol that is no other symbol."""
+        return self._node("symbol", (), f"unknown {self._count}")
 
     def placeholder(self, primitive: str) -> Node:
         """Stands for a result of `primitive` that has no expression; using its value is an error."""
@@ -158,6 +163,9 @@ class Graph:
             if abs(math.frexp(value)[0]) == 0.5 and abs(value) > 1e-300:
                 return self.mul(a, self.constant(1.0 / value))
             return self._node("div", (a, b))
+        if b.op == "const":
+            # Infinite, so that what is singular by structure gives NaN and not zero.
+            return self.mul(a, self.constant(math.copysign(math.inf, float(b.value))))  # pyright: ignore
         if a.is_constant(0.0) and b.op != "const":
             return self.zero
         if b.op == "neg":

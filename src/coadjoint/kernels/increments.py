@@ -24,6 +24,11 @@ class Increment:
     jacobian: Matrix
     right: list[Node]
 
+    @property
+    def always_safe(self) -> bool:
+        """Whether the closed form needs no check."""
+        return self.safe.op == "const" and self.safe.value is True
+
 
 @dataclass(frozen=True)
 class Scheme:

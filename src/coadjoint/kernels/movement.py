@@ -107,19 +107,24 @@ def _gather(p: Any, operand: Array, indices: Array) -> Array:
     clip = p["mode"] == lax.GatherScatterMode.CLIP
     batching = (d.operand_batching_dims, d.start_indices_batching_dims)
     numbers, inside = _windows("gather", operand.shape, indices, sizes, d.start_index_map, batching, clip)
-    lead = indices.ndim - 1
-    gone = sorted((*d.collapsed_slice_dims, *d.operand_batching_dims))
-    numbers = numbers.reshape((*numbers.shape[:lead], *(s for axis, s in enumerate(sizes) if axis not in gone)))
-    inside = np.broadcast_to(inside.reshape((*inside.shape, *(1,) * (numbers.ndim - lead))), numbers.shape)
+    inside = np.broadcast_to(inside.reshape((*inside.shape, *(1,) * len(sizes))), numbers.shape)
     values = operand.reshape(-1)[numbers]
     if not np.all(inside):
         if p["fill_value"] is None and symbolic(operand):
             raise Untraceable("gather", "it reads outside its array")
         fill = np.nan if p["fill_value"] is None else p["fill_value"]
         values = np.where(inside, values, fill)
-    windows = list(d.offset_dims)
-    ahead = [axis for axis in range(values.ndim) if axis not in windows]
-    return values.transpose(np.argsort([*ahead, *windows]))
+    return arranged(d, values, indices.ndim - 1)
+
+
+def arranged(dimensions: Any, windows: Array, lead: int) -> Array:
+    """Windows (*lead, *sizes) as a gather returns them: without the collapsed axes, the others at their places."""
+    gone = {*dimensions.collapsed_slice_dims, *dimensions.operand_batching_dims}
+    kept = (size for axis, size in enumerate(windows.shape[lead:]) if axis not in gone)
+    values = windows.reshape((*windows.shape[:lead], *kept))
+    offsets = list(dimensions.offset_dims)
+    ahead = [axis for axis in range(values.ndim) if axis not in offsets]
+    return values.transpose(np.argsort([*ahead, *offsets]))
 
 
 def _scatter(name: str, combine: Callable[[Any, Any], Any]) -> Rule:

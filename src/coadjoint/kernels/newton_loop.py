@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from llvmlite import ir
-
 from coadjoint.kernels.emitter import WHOLE, Emitter, outer
 from coadjoint.kernels.increments import Increment
 from coadjoint.kernels.plan import StagePlan
@@ -62,7 +60,7 @@ class StageLoop:
         b, emit = self.b, self.emit
         symbols = [self.stage.unknowns[i] for i in self.stage.scheme.looped]
         roots = [*increment.delta, increment.safe]
-        if increment.safe.op != "const":
+        if not increment.always_safe:
             roots += [*(x for row in increment.jacobian for x in row), *increment.right]
         emit.values(outer(roots, set(symbols)))
         before, head, end = b.block, b.append_basic_block("newton"), b.append_basic_block("solved")
@@ -127,8 +125,8 @@ class StageLoop:
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])
         inside = b.fcmp_ordered("<", chart, emit.constant(1.0))
-        finite_after = self._finite(emit.values(self.stage.after))
-        sound = b.and_(b.and_(settled, inside), finite_after)
+        finite = self._finite([*emit.values(self.stage.after), *z])
+        sound = b.and_(b.and_(settled, inside), finite)
         counts = self.emit.counts
         code = b.select(inside, counts(Code.NOT_FINITE), counts(Code.BEYOND_CHART))
         code = b.select(settled, code, counts(Code.NOT_CONVERGED))
@@ -138,7 +136,7 @@ class StageLoop:
     def _finite(self, values: list[Any]) -> Any:
         """Whether the sum is finite, which it is not if a term is infinite or NaN; nobody needs terms near 1e308."""
         b, emit = self.b, self.emit
-        sums = [v for v in values if not isinstance(v, ir.Constant)]
+        sums = list({id(v): v for v in values}.values())
         while len(sums) > 1:
             pairs = zip(sums[::2], sums[1::2], strict=False)
             sums = [b.fadd(x, y) for x, y in pairs] + (sums[-1:] if len(sums) % 2 else [])

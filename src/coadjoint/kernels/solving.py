@@ -15,7 +15,7 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     """δ, by the closed form where it is safe and with pivots otherwise."""
     b = emit.builder
     delta = emit.values(increment.delta)
-    if increment.safe.op == "const":
+    if increment.always_safe:
         return delta
     (safe,) = emit.values([increment.safe])
     before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")

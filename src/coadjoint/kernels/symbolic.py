@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.kernels import elimination
 from coadjoint.kernels.differentiation import forward
 from coadjoint.kernels.expression import Graph, Node
+from coadjoint.kernels.indexing import indexing_rules
 from coadjoint.kernels.interpreter import Array, Rule, Untraceable, symbolic
 from coadjoint.kernels.movement import MOVEMENT, scatters
 from coadjoint.kernels.numeric import BINARY, UNARY, matricize, round_name
@@ -52,6 +53,7 @@ def expression_rules(graph: Graph) -> dict[str, Rule]:
     return {
         **{name: _lifted(graph, rule) for name, rule in MOVEMENT.items()},
         **{name: _lifted(graph, rule) for name, rule in scatters(*map(named, _COMBINE)).items()},
+        **indexing_rules(graph, lambda x: lift(graph, x)),
         **unary,
         **binary,
         **_derived(graph, elementwise),
@@ -245,7 +247,7 @@ def _solve_operator(graph: Graph, operator: Callable[[list[Array]], list[Array]]
     """x with operator(x) = right for a linear operator: its matrix is its derivative."""
     right = [lift(graph, b) for b in right]
     flat = [node for b in right for node in b.reshape(-1)]
-    unknowns = [graph.symbol(f"x{i}") for i in range(len(flat))]
+    unknowns = [graph.unknown() for _ in flat]
     placed, start = [], 0
     for b in right:
         placed.append(nodes(unknowns[start : start + b.size], b.shape))

@@ -12,6 +12,7 @@ from coadjoint.kernels.control import CONTROL
 from coadjoint.kernels.expression import Graph, Node, TooLarge
 from coadjoint.kernels.interpreter import Interpreter, Untraceable, jaxpr_of
 from coadjoint.kernels.numeric import NUMERIC
+from coadjoint.kernels.packing import layout
 from coadjoint.kernels.symbolic import expression_rules, lift, nodes
 
 
@@ -21,6 +22,7 @@ class Tracer:
     def __init__(self) -> None:
         self.graph = Graph()
         self._interpreter = Interpreter(NUMERIC, CONTROL, expression_rules(self.graph))
+        self._jaxprs: dict[tuple, Any] = {}
 
     def symbols(self, name: str, tree: Any) -> Any:
         """`tree` with every element replaced by a symbol of its own, numbered through the leaves."""
@@ -36,9 +38,10 @@ class Tracer:
     def trace(self, function: Callable, *args: Any) -> Any:
         """function(*args) as a PyTree of arrays of expressions.
 
-        `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks.
+        `args` are PyTrees of arrays of expressions or numbers. Untraceable names what the language lacks. A method
+        of an object that equals an earlier one is not traced by JAX again.
         """
-        closed, structure = jaxpr_of(function, *args)
+        closed, structure = self._jaxpr(function, args)
         inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
         try:
             with np.errstate(all="ignore"):
@@ -47,6 +50,19 @@ class Tracer:
         except TooLarge:
             raise Untraceable("jit", "the program has too many scalar operations") from None
         return jax.tree_util.tree_unflatten(structure, outputs)
+
+    def _jaxpr(self, function: Callable, args: tuple) -> Any:
+        owner = getattr(function, "__self__", None)
+        if owner is None:
+            return jaxpr_of(function, *args)
+        key = owner, getattr(function, "__name__", ""), *layout(args)
+        try:
+            hash(key)
+        except TypeError:
+            return jaxpr_of(function, *args)
+        if key not in self._jaxprs:
+            self._jaxprs[key] = jaxpr_of(function, *args)
+        return self._jaxprs[key]
 
 
 def flat(tree: Any) -> list[Node]:
