@@ -147,13 +147,13 @@ def test_a_run_does_not_depend_on_its_chunks(vehicle, backend):
 
 
 def test_memory_stays_flat_while_records_stream(tmp_path):
-    """Ten times the records, 200 MB of them, in the same memory."""
+    """Ten times the records, 70 MB of them, in the same memory."""
     script = f"""
 import resource, sys
 sys.path.insert(0, {str(Path(interrupted.__file__).parent)!r})
 import interrupted
 peaks = []
-for i, steps in enumerate((50_000, 500_000)):
+for i, steps in enumerate((20_000, 200_000)):
     interrupted.simulate({str(tmp_path)!r} + f"/run{{i}}", steps=steps, save_every=1)
     peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 print(*peaks)
@@ -161,8 +161,8 @@ print(*peaks)
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     first, second = (int(word) / 1024 for word in found.stdout.split())
     size = sum(file.stat().st_size for file in (tmp_path / "run1").rglob("*")) / 2**20
-    assert size > 150
-    assert second - first < 25, f"{first:.0f} MB, then {second:.0f} MB"
+    assert size > 60
+    assert second - first < 15, f"{first:.0f} MB, then {second:.0f} MB"
 
 
 def test_a_finished_run_is_returned_and_read_lazily(tmp_path, vehicle):
@@ -255,3 +255,30 @@ def test_a_method_of_ones_own_is_asked_for():
         pass
 
     assert method_form(Own()) is None
+
+
+def rigid_body():
+    body = co.System(co.SE3(), lambda xi: 0.5 * xi @ (np.arange(1.0, 7.0) * xi))
+    return body, body.state(xi=[0.3, 0.2, 0.1, 1.0, 2.0, 3.0])
+
+
+def two_arrows():
+    spaces = {"up": co.Defining(), "north": co.Defining()}
+    body = co.System(co.SO3(), lambda xi, a: xi @ xi - a.up[2] - 2 * a.north[0] * a.up[1], advected=spaces)
+    return body, body.state(xi=[0.3, 0.2, 0.1], a0={"up": [0, 0, 1], "north": [1, 0, 0]})
+
+
+def pendulum():
+    body = co.System(co.SO2(), lambda xi, n, nu: xi @ xi + nu @ nu - n @ n, additional=co.Trivial(1))
+    return body, body.state(xi=[0.3], q=[1.0], qdot=[0.0])
+
+
+@pytest.mark.parametrize("make", [rigid_body, two_arrows, pendulum])
+@pytest.mark.parametrize("monitors", [True, False])
+def test_every_kind_of_state_streams(tmp_path, make, monitors):
+    body, start = make()
+    given = {"dt": 0.01, "steps": 50, "save_every": 4, "monitors": monitors, "progress": False}
+    whole = co.simulate(body, start, **given)
+    run = co.simulate(body, start, **given, store=tmp_path / "run")
+    assert_same(run, whole)
+    assert_same(co.resume(tmp_path / "run", body), whole)
