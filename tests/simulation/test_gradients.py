@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from paper_vehicle import start, system
 
 import coadjoint as co
 from coadjoint.mechanics.system import replace_parameters
+from paper_vehicle import start, system
 
 VEHICLE = system()
 DT, STEPS = 0.05, 40
