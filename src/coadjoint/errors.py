@@ -26,8 +26,10 @@ class FileError(CoadjointError, OSError):
 
 
 class StepError(CoadjointError, ArithmeticError):
-    """A step failed; what had been computed until then is kept in `run`."""
+    """A step failed: `sentence` says where and why; what had been computed until then is kept in `run`."""
 
     def __init__(self, sentence: str, run: Any = None):
-        super().__init__(sentence)
+        kept = "" if run is None else " What was computed until then is kept in `.run`."
+        super().__init__(sentence + kept)
+        self.sentence = sentence
         self.run = run

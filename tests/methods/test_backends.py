@@ -34,9 +34,9 @@ def assert_same(one, other):
 
 def check(case, forced, reference):
     program, constants, state = prepared(case, forced)
-    if case[0] in ("SL2", "Heisenberg", "SO4") and case[1] == "exponential":
-        # The general matrix exponential chooses its Padé order by the size of its argument: such groups run by XLA.
-        with pytest.raises(Untraceable, match="dynamic_slice"):
+    if case[0] == "SO4" and case[1] == "exponential":
+        # The general matrix exponential of 12 by 12 matrices, differentiated: more code than is worth compiling.
+        with pytest.raises(Untraceable, match="scalar operations"):
             native.compile(program, constants, state, monitors=False)
         return
     chunk = native.run(program, constants, state, H, STEPS, 1, monitors=False)

@@ -79,8 +79,7 @@ def _ended(run: Callable[[], Run]) -> tuple[Run, str | None]:
     except StepError as error:
         if error.run is None:
             raise
-        # "…; what was computed until then is kept in `.run`" is for Python; here the folder keeps it.
-        return error.run, str(error).split("; what was computed")[0] + "."
+        return error.run, error.sentence
 
 
 @contextmanager

@@ -13,14 +13,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from coadjoint.kernels.interpreter import TooLarge
 from coadjoint.kernels.numeric import BINARY, UNARY
 
-MAX_NODES = 400_000
+MAX_NODES = 120_000
 """A larger program would compile for minutes; it goes to XLA instead."""
-
-
-class TooLarge(Exception):
-    """More than MAX_NODES expressions."""
 
 
 class Node:
@@ -61,7 +58,7 @@ class Graph:
         node = self._table.get(key)
         if node is None:
             if self._count > MAX_NODES:
-                raise TooLarge
+                raise TooLarge(MAX_NODES)
             node = self._table[key] = Node(op, args, value, self._count)
             self._count += 1
         return node

@@ -26,6 +26,14 @@ class Untraceable(Exception):
         super().__init__(f"The primitive `{primitive}` cannot be traced{': ' + reason if reason else ''}.")
 
 
+class TooLarge(Untraceable):
+    """A program is longer than is worth compiling."""
+
+    def __init__(self, operations: int) -> None:
+        self.primitive = "the whole step"
+        Exception.__init__(self, f"The step comes to more than {operations:,} scalar operations.")
+
+
 def symbolic(array: Array) -> bool:
     """Whether an array holds expressions."""
     return array.dtype == object

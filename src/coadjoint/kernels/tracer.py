@@ -9,8 +9,8 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.control import CONTROL
-from coadjoint.kernels.expression import Graph, Node, TooLarge
-from coadjoint.kernels.interpreter import Interpreter, Untraceable, jaxpr_of
+from coadjoint.kernels.expression import Graph, Node
+from coadjoint.kernels.interpreter import Interpreter, jaxpr_of
 from coadjoint.kernels.numeric import NUMERIC
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.symbolic import expression_rules, lift, nodes
@@ -43,12 +43,9 @@ class Tracer:
         """
         closed, structure = self._jaxpr(function, args)
         inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
-        try:
-            with np.errstate(all="ignore"):
-                outputs = self._interpreter.closed(closed, inputs)
-                outputs = [lift(self.graph, output) for output in outputs]
-        except TooLarge:
-            raise Untraceable("jit", "the program has too many scalar operations") from None
+        with np.errstate(all="ignore"):
+            outputs = self._interpreter.closed(closed, inputs)
+            outputs = [lift(self.graph, output) for output in outputs]
         return jax.tree_util.tree_unflatten(structure, outputs)
 
     def _jaxpr(self, function: Callable, args: tuple) -> Any:

@@ -75,7 +75,13 @@ def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
             "steps_done": ("member", ensemble.steps_done),
             "code": ("member", ensemble.codes),
         },
-        attrs={"group": repr(ensemble.system.group), "system": ensemble.system.name, "card": str(ensemble)},
+        attrs={
+            "group": repr(ensemble.system.group),
+            "system": ensemble.system.name,
+            "method": ensemble.method.title,
+            "dt": ensemble.plan.h,
+            "card": str(ensemble),
+        },
     )
     return labelled(made, meanings(made, ensemble.system))
 

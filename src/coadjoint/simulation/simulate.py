@@ -228,14 +228,9 @@ def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
     where = f"Step {index} of {run.steps} (t = {run.start.t + index * run.dt:.6g} s)"
-    kept = f"what was computed until then is kept in `.run` ({run.count} records)."
     if code is Code.NOT_CONVERGED:
-        return (
-            f"{where} did not converge in {MAX_ITERATIONS} Newton iterations with dt = {run.dt:g}; "
-            f"take a smaller dt; {kept}"
-        )
+        many = f"{MAX_ITERATIONS} Newton iterations"
+        return f"{where} did not converge in {many} with dt = {run.dt:g}; take a smaller dt."
     if code is Code.BEYOND_CHART:
-        return f"{where} left the chart of the difference map: take a smaller dt, or co.Exponential(); {kept}"
-    return (
-        f"{where} gave numbers that are not finite; take a smaller dt or check the Lagrangian and forces there; {kept}"
-    )
+        return f"{where} left the chart of the difference map: take a smaller dt, or co.Exponential()."
+    return f"{where} gave numbers that are not finite; take a smaller dt or check the Lagrangian and forces there."

@@ -102,7 +102,10 @@ class Space:
 
 def checked_vector(value: Any, size: int, name: str) -> Any:
     """A finite float64 vector (size,); raises ArgumentError. A tracer passes with its shape checked only."""
-    shape = np.shape(value)
+    try:
+        shape = np.shape(value)
+    except ValueError as error:
+        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {value!r}.") from error
     if shape != (size,):
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
     if isinstance(value, Tracer):
