@@ -7,9 +7,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import coadjoint as co
 import jax
 import numpy as np
+
+import coadjoint as co
 from coadjoint.kernels import native, xla
 from coadjoint.kernels.evaluate import tabulate
 from coadjoint.mechanics.system import replace_parameters

@@ -88,7 +88,7 @@ MAPS: dict[str, DifferenceMap] = {
     "bent": Bent(),
 }
 
-RULES: dict[str, type[co.Method]] = {
+RULES: dict[str, Any] = {
     "left": co.LeftRectangle,
     "right": co.RightRectangle,
     "midpoint": co.Midpoint,

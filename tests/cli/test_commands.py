@@ -182,7 +182,7 @@ def test_help_comes_at_once_and_without_jax():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interrupted_run_ends_cleanly(tmp_path):
+def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path):
     file = write(tmp_path, TOP)
     process = subprocess.Popen(
         [*MAIN, "run", str(file), "--set", "run.steps=2000000000", "--set", "run.save_every=1000000"],
@@ -192,7 +192,7 @@ def test_an_interrupted_run_ends_cleanly(tmp_path):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     until = time.monotonic() + 60
-    while not (tmp_path / "top").exists() and time.monotonic() < until:
+    while not (tmp_path / "top" / "unfinished").exists() and time.monotonic() < until:
         time.sleep(0.05)
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
@@ -200,7 +200,7 @@ def test_an_interrupted_run_ends_cleanly(tmp_path):
     assert process.returncode == 130
     assert err.startswith("Interrupted")
     assert err.count("\n") == 1
-    assert not (tmp_path / "top").exists()
+    assert {entry.name for entry in (tmp_path / "top").iterdir()} == {"run.toml", "top.py", "unfinished"}
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path):

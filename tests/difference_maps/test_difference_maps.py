@@ -60,7 +60,7 @@ def test_tangent_is_right_trivialised(pair):
         value, velocity = jax.jvp(lambda x: group.matrix(tau.tau(group, x)), (xi,), (chi,))
         return group.hat(tau.dtau(group, xi, chi)) @ value, velocity
 
-    close(*evaluate(both, xi, chi), 10)
+    close(*evaluate(both, xi, chi), size=10)
 
 
 def test_inverse_tangent_inverts_the_tangent(pair):
@@ -76,7 +76,7 @@ def test_tangent_intertwines(pair):
     def both(xi, chi):
         return tau.dtau(group, xi, chi), group.Ad(tau.tau(group, xi), tau.dtau(group, -xi, chi))
 
-    close(*evaluate(both, xi, chi), 10)
+    close(*evaluate(both, xi, chi), size=10)
 
 
 def test_inverse_tangent_intertwines(pair):
@@ -102,7 +102,7 @@ def test_duals_pair(pair):
     def both(xi, chi, mu):
         return tau.dtau_inverse_dual(group, xi, mu) @ chi, mu @ tau.dtau_inverse(group, xi, chi)
 
-    close(*evaluate(both, xi, chi, mu), 10)
+    close(*evaluate(both, xi, chi, mu), size=10)
 
 
 def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
@@ -172,7 +172,7 @@ def test_exponential_and_two_derivatives_on_both_sides_of_every_switch(moving, a
         one = _with_two_derivatives(lambda x: group.matrix(group.exp(x)), xi, along)
         return one, _with_two_derivatives(lambda x: jax.scipy.linalg.expm(group.hat(x)), xi, along)
 
-    close(*evaluate(both, xi, along), 10)
+    close(*evaluate(both, xi, along), size=10)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -186,7 +186,7 @@ def test_inverse_tangent_and_two_derivatives_on_both_sides_of_every_switch(movin
         one = _with_two_derivatives(lambda x: co.Exponential().dtau_inverse_dual(group, x, mu), xi, along)
         return one, _with_two_derivatives(lambda x: _by_matrix_exponential(group, x, mu), xi, along)
 
-    close(*evaluate(both, xi, along), 10 / min(1.0, 2 * np.pi - angle) ** 3)
+    close(*evaluate(both, xi, along), size=10 / min(1.0, 2 * np.pi - angle) ** 3)
 
 
 def _special_linear(size: int) -> list[np.ndarray]:

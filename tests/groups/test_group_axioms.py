@@ -40,7 +40,7 @@ def close(found, expected, size=1.0):
 def matrix_sizes(group, *elements) -> float:
     """The largest norm of the elements and their inverses, cubed: three of them meet in these identities."""
     both = [m for g in elements for m in evaluate(lambda g: (group.matrix(g), group.matrix(group.inverse(g))), g)]
-    return max(np.linalg.norm(m) for m in both) ** 3
+    return float(max(np.linalg.norm(m) for m in both) ** 3)
 
 
 def test_multiplication_is_that_of_matrices(group, random):
@@ -87,7 +87,7 @@ def test_adjoint_action_is_conjugation(group, random):
         m = group.matrix(g)
         return group.hat(group.Ad(g, xi)), m @ group.hat(xi) @ jnp.linalg.inv(m)
 
-    close(*evaluate(conjugated, g, xi), matrix_sizes(group, g))
+    close(*evaluate(conjugated, g, xi), size=matrix_sizes(group, g))
 
 
 def test_bracket_is_the_commutator_and_satisfies_jacobi(group, random):
@@ -162,7 +162,7 @@ def test_exponential_agrees_with_the_matrix_exponential(group, random, scale):
 def test_exponential_of_commuting_elements_adds(group, random):
     (xi,) = vectors(group, random, 1)
     found = evaluate(lambda xi: group.matrix(group.compose(group.exp(0.3 * xi), group.exp(0.4 * xi))), xi)
-    close(found, evaluate(lambda xi: group.matrix(group.exp(0.7 * xi)), xi), np.linalg.norm(found) * 10)
+    close(found, evaluate(lambda xi: group.matrix(group.exp(0.7 * xi)), xi), float(np.linalg.norm(found)) * 10)
 
 
 def test_projection_removes_a_small_defect_quadratically(group, random):

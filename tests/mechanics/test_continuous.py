@@ -78,7 +78,7 @@ def test_theorem_2_holds_at_every_state(forced):
         rate = along_the_motion(system, partial(spatial_momentum, system), state)
         return rate, group.Ad_dual(group.inverse(state.g), here(system, state).source)
 
-    close(*evaluate(both, state), 10)
+    close(*evaluate(both, state), size=10)
 
 
 def test_total_body_momentum_obeys_its_equation(forced):
@@ -90,7 +90,7 @@ def test_total_body_momentum_obeys_its_equation(forced):
         carried = system.group.ad_dual(state.xi, total_momentum(system, state))
         return rate, carried + here(system, state).source
 
-    close(*evaluate(both, state), 10)
+    close(*evaluate(both, state), size=10)
 
 
 def test_energy_changes_by_the_power_of_the_forces(forced):
@@ -103,7 +103,7 @@ def test_energy_changes_by_the_power_of_the_forces(forced):
         explicit = jax.grad(lambda t: system.reduced_lagrangian(state.xi, state.n, state.nu, state.a, t))(state.t)
         return rate, torque @ state.xi + force @ state.nu - explicit
 
-    close(*evaluate(both, state), 10)
+    close(*evaluate(both, state), size=10)
 
 
 def test_velocities_invert_the_legendre_transform(free):
@@ -161,7 +161,7 @@ def test_motion_is_generated_by_the_bracket(free):
         )
         return f_mu @ slope.mu + f_pi @ slope.pi + f_n @ slope.n + f_a @ slope.a, bracket
 
-    close(*evaluate(both, state), 10)
+    close(*evaluate(both, state), size=10)
 
 
 ALONG = ["SO3", "SE3", "SL2"]

@@ -7,12 +7,13 @@ in `long`. States are compared after `STEPS` steps relative to their size; rando
 import jax
 import numpy as np
 import pytest
-from systems import MAPS, RULES, all_cases, pairwise_cases, random_system
 
 from coadjoint.kernels import native, xla
 from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
+from systems import MAPS, RULES, all_cases, pairwise_cases, random_system
 
 STEPS, H = 6, 0.05
 
@@ -33,6 +34,11 @@ def assert_same(one, other):
 
 def check(case, forced, reference):
     program, constants, state = prepared(case, forced)
+    if case[0] in ("SL2", "Heisenberg", "SO4") and case[1] == "exponential":
+        # The general matrix exponential chooses its Padé order by the size of its argument: such groups run by XLA.
+        with pytest.raises(Untraceable, match="dynamic_slice"):
+            native.compile(program, constants, state, monitors=False)
+        return
     chunk = native.run(program, constants, state, H, STEPS, 1, monitors=False)
     records, final, iterations = reference(program, constants, state)
     assert chunk.steps == STEPS
@@ -58,10 +64,10 @@ def by_xla(program, constants, state):
     return chunk.records, chunk.final, chunk.iterations
 
 
-@pytest.mark.parametrize("forced", [False, True], ids=["free", "forced"])
-@pytest.mark.parametrize("case", pairwise_cases(), ids="-".join)
-def test_native_steps_are_the_steps_of_the_reference(case, forced):
-    check(case, forced, by_numpy)
+@pytest.mark.parametrize(("index", "case"), list(enumerate(pairwise_cases())))
+def test_native_steps_are_the_steps_of_the_reference(index, case):
+    """Free and forced systems in turn."""
+    check(case, index % 2 == 1, by_numpy)
 
 
 @pytest.mark.long

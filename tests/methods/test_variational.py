@@ -40,8 +40,7 @@ def test_discrete_lagrangian_of_a_rule_gives_its_step(world, tau, rule, forced):
         nothing = np.zeros(0)
         n, s = rest[:2] if Q.ambient(system.group) else (nothing, nothing)
         a = rest[-3] if V.ambient(system.group) else nothing
-        points = [flat(x) for x in (n, s, a)]
-        return action.discrete_lagrangian(system, step, xi, *points, rest[-1], t)
+        return action.discrete_lagrangian(system, step, xi, flat(n), flat(s), flat(a), rest[-1], t)
 
     given = co.System(
         system.group,

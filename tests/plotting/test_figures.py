@@ -8,6 +8,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
+import xarray
 from made_runs import dataset
 
 from coadjoint.errors import ArgumentError, FileError
@@ -129,6 +130,33 @@ def test_runs_in_one_figure_are_told_apart_by_what_differs():
     assert labels == ["Midpoint(Cayley)", "Trapezoidal(Cayley)"]
     halved = [line.get_label() for line in Plots(dataset(101)).energy(dataset(201)).axes[0].get_lines()]
     assert halved == ["h = 0.1 s", "h = 0.05 s"]
+
+
+def ensemble(members):
+    runs = [dataset(energy=5.0 + 1e-6 * (1 + k) * np.sin(np.linspace(0, 10, 200))) for k in range(members)]
+    made = xarray.concat(runs, dim="member", combine_attrs="drop_conflicts")
+    return made.assign_coords(member=np.arange(members))
+
+
+@pytest.mark.parametrize("members", [3, 40])
+def test_an_ensemble_shows_every_member(members):
+    figure = Plots(ensemble(members)).energy()
+    highest = [curve[:, 1].max() for curve in curves(figure)]
+    assert np.allclose(highest, 2e-7 * (1 + np.arange(members)), rtol=1e-2)
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert labels == (["member 0", "member 1", "member 2"] if members == 3 else ["Midpoint(Cayley), 40 members"])
+    for name in FIGURES:
+        getattr(Plots(ensemble(members)), name)()
+
+
+def test_a_member_that_failed_is_shown_as_far_as_it_went():
+    runs = ensemble(3).copy(deep=True)
+    for name in runs.data_vars:
+        runs[name].values[1, 50:] = np.nan
+        runs[name].values[2, :] = np.nan
+    figure = Plots(runs).velocities()
+    ends = {line.get_xdata()[-1] for line in figure.axes[0].get_lines()}
+    assert ends == {10.0, runs.time.values[49]}
 
 
 @pytest.mark.parametrize(

@@ -23,13 +23,14 @@ LINEAR: dict[str, Space] = {
     "Coadjoint": co.Coadjoint(),
     "Trivial": co.Trivial(2),
 }
+SEVERAL = Several({"buoy": co.Points(), "row": co.Dual(), "fill": co.Trivial(1)})
 PLACES = [(g, s) for g in GROUPS for s in LINEAR]
 PLACES += [(g, s) for g in ("SE2", "SE3") for s in ("Points", "Several")]
 PLACES += [("SO3", "Sphere"), ("SO4", "Sphere"), ("SO2", "Sphere")]
 SPACES = LINEAR | {
     "Points": co.Points(),
     "Sphere": co.Sphere(),
-    "Several": Several({"buoy": co.Points(), "row": co.Dual(), "fill": co.Trivial(1)}),
+    "Several": SEVERAL,
 }
 
 
@@ -91,7 +92,7 @@ def test_infinitesimal_action_is_the_derivative_along_the_exponential(place):
         along = jax.jvp(lambda e: space.act(group, group.exp(e * xi), x), (0.0,), (1.0,))[1]
         return space.infinitesimal(group, xi, x), along
 
-    close(*evaluate(both, xi, x), 10)
+    close(*evaluate(both, xi, x), size=10)
 
 
 def test_infinitesimal_action_by_finite_differences(place):
@@ -115,7 +116,7 @@ def test_lifted_action_is_the_derivative_of_the_infinitesimal_one(place):
     def both(xi, x, v):
         return space.lifted(group, xi, x, v), jax.jvp(lambda y: space.infinitesimal(group, xi, y), (x,), (v,))[1]
 
-    close(*evaluate(both, xi, x, v), 10)
+    close(*evaluate(both, xi, x, v), size=10)
 
 
 def test_bracket_acts_as_the_commutator(place):
@@ -128,7 +129,7 @@ def test_bracket_acts_as_the_commutator(place):
         other = space.lifted(group, eta, x, space.infinitesimal(group, xi, x))
         return one - other, space.infinitesimal(group, group.ad(xi, eta), x)
 
-    close(*evaluate(both, xi, eta, x), 30)
+    close(*evaluate(both, xi, eta, x), size=30)
 
 
 def test_diamond_is_minus_the_transpose_of_the_infinitesimal_action(place):
@@ -159,7 +160,7 @@ def test_diamond_is_equivariant(place):
         carried = space.pull(group, back, moved, b)
         return space.diamond(group, carried, moved), group.Ad_dual(back, space.diamond(group, b, x))
 
-    close(*evaluate(both, g, x, b), 1e3)
+    close(*evaluate(both, g, x, b), size=1e3)
 
 
 def test_closed_forms_equal_the_derivation_from_the_action(place):
@@ -215,7 +216,7 @@ def test_points_and_velocities_under_rigid_motions_differ_by_the_translation():
 
 
 def test_a_dictionary_of_spaces_is_seen_by_name_and_acts_part_by_part():
-    group, several = co.SE3(), SPACES["Several"]
+    group, several = co.SE3(), SEVERAL
     random = generator("several")
     g, given = element(group, random), point(several, group, random)
     x = several.point(group, given, "a0")
@@ -282,7 +283,7 @@ def test_sphere_difference_of_a_small_step_keeps_all_digits(sphere):
         u = evaluate(lambda x, y: co.Sphere().tangent(group, x, y), x, 1e-9 * y / np.linalg.norm(y))
         found = evaluate(lambda x, u: co.Sphere().difference(group, x, u), x, u)
         expected = u - 0.5 * (u @ u) * x
-        np.testing.assert_allclose(found, expected, rtol=0, atol=4e-16 * np.linalg.norm(u))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=4e-16 * float(np.linalg.norm(u)))
 
 
 def test_sphere_projection_leaves_the_pairing_with_tangents(sphere):

@@ -1,0 +1,1 @@
+"""The command line: run files and commands; `cli.main` is the entry."""

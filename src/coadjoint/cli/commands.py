@@ -74,6 +74,23 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Resume:
+    """Go on with a run that was interrupted, in the folder that `run` made: `coadjoint resume dive`."""
+
+    folder: tyro.conf.Positional[Path]
+    """The output folder of the run."""
+    json: bool = False
+    """Print the summary as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.running import resume
+
+        written = resume(self.folder, False if self.json else None)
+        _show_run(written, self.json)
+        return FAILED if written.failure else OK
+
+
+@dataclass(frozen=True)
 class Plot:
     """Draw the figures of a folder of results, or of a netCDF file, again."""
 

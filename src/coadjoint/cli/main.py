@@ -1,4 +1,4 @@
-"""The command line: `coadjoint reproduce`, `run`, `plot`, `info`, `models`."""
+"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ USAGE, INTERRUPTED = 2, 130
 Command = (
     Annotated[commands.Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[commands.Run, tyro.conf.subcommand("run")]
+    | Annotated[commands.Resume, tyro.conf.subcommand("resume")]
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except KeyboardInterrupt:
-        terminal.complain("Interrupted; nothing was kept of a run that had not ended.")
+        terminal.complain("Interrupted; `coadjoint resume DIR` goes on with a run of a run file.")
         return INTERRUPTED
     except BrokenPipeError:
         # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.

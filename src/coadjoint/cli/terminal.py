@@ -6,12 +6,12 @@ import sys
 from collections.abc import Sequence
 
 
-def fields(rows: Sequence[tuple[str, str]], title: str = "") -> None:
+def fields(rows: Sequence[tuple[str, str]]) -> None:
     """Names and texts, one a line."""
-    table(("", ""), rows, title, heads=False)
+    table(("", ""), rows, heads=False)
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", heads: bool = True) -> None:
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = True) -> None:
     """Rows under column heads: a rich table on a terminal, aligned text elsewhere."""
     if not sys.stdout.isatty():
         _plain(columns, rows, heads)
@@ -21,7 +21,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = ""
     from rich.table import Table
     from rich.text import Text
 
-    made = Table(title=title or None, show_header=heads, box=box.SIMPLE_HEAD, title_justify="left")
+    made = Table(show_header=heads, box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, column in enumerate(columns):
         made.add_column(column, style="bold" if index == 0 else None, no_wrap=index == 0)
     for row in rows:

@@ -1,0 +1,1 @@
+"""Figures of datasets: `coadjoint.plotting.plots.Plots`, which runs carry as `run.plot`."""

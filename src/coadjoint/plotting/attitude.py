@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.style import COLUMN, canvas, legend, look, time_axis
+from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
 _SENTENCE = "There is no attitude to draw: `attitude` needs a group with rotations of space, SO(3) or SE(3)."
 
@@ -25,10 +24,10 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
     figure = canvas(COLUMN, 3.6)
     column = figure.subplots(3, 1, sharex=True)
     for component, (axes, name) in enumerate(zip(column, ("yaw", "pitch", "roll"), strict=True)):
-        for index, run in enumerate(runs):
+        for run in runs:
             angle = run.values("euler_angles")[:, component]
-            time, degrees = _unwrapped(run.time, angle) if unwrap else _broken(run.time, angle)
-            axes.plot(time, degrees, label=run.label, **look(index))
+            time, degrees = _unwrapped(run, angle) if unwrap else _broken(run, angle)
+            axes.plot(time, degrees, label=run.label, **run.look)
         axes.set_ylabel(f"{name} (°)")
         low, high = axes.get_ylim()
         axes.yaxis.set_major_locator(MultipleLocator(90) if 200 < high - low < 500 else MaxNLocator(5))
@@ -37,15 +36,15 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
     return figure
 
 
-def _unwrapped(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _unwrapped(run: Entry, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     turned = np.degrees(np.unwrap(angle))
-    kept = thin(turned)
-    return time[kept], turned[kept]
+    kept = run.thin(turned)
+    return run.time[kept], turned[kept]
 
 
-def _broken(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _broken(run: Entry, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The thinned curve with a gap at every jump across ±180°."""
-    kept = thin(angle)
-    time, degrees = time[kept], np.degrees(angle[kept])
+    kept = run.thin(angle)
+    time, degrees = run.time[kept], np.degrees(angle[kept])
     jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180.0) + 1
     return np.insert(time, jumps, time[jumps]), np.insert(degrees, jumps, np.nan)

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, legend, time_axis
+from coadjoint.plotting.style import COLOURS, COLUMN, canvas, legend, time_axis
 
 WIDTH = 1.25 * COLUMN
 """Room for a column of text beside the panels, which name their components there."""
@@ -67,15 +66,15 @@ def panels(runs: Sequence[Entry], shown: Sequence[Panel]) -> Figure:
     figure = canvas(WIDTH, _PANEL * len(shown) + 0.4)
     column = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(column, shown, strict=True):
-        for index, run in enumerate(runs):
+        for run in runs:
             if panel.name in run.dataset:
-                _draw(axes, run, run.values(panel.name), panel.part, index)
+                _draw(axes, run, run.values(panel.name), panel.part)
         unit = _unit(runs[0], panel)
         axes.set_ylabel(panel.title + (f"\n({unit})" if unit else ""))
         component_legend(axes, component_labels(runs[0], panel.name)[panel.part])
     time_axis(column, [run.time for run in runs])
-    handles = [Line2D([], [], color="#444444", linestyle=DASHES[i % len(DASHES)]) for i in range(len(runs))]
-    legend(figure, handles, [run.label for run in runs])
+    named = [run for run in runs if not run.label.startswith("_")]
+    legend(figure, [Line2D([], [], color="#444444", **run.line) for run in named], [run.label for run in named])
     return figure
 
 
@@ -112,12 +111,12 @@ def component_labels(run: Entry, name: str) -> list[str]:
 
 
 def _spatial(run: Entry) -> bool:
-    return str(run.dataset.attrs.get("group", "")).split("(")[0] in ("SO3", "SE3", "Translation", "SU2")
+    return str(run.dataset.attrs.get("group", "")).split("(")[0] in ("SO3", "SE3", "Translation")
 
 
 def _rotates(run: Entry) -> bool:
     """Whether ξ is an angular velocity, with a linear one behind it on SE(3)."""
-    return str(run.dataset.attrs.get("group", "")) in ("SO3()", "SE3()", "SU2()")
+    return str(run.dataset.attrs.get("group", "")) in ("SO3()", "SE3()")
 
 
 def _parts(run: Entry, name: str) -> list[str]:
@@ -130,13 +129,8 @@ def _of(name: str, base: str) -> str:
     return f", {name[len(base) + 1 :]}" if name != base else ""
 
 
-def _draw(axes: Axes, run: Entry, values: np.ndarray, part: slice, index: int) -> None:
+def _draw(axes: Axes, run: Entry, values: np.ndarray, part: slice) -> None:
     for component, series in enumerate(values.reshape(len(values), -1)[:, part].T):
-        kept = thin(series)
-        axes.plot(
-            run.time[kept],
-            series[kept],
-            color=COLOURS[component % len(COLOURS)],
-            linestyle=DASHES[index % len(DASHES)],
-            linewidth=0.9,
-        )
+        kept = run.thin(series)
+        style = {"linewidth": 0.9, **run.line}
+        axes.plot(run.time[kept], series[kept], color=COLOURS[component % len(COLOURS)], **style)

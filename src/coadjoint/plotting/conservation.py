@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.style import COLUMN, canvas, legend, look, time_axis
+from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
 Definition = Literal["discrete", "legendre"]
 
@@ -50,9 +49,9 @@ def group_defect(runs: Sequence[Entry]) -> Figure:
     """How far g is from its group over time; for rotations the largest entry of |RᵀR − I|."""
     figure = canvas(COLUMN, _HEIGHT)
     axes = figure.subplots()
-    for index, run in enumerate(runs):
+    for run in runs:
         name = require(run, ["group_defect"], "No group defect was recorded.")
-        _curve(axes, run, run.values(name), index)
+        _curve(axes, run, run.values(name))
     _finish(figure, axes, runs, "distance from the group")
     return figure
 
@@ -70,10 +69,10 @@ def _changes(runs: Sequence[Entry], name: Callable[[Entry], str], what: str, let
     axes = figure.subplots()
     found = [relative(run.values(name(run))) for run in runs]
     all_relative = all(is_relative for _, is_relative in found)
-    for index, (run, (change, is_relative)) in enumerate(zip(runs, found, strict=True)):
+    for run, (change, is_relative) in zip(runs, found, strict=True):
         values = run.values(name(run))
         size = 1.0 if all_relative or not is_relative else float(np.linalg.norm(values[0]))
-        _curve(axes, run, change * size, index)
+        _curve(axes, run, change * size)
     unit = runs[0].unit(name(runs[0]))
     if all_relative:
         label = rf"{what} $|{letter}_k/{letter}_0 - 1|$"
@@ -83,14 +82,14 @@ def _changes(runs: Sequence[Entry], name: Callable[[Entry], str], what: str, let
     return figure
 
 
-def _curve(axes: Axes, run: Entry, values: np.ndarray, index: int) -> None:
+def _curve(axes: Axes, run: Entry, values: np.ndarray) -> None:
     """A curve on the logarithmic axis; exact zeros have no place there and are left out, all-zero curves are named."""
     positive = np.flatnonzero(values > 0)
     if not len(positive):
-        axes.plot([], [], label=f"{run.label} (exactly 0)", **look(index))
+        axes.plot([], [], label=f"{run.label} (exactly 0)", **run.look)
         return
-    kept = positive[thin(np.log(values[positive]))]
-    axes.plot(run.time[kept], values[kept], label=run.label, **look(index))
+    kept = positive[run.thin(np.log(values[positive]))]
+    axes.plot(run.time[kept], values[kept], label=run.label, **run.look)
 
 
 def _finish(figure: Figure, axes: Axes, runs: Sequence[Entry], label: str) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.plotting.decimation import CAPACITY, thin
+from coadjoint.plotting.style import COLOURS, DASHES
 
 if TYPE_CHECKING:
     import xarray
@@ -16,10 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Entry:
-    """A dataset and its label."""
+    """A dataset of one run, the label of its curve, and its place among the runs of a figure.
+
+    `crowd` is the number of members of an ensemble that share a label and a place, where they are too many for labels
+    of their own.
+    """
 
     dataset: xarray.Dataset
     label: str
+    place: int = 0
+    crowd: int = 1
 
     @property
     def time(self) -> np.ndarray:
@@ -34,9 +42,24 @@ class Entry:
         """The unit of a variable, empty where none is known."""
         return str(self.dataset[name].attrs.get("units", ""))
 
+    @property
+    def look(self) -> dict[str, Any]:
+        """Colour and line style of the curve; pale in a crowd."""
+        return {"color": COLOURS[self.place % len(COLOURS)], **self.line}
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """The line style without the colour."""
+        pale = {"alpha": 0.35, "linewidth": 0.6} if self.crowd > 1 else {}
+        return {"linestyle": DASHES[self.place % len(DASHES)], **pale}
+
+    def thin(self, *series: np.ndarray) -> np.ndarray:
+        """The indices to draw of series; fewer in a crowd."""
+        return thin(*series, capacity=max(CAPACITY // self.crowd, CAPACITY // 10))
+
 
 def entries(runs: Sequence[Any], labels: Sequence[str] | None) -> list[Entry]:
-    """Runs, saved runs or datasets with their labels: by default what tells them apart.
+    """Runs, saved runs or datasets with their labels: by default what tells them apart. Ensembles give all members.
 
     Raises ArgumentError for anything without a dataset over time, without nodes, and for a wrong number of labels.
     """
@@ -47,7 +70,13 @@ def entries(runs: Sequence[Any], labels: Sequence[str] | None) -> list[Entry]:
         raise ArgumentError(
             f"Argument `labels` must hold a text for each of the {len(datasets)} runs, but is {labels!r}."
         )
-    return [Entry(dataset, str(label)) for dataset, label in zip(datasets, labels, strict=True)]
+    found: list[Entry] = []
+    for dataset, label in zip(datasets, labels, strict=True):
+        place = found[-1].place + 1 if found else 0
+        found += (
+            _members(dataset, str(label), place) if "member" in dataset.dims else [Entry(dataset, str(label), place)]
+        )
+    return found
 
 
 def _dataset(run: Any) -> xarray.Dataset:
@@ -61,12 +90,35 @@ def _dataset(run: Any) -> xarray.Dataset:
     return dataset
 
 
+def _members(ensemble: xarray.Dataset, label: str, place: int) -> list[Entry]:
+    """The members of an ensemble as far as they went: a few with labels of their own, many as one crowd."""
+    went = [_until_failure(ensemble.isel(member=index)) for index in range(ensemble.sizes["member"])]
+    went = [member for member in went if member.sizes["time"]]
+    if not went:
+        raise ArgumentError("No member of this ensemble has saved nodes, so there is nothing to draw.")
+    if len(went) <= len(COLOURS):
+        return [Entry(one, f"member {int(one['member'])}", place + i) for i, one in enumerate(went)]
+    first = f"{label}, {len(went)} members" if label else f"{len(went)} members"
+    # Labels that begin with an underscore stay out of legends.
+    return [Entry(one, first if i == 0 else "_", place, len(went)) for i, one in enumerate(went)]
+
+
+def _until_failure(member: xarray.Dataset) -> xarray.Dataset:
+    """The nodes of a member without those after a step that failed, which are NaN."""
+    moving = [array for array in member.data_vars.values() if array.dims[:1] == ("time",)]
+    good = np.ones(member.sizes["time"], dtype=bool)
+    for array in moving:
+        good &= np.isfinite(array.values.reshape(len(good), -1)).all(axis=1)
+    return member.isel(time=good)
+
+
 def _labels(datasets: Sequence[xarray.Dataset]) -> list[str]:
     """System, method and step size, as far as they differ; the method where nothing does."""
     said = [{key: d.attrs.get(key, "") for key in ("system", "method", "dt")} for d in datasets]
     differ = [key for key in ("system", "method", "dt") if len({str(words[key]) for words in said}) > 1] or ["method"]
     texts = [", ".join(_words(key, words[key]) for key in differ if words[key] != "") for words in said]
-    return [text or f"run {number}" for number, text in enumerate(texts, start=1)]
+    unnamed = "run {}" if len(datasets) > 1 else ""
+    return [text or unnamed.format(number) for number, text in enumerate(texts, start=1)]
 
 
 def _words(key: str, value: Any) -> str:

@@ -88,11 +88,6 @@ def canvas(width: float, height: float) -> PlotFigure:
     return figure
 
 
-def look(index: int) -> dict[str, Any]:
-    """Colour and line style of the index-th curve."""
-    return {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
-
-
 def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
     """A legend above everything, where it hides nothing, if there is more than one curve to tell apart."""
     if len(handles) < 2:

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.style import COLOURS, COLUMN, PAGE, canvas, legend, look, time_axis
+from coadjoint.plotting.style import COLOURS, COLUMN, PAGE, canvas, legend, time_axis
 
 _SENTENCE = (
     "There is no position to draw: `trajectory` needs additional dynamics q, or a group with translations; "
@@ -58,9 +57,8 @@ def _position(run: Entry, variable: str | None) -> str:
 
 def _space(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down: bool) -> None:
     axes: Any = figure.add_subplot(projection="3d")
-    for index, (_, path) in enumerate(paths):
-        kept = thin(path)
-        axes.plot(*path[kept].T, **look(index))
+    for run, path in paths:
+        axes.plot(*path[run.thin(path)].T, **run.look)
     for _, path in paths[:1]:
         axes.plot(*path[:1].T, "o", color=COLOURS[-1], markersize=3)
     for letter, label in zip("xyz", labels, strict=True):
@@ -76,9 +74,8 @@ def _space(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down:
 
 def _plane(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down: bool) -> None:
     axes = figure.add_subplot()
-    for index, (_, path) in enumerate(paths):
-        kept = thin(path)
-        axes.plot(*path[kept].T, **look(index))
+    for run, path in paths:
+        axes.plot(*path[run.thin(path)].T, **run.look)
     for _, path in paths[:1]:
         axes.plot(*path[:1].T, "o", color=COLOURS[-1], markersize=3)
     axes.set_xlabel(_with_unit(labels[0], unit))
@@ -89,9 +86,9 @@ def _plane(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down:
 def _coordinates(figure: Figure, part: Figure | SubFigure, paths, labels: list[str], unit: str, z_down: bool) -> None:
     column = np.atleast_1d(part.subplots(len(labels), 1, sharex=True))
     for component, (axes, label) in enumerate(zip(column, labels, strict=True)):
-        for index, (run, path) in enumerate(paths):
-            kept = thin(path[:, component])
-            axes.plot(run.time[kept], path[kept, component], label=run.label, **look(index))
+        for run, path in paths:
+            kept = run.thin(path[:, component])
+            axes.plot(run.time[kept], path[kept, component], label=run.label, **run.look)
         axes.set_ylabel(_with_unit(label, unit))
         axes.yaxis.set_major_locator(MaxNLocator(5))
     if z_down:

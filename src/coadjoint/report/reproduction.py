@@ -12,6 +12,7 @@ from coadjoint.difference_maps import Cayley, Exponential
 from coadjoint.methods import LeftRectangle, Midpoint
 from coadjoint.models.underwater import PAPER_DURATION, PAPER_STEP, paper_start, paper_vehicle
 from coadjoint.plotting.plots import Plots
+from coadjoint.plotting.style import save
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, begin_results, claimed
 from coadjoint.report.summary import to_json, versions
@@ -135,7 +136,11 @@ def draw(found: Reproduction, folder: Path) -> None:
     plots = Plots(first.dataset)
     plots.energy(second, labels=labels, path=folder / FIGURES["energy"])
     plots.kelvin_noether(second, labels=labels, path=folder / FIGURES["kelvin_noether"])
-    plots.trajectory(second, labels=labels, path=folder / FIGURES["trajectory"])
+    figure = plots.trajectory(second, labels=labels)
+    space, *_, last = figure.axes
+    space.set(zlabel="$z$, down (m)")
+    last.set_ylabel("$z$, down (m)")
+    save(figure, folder / FIGURES["trajectory"])
     half, midpoint = found.runs["cayley_half_step"], found.runs["midpoint"]
     plots.energy(
         half,

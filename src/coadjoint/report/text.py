@@ -39,7 +39,8 @@ in the body frame, buoyancy ρ|V|g = {p.buoyancy:g} N (Table 1 prints kg), g = {
 r = {_vector(p.center_of_buoyancy)} m.
 The run of Table 2: h = {run.dt:g} s, T = {duration:g} s, {run.steps:,} steps; {kind}.
 Scheme: left rectangle rule, with the initial velocities as first discrete velocities, over both difference maps.
-The midpoint rule and runs at h/2 were added to find out where the energy error comes from."""
+The midpoint rule and runs at h/2 were added to find out where the energy error comes from.
+What the paper's figures show is quoted from its text: their curves cannot be compared digit by digit."""
 
 
 def _table(found: Reproduction) -> str:
