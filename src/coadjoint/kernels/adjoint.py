@@ -53,13 +53,14 @@ def adjoint(plan: Plan) -> Adjoint:
     _add(graph, roots, plan.record, record_bar)
     _add(graph, roots, plan.stages[-1].after, after_bar)
     systems = []
+    changing = {*tape(plan), *record_bar, *after_bar}
     for number, stage in reversed(list(enumerate(plan.stages))):
         residual = substitute(graph, stage.residual, dict(zip(stage.unknowns, stage.solution, strict=True)))
         rows = forward(graph, residual, stage.solution)
         n = range(len(residual))
         transposed = [[rows[j].get(i, graph.zero) for j in n] for i in n]
         multipliers = [graph.symbol(f"l{number}.{i}") for i in n]
-        systems.append((linear_solve(graph, transposed, backward(graph, roots, stage.solution)), multipliers))
+        systems.append((linear_solve(graph, transposed, backward(graph, roots, stage.solution), changing), multipliers))
         _add(graph, roots, residual, multipliers)
     bars = backward(graph, roots, [*plan.parameters, plan.h, *plan.state])
     count = len(plan.parameters)

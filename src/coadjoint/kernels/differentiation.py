@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from coadjoint.kernels.expression import Graph, Node, reachable
+from coadjoint.kernels.expression import TRUTH, Graph, Node, reachable
 from coadjoint.kernels.interpreter import Untraceable
 
 Partial = Callable[[Graph, Node], Sequence[Node]]
@@ -129,12 +129,9 @@ def forward(graph: Graph, roots: Sequence[Node], by: Sequence[Node]) -> list[dic
             continue
         if node.op == "select":
             tangents[node] = _select_tangent(graph, node, inner[1] or {}, inner[2] or {})
-        elif node.op not in _TRUTH:
+        elif node.op not in TRUTH:
             tangents[node] = _tangent(graph, node, inner)
     return [{i: d for i, d in tangents.get(root, {}).items() if d is not graph.zero} for root in roots]
-
-
-_TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite"))
 
 
 def _tangent(graph: Graph, node: Node, inner: list[dict[int, Node] | None]) -> dict[int, Node]:
@@ -173,7 +170,7 @@ def backward(graph: Graph, roots: Mapping[Node, Node], by: Sequence[Node]) -> li
 
     for node in reversed(order):
         bar = bars.get(node)
-        if bar is None or node not in active or node in wanted or node.op in _TRUTH:
+        if bar is None or node not in active or node in wanted or node.op in TRUTH:
             continue
         if node.op == "select":
             send(node.args[1], graph.select(node.args[0], bar, graph.zero))

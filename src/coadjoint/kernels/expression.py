@@ -20,6 +20,10 @@ MAX_NODES = 120_000
 """A larger program would compile for minutes; it goes to XLA instead."""
 
 
+TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite"))
+"""Operations whose results are true or false."""
+
+
 class Node:
     """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth."""
 
@@ -36,6 +40,13 @@ class Node:
             return str(self.value)
         # One level: written out in full, shared expressions would fill memory.
         return f"{self.op}({', '.join(str(a.value) if not a.args else f'#{a.number}' for a in self.args)})"
+
+    @property
+    def is_truth(self) -> bool:
+        """Whether this is true or false, not a number."""
+        if self.op == "select":
+            return self.args[1].is_truth
+        return self.op in TRUTH or isinstance(self.value, bool)
 
     def is_constant(self, value: float) -> bool:
         """Whether this is the number `value`."""
@@ -227,11 +238,20 @@ class Graph:
         """A comparison; one with a truth value written as a number is that truth value again."""
         if a.op == "const" and b.op == "const":
             return self._fold(op, a, b)
+        if a.is_truth and b.is_truth:
+            return self._compare_truth(op, a, b)
         for x, y, swapped in ((a, b, False), (b, a, True)):
             if x.op == "select" and y.op == x.args[1].op == x.args[2].op == "const":
                 cases = [self._fold(op, y, c) if swapped else self._fold(op, c, y) for c in x.args[1:]]
                 return self.select(x.args[0], *cases)
         return self._node(op, (a, b))
+
+    def _compare_truth(self, op: str, a: Node, b: Node) -> Node:
+        """False is less than True."""
+        if op in ("eq", "ne"):
+            differ = self.apply("xor", a, b)
+            return differ if op == "ne" else self._not(differ)
+        return self._and(self._not(a), b) if op == "lt" else self._or(self._not(a), b)
 
     def _and(self, a: Node, b: Node) -> Node:
         for x, y in ((a, b), (b, a)):

@@ -46,8 +46,11 @@ class Scheme:
     loop: Increment | None
 
 
-def scheme(graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residual: Sequence[Node]) -> Scheme:
-    """Arrange Newton for residual(unknowns) = 0 from `guess`."""
+def scheme(
+    graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residual: Sequence[Node], state: Sequence[Node]
+) -> Scheme:
+    """Arrange Newton for residual(unknowns) = 0 from `guess`; what depends on `state` changes at every step."""
+    changing = {*unknowns, *state}
     rows = forward(graph, residual, unknowns)
     order = matching([list(row) for row in rows])
     if order is not None:
@@ -57,11 +60,11 @@ def scheme(graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residu
     affine = _affine(parts, rows, unknowns)
     full = [[row.get(j, graph.zero) for j in n] for row in rows]
     if not affine:
-        return Scheme(None, {}, list(n), _increment(graph, parts, full, residual))
+        return Scheme(None, {}, list(n), _increment(graph, parts, full, residual, changing))
     at_guess = dict(zip(unknowns, guess, strict=True))
     flat = substitute(graph, [*residual, *(x for row in full for x in row)], at_guess)
     m = len(unknowns)
-    first = _increment(graph, parts, [flat[m + i * m : 2 * m + i * m] for i in n], flat[:m])
+    first = _increment(graph, parts, [flat[m + i * m : 2 * m + i * m] for i in n], flat[:m], changing)
     settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
     looped = [i for i in n if i not in settled]
     if not looped:
@@ -71,7 +74,9 @@ def scheme(graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residu
     flat = substitute(graph, [*(residual[i] for i in looped), *inner], known)
     k, place = len(looped), {i: position for position, i in enumerate(looped)}
     smaller = [[place[i] for i in part] for part in parts if part[0] in place]
-    loop = _increment(graph, smaller, [flat[k + i * k : 2 * k + i * k] for i in range(k)], flat[:k])
+    loop = _increment(
+        graph, smaller, [flat[k + i * k : 2 * k + i * k] for i in range(k)], flat[:k], {*changing, *settled.values()}
+    )
     return Scheme(first, settled, looped, loop)
 
 
@@ -87,17 +92,19 @@ def _affine(parts: list[list[int]], rows: list[dict[int, Node]], unknowns: Seque
     return found
 
 
-def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node]) -> Increment:
+def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node], changing: set[Node]) -> Increment:
     """δ with matrix δ = −right, in the order that its zeros allow."""
     rows = [[j for j, x in enumerate(row) if x is not graph.zero] for row in matrix]
     order = matching(rows)
     if order is None:
-        return _increment(graph, [list(range(len(right)))], matrix, right)
+        return _increment(graph, [list(range(len(right)))], matrix, right, changing)
     parts = blocks([rows[i] for i in order])
-    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order])
+    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order], changing)
 
 
-def _increment(graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Node]) -> Increment:
+def _increment(
+    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Node], changing: set[Node]
+) -> Increment:
     delta: list[Node] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]
     safe = graph.true
@@ -105,7 +112,7 @@ def _increment(graph: Graph, parts: list[list[int]], jacobian: Matrix, residual:
     for part in parts:
         known = [delta[j] for j in solved]
         b = [graph.sub(right[i], dot(graph, [jacobian[i][j] for j in solved], known)) for i in part]
-        values, sound = _solve(graph, [[jacobian[i][j] for j in part] for i in part], b)
+        values, sound = _solve(graph, [[jacobian[i][j] for j in part] for i in part], b, changing)
         safe = graph.apply("and", safe, sound)
         for i, value in zip(part, values, strict=True):
             delta[i] = value
@@ -113,12 +120,36 @@ def _increment(graph: Graph, parts: list[list[int]], jacobian: Matrix, residual:
     return Increment(delta, safe, jacobian, right)
 
 
-def _solve(graph: Graph, a: Matrix, b: list[Node]) -> tuple[list[Node], Node]:
-    """x with a x = b by elimination in blocks of three, and whether the pivot blocks were sound."""
+def _solve(graph: Graph, a: Matrix, b: list[Node], changing: set[Node]) -> tuple[list[Node], Node]:
+    """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
     n = len(a)
     if n <= 3:
         return elimination.solve(graph, a, [b])[0], graph.true
-    k = 2 if n == 4 else 3
+    first = _pivots(graph, a, changing)
+    k = len(first)
+    order = [*first, *(i for i in range(n) if i not in first)]
+    moved = [[a[i][j] for j in order] for i in order]
+    values, sound = _eliminate(graph, moved, [b[i] for i in order], k, changing)
+    return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
+
+
+def _pivots(graph: Graph, a: Matrix, changing: set[Node]) -> list[int]:
+    """Unknowns to eliminate first: a block that never changes, such as a mass matrix, is inverted once in a run."""
+    dependent = set(changing)
+    for node in reachable(x for row in a for x in row):
+        if any(x in dependent for x in node.args):
+            dependent.add(node)
+    chosen: list[int] = []
+    for i in range(len(a)):
+        steady = all(a[x][y] not in dependent for j in (*chosen, i) for x, y in ((i, j), (j, i)))
+        if steady and a[i][i] is not graph.zero and len(chosen) < 3:
+            chosen.append(i)
+    return chosen or list(range(2 if len(a) == 4 else 3))
+
+
+def _eliminate(graph: Graph, a: Matrix, b: list[Node], k: int, changing: set[Node]) -> tuple[list[Node], Node]:
+    """Solve with the leading k×k block as pivot."""
+    n = len(a)
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
     inverse = elimination.inverse(graph, corner)
     # The Schur complement of the corner, and the right side that is left for it.
@@ -127,7 +158,7 @@ def _solve(graph: Graph, a: Matrix, b: list[Node]) -> tuple[list[Node], Node]:
     columns = list(zip(*across, strict=True))
     rest = [[graph.sub(row[k + j], dot(graph, row[:k], columns[j])) for j in range(n - k)] for row in a[k:]]
     left = [graph.sub(b[k + i], dot(graph, row[:k], first)) for i, row in enumerate(a[k:])]
-    tail, sound = _solve(graph, rest, left)
+    tail, sound = _solve(graph, rest, left, changing)
     head = [graph.sub(x, dot(graph, row, tail)) for x, row in zip(first, across, strict=True)]
     return [*head, *tail], graph.apply("and", sound, _sound(graph, corner))
 

@@ -77,7 +77,7 @@ def plan(program: Program, parameters: Any, state: Any, pattern: tuple[int, ...]
     first = None
     for number, stage in enumerate(program.stages):
         step = h if stage.fraction == 1.0 else np.asarray(graph.mul(h[()], graph.constant(stage.fraction)))
-        traced, solution = _stage(tracer, stage, number, p, current, step)
+        traced, solution = _stage(tracer, stage, number, p, current, step, flat(s))
         after = tracer.trace(stage.advance, p, current, step, solution)
         _check_same("advance", after, state)
         stages.append(StagePlan(**traced, after=flat(after)))
@@ -105,7 +105,7 @@ def plan(program: Program, parameters: Any, state: Any, pattern: tuple[int, ...]
 
 
 def _stage(
-    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray
+    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, start: list[Node]
 ) -> tuple[dict[str, Any], np.ndarray]:
     graph = tracer.graph
     guess = tracer.trace(stage.guess, p, state, h)
@@ -113,7 +113,7 @@ def _stage(
         raise Untraceable("guess", f"a stage has {guess.size} unknowns, more than {MAX_UNKNOWNS}")
     unknowns = tracer.symbols(f"z{number}.", guess)
     residual = tracer.trace(stage.residual, p, state, h, unknowns)
-    plan_of_newton = scheme(graph, list(unknowns), list(guess), flat(residual))
+    plan_of_newton = scheme(graph, list(unknowns), list(guess), flat(residual), start)
     solution = tracer.symbols(f"w{number}.", guess)
     for i, value in plan_of_newton.settled.items():
         solution[i] = value

@@ -114,23 +114,16 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
     }
 
 
-_TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite"))
-
-
-def _is_truth(node: Node) -> bool:
-    return node.op in _TRUTH or isinstance(node.value, bool) or (node.op == "select" and _is_truth(node.args[1]))
-
-
 def _truth(graph: Graph, node: Node) -> Node:
     """A condition from a truth value or from a number that is zero or not."""
-    return node if _is_truth(node) else graph.apply("ne", node, graph.zero)
+    return node if node.is_truth else graph.apply("ne", node, graph.zero)
 
 
 def _converted(graph: Graph, node: Node, kind: str) -> Node:
     """Integers that depend on values are whole float64 numbers here."""
     if kind == "b":
         return _truth(graph, node)
-    if _is_truth(node):
+    if node.is_truth:
         return graph.select(node, graph.one, graph.zero)
     return graph.apply("truncate", node) if kind in "iu" and node.op != "truncate" else node
 
