@@ -56,7 +56,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = {"attitude": "coadjoint.groups.attitude", "models": "coadjoint.models"}
 
 __version__ = "0.1.0"
-__all__ = [*_HOME_OF, *_MODULES]
+__all__ = [*_HOME_OF, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
     from coadjoint import models as models
