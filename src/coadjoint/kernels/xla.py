@@ -34,8 +34,8 @@ class StepResult(NamedTuple):
 
 def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
     """One step of a program; a failed one leaves the state as it was."""
-    state = program.prepare(parameters, state)
     before, record = state, None
+    state = program.prepare(parameters, state)
     code, iterations = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0)
     certificates: dict[str, jax.Array] = {}
     for stage in program.stages:

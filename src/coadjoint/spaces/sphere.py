@@ -43,7 +43,7 @@ class Sphere(Representation):
     def _frame(self, x: Array) -> Array:
         """An orthonormal basis of TₓS, (ambient, dim): a reflection that takes ±e₁ to x, its other columns."""
         sign = jnp.where(x[0] < 0, -1.0, 1.0)
-        normal = x.at[0].add(sign)
+        normal = jnp.asarray(x).at[0].add(sign)
         columns = jnp.eye(x.shape[0])[:, 1:]
         return columns - jnp.outer(normal, normal[1:]) / (1 + jnp.abs(x[0]))
 
