@@ -97,3 +97,18 @@ def test_the_card_says_what_the_run_did():
     card = str(co.simulate(VEHICLE, START, dt=0.01, steps=20))
     for word in ("energy", "Kelvin–Noether", "balance", "Newton", "group defect", "iterations", "steps/s"):
         assert word in card
+
+
+def test_a_lagrangian_that_reads_a_global_number_is_traced_again_when_the_number_changes():
+    world = {"mass": 1.0}
+
+    def free(xi, n, nu, a, p):
+        return 0.5 * world["mass"] * nu @ nu + 0.5 * xi @ xi + world["mass"] * n @ a
+
+    def momentum():
+        body = system(free)
+        return co.simulate(body, start(body, qdot=[0, 0, 0.8]), dt=0.01, steps=2).records.pi[0, 2]
+
+    light = momentum()
+    world["mass"] = 3.0
+    assert momentum() == pytest.approx(3 * light, rel=1e-14)

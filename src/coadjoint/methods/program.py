@@ -38,6 +38,8 @@ class StepProgram:
     method: Method
     observed: tuple[Monitor, ...] = ()
     inputs: Inputs | None = None
+    version: str = ""
+    """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
 
     @property
     def stages(self) -> tuple[StepStage, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.kernels.digest import digest
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -16,7 +17,7 @@ from coadjoint.methods.method import Method
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes
 from coadjoint.simulation.driver import Memory
-from coadjoint.simulation.fingerprint import digest, fingerprint
+from coadjoint.simulation.fingerprint import fingerprint
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.reading import read_checkpoint, read_configuration
 from coadjoint.simulation.run import Run

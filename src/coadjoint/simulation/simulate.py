@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -19,6 +20,7 @@ from coadjoint.mechanics.check import trace
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
@@ -120,11 +122,11 @@ def carry_on(run: Run, progress: bool | None, began: float) -> Run:
 
 def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:
     observed, watching = [], {}
+    chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
     if monitors:
         observed = [observe.discrete_energy]
         if system.lagrangian is not None:
             observed.insert(0, observe.legendre_energy)
-        chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
         for quantity in chosen:
             quantity.require_equivariant(system, state)
         if chosen:
@@ -135,7 +137,11 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
                 observed.append(observe.kelvin_noether)
         if system.group.constrained:
             observed.append(observe.group_defect)
-    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs)
+    functions = [partial(quantity.quantity, system) for quantity in chosen]
+    if inputs is not None:
+        functions.append(partial(_inputs_at, system, inputs))
+    digest = version(system, state, *functions)
+    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs, digest)
     return program, Constants(system.parameters, watching)
 
 
@@ -170,11 +176,13 @@ def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | No
     if inputs is None:
         return start
 
-    def first(s: State) -> Any:
-        return named(inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal)))
-
+    first = partial(_inputs_at, system, inputs)
     trace(first, "`inputs`", (start,))
     return start.replace(inputs=jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), evaluate(first, start)))
+
+
+def _inputs_at(system: System, inputs: Callable[[Any], Any], s: State) -> Any:
+    return named(inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal)))
 
 
 def _require_kinds(system: Any, start: Any, method: Any) -> None:

@@ -20,6 +20,7 @@ from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.parameters import float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
@@ -69,7 +70,7 @@ def trajectory(
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
     begun = method.begin(system, start, h)
-    program = StepProgram(replace_parameters(system, None), method)
+    program = StepProgram(replace_parameters(system, None), method, version=version(system, begun))
     constants = Constants(system.parameters, None)
     inside = traced(system.parameters, begun, h)
     if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]

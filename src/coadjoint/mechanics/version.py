@@ -1,0 +1,35 @@
+"""Which version of the user's functions a program was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from coadjoint.kernels.digest import digest
+from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+
+
+def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
+    """A digest of what the user's functions do now, `more` functions of a state included.
+
+    A function that reads a global number is another function when that number has changed: what has been traced and
+    compiled for it must not be used again.
+    """
+    arguments = (state.xi, state.n, state.nu, state.a, state.t, state.inputs, system.parameters)
+
+    def at(name: str) -> Callable[..., Any]:
+        def function(xi, n, nu, a, t, inputs, parameters):
+            here = replace_parameters(system, parameters)
+            if name == "forces":
+                return here.body_force(here.motion(xi, n, nu, a, t, inputs, state.internal))
+            if name == "lagrangian":
+                return here.reduced_lagrangian(xi, n, nu, a, t, inputs)
+            return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs)
+
+        return function
+
+    others = [jaxpr_of(function, state)[0] for function in more]
+    given = [name for name in ("lagrangian", "discrete_lagrangian", "forces") if getattr(system, name) is not None]
+    return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)
