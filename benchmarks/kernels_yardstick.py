@@ -2,7 +2,7 @@
 
 The paper's underwater vehicle with diagonal mass and inertia, left rectangle rule, Cayley map. Everything is scalar and
 analytic: ν from its linear equation once a step, Newton on ω with the closed-form Jacobian, inverted with one division,
-and the kernels' stopping rule. Run it with `python benchmarks/kernels_yardstick.py` for a table of ratios.
+and the kernels' stopping rule. `python -m benchmarks` sets everything else beside it.
 """
 
 from __future__ import annotations

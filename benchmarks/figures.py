@@ -1,0 +1,75 @@
+"""The figures: ratios of time as bars, and work–precision curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from coadjoint.plotting.style import COLOURS, PAGE, canvas, legend, save, style
+
+_GREY = ("#333333", "#777777", "#777777", "#999999", "#555555", "#555555", "#555555", "#999999", "#999999")
+_QUANTITIES = {
+    "position": "position error (m)",
+    "energy": "relative energy error",
+    "momentum": "Kelvin–Noether error",
+}
+FLOOR = 1e-17
+"""Smaller errors are drawn here."""
+
+
+def work_precision(found: dict[str, Any], path: Path) -> Path:
+    """Errors against computing time, a column a problem; ours in colour, others in grey."""
+    with style():
+        figure = canvas(PAGE, 6.6)
+        panels = figure.subplots(len(_QUANTITIES), len(found["problems"]), sharex="col", sharey="row", squeeze=False)
+        handles: dict[str, Any] = {}
+        others = sorted({row["name"] for rows in found["problems"].values() for row in rows} - set(found["ours"]))
+        for column, (title, rows) in enumerate(found["problems"].items()):
+            panels[0][column].set_title(title)
+            for line, (quantity, label) in enumerate(_QUANTITIES.items()):
+                axes = panels[line][column]
+                for name in [*others, *found["ours"]]:
+                    points = sorted((r["time"], max(r[quantity], FLOOR)) for r in rows if r["name"] == name)
+                    if points:
+                        handles[name] = axes.loglog(*zip(*points, strict=True), **_look(name, found["ours"], others))[0]
+                if column == 0:
+                    axes.set_ylabel(label)
+        for axes in panels[-1]:
+            axes.set_xlabel("time, in steps of the loop by hand")
+        names = [*found["ours"], *others]
+        legend(figure, [handles[name] for name in names], names)
+        return save(figure, path)
+
+
+def _look(name: str, ours: list[str], others: list[str]) -> dict[str, Any]:
+    if name in ours:
+        i = ours.index(name)
+        return {"color": COLOURS[i], "marker": "os^Dv"[i], "markersize": 3, "linewidth": 1.2}
+    i = others.index(name)
+    dashes = ("-", "--", ":", "-.")[i % 4]
+    return {
+        "color": _GREY[i % len(_GREY)],
+        "linestyle": dashes,
+        "marker": "x+1234*.|"[i % 9],
+        "markersize": 4,
+        "linewidth": 0.8,
+    }
+
+
+def speed(found: dict[str, Any], path: Path) -> Path:
+    """Time per step relative to the loop by hand, a bar a row, on a logarithmic scale."""
+    rows = {name: row["ratio"] for name, row in found["rows"].items() if "a call" not in name}
+    with style():
+        figure = canvas(PAGE, 0.6 + 0.17 * len(rows))
+        axes = figure.subplots()
+        colours = [{"nat": COLOURS[0], "XLA": COLOURS[5]}.get(name[:3], "#999999") for name in rows]
+        axes.barh(list(rows), list(rows.values()), color=colours, height=0.7)
+        axes.axvline(1.0, color="black", linewidth=0.8)
+        for i, ratio in enumerate(rows.values()):
+            axes.text(ratio * 1.08, i, f"{ratio:.3g}", va="center", fontsize=6.5)
+        axes.set_xscale("log")
+        axes.set_xlim(0.5, 6 * max(rows.values()))
+        axes.invert_yaxis()
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("time per step, relative to the left rule by hand")
+        return save(figure, path)

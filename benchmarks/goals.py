@@ -1,0 +1,79 @@
+"""The goals that were set for speed, and what this run says about them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.one import YARDSTICK
+from benchmarks.tables import Table
+
+Found = dict[str, Any]
+
+
+def goals(found: Found) -> Table:
+    """A row a goal that this run has measured: bound, measured, met or not."""
+    rows: list[tuple[str, float, float, bool]] = []
+    if "one" in found:
+        rows += _one(found["one"]["rows"])
+    if "many_1" in found:
+        rows += _many(found["many_1"], "one core")
+    if "many_2" in found:
+        rows += _many(found["many_2"], "two cores")
+    if "preparing" in found:
+        rows += _preparing(found["preparing"])
+    for name, part in found.get("gradients", {"methods": {}})["methods"].items():
+        cost = part["rows"]["native run and its gradient"]["ratio"]
+        rows.append((f"gradient, {name}: native run and gradient / native run", 5.0, cost, False))
+        rows.append((f"gradient, {name}: relative difference from XLA's", 1e-10, part["difference"], False))
+    text = [
+        (name, f"{'≥' if least else '≤'} {bound:g}", f"{value:.3g}", _verdict(bound, value, least))
+        for name, bound, value, least in rows
+    ]
+    return Table("Goals", ("", "bound", "measured", ""), text)
+
+
+def _verdict(bound: float, value: float, least: bool) -> str:
+    return "met" if (value >= bound if least else value <= bound) else "not met"
+
+
+def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
+    native = rows["native: left rule"]["ratio"]
+    return [
+        ("one trajectory: native / by hand", 1.2, native, False),
+        ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
+        ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
+    ]
+
+
+def _many(found: Found, cores: str) -> list[tuple[str, float, float, bool]]:
+    rows = []
+    for steps, part in found["lengths"].items():
+        where = f"ensemble of {found['members']}, {steps} steps, {cores}"
+        if found["cores"] == 1:
+            rows.append((f"{where}: native / by hand", 0.35, part["rows"]["native, 1 thread"]["ratio"], False))
+        elif "speed_up" in part:
+            rows.append((f"{where}: one thread / two", 1.6, part["speed_up"], True))
+        rows.append((f"{where}: XLA vmap / native", 20.0, part["xla_over_native"], True))
+    return rows
+
+
+def _preparing(found: Found) -> list[tuple[str, float, float, bool]]:
+    rows = found["rows"]
+    return [
+        ("trace and compile, no cached code, s", 0.8, rows["kernel, empty"]["trace and compile"], False),
+        ("trace and compile, cached code, s", 0.4, rows["kernel, filled"]["trace and compile"], False),
+        (
+            "co.simulate set-up with monitors, no cached code, s",
+            0.8,
+            rows["simulate, empty"]["co.simulate, set-up"],
+            False,
+        ),
+        (
+            "co.simulate set-up with monitors, cached code, s",
+            0.4,
+            rows["simulate, filled"]["co.simulate, set-up"],
+            False,
+        ),
+        ("coadjoint reproduce, no cached code, s", 6.0, found["reproduce"]["empty"], False),
+        ("coadjoint reproduce, cached code, s", 6.0, found["reproduce"]["filled"], False),
+    ]

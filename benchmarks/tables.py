@@ -1,0 +1,123 @@
+"""What was measured as tables: on the terminal by rich, and as Markdown for the docs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, the heads of the columns, and rows of text."""
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        lines = [self.heads, ["---"] + ["--:"] * (len(self.heads) - 1), *self.rows]
+        return f"**{self.title}**\n\n" + "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+    def print(self) -> None:
+        from rich.console import Console
+        from rich.table import Table as Rich
+
+        table = Rich(title=self.title, title_justify="left")
+        for i, head in enumerate(self.heads):
+            table.add_column(head, justify="right" if i else "left", overflow="fold")
+        for row in self.rows:
+            table.add_row(*row)
+        console = Console()
+        (console if console.is_terminal else Console(width=110)).print(table)
+
+
+def tables(section: str, found: dict[str, Any]) -> list[Table]:
+    """The tables of a section."""
+    return _TABLES[section](found)
+
+
+def _time(seconds: float) -> str:
+    for unit, scale in (("ns", 1e-9), ("µs", 1e-6), ("ms", 1e-3)):
+        if seconds < 1000 * scale:
+            return f"{seconds / scale:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def _one(found: dict[str, Any]) -> list[Table]:
+    rows = [
+        (
+            name,
+            f"{row['ratio']:.4g}",
+            _time(row["seconds"]),
+            f"{row['energy']:.1e}" if "energy" in row else "",
+            f"{row['iterations']:.2f}" if "iterations" in row else "",
+            f"{row['step']:.3g}" if "step" in row else "",
+        )
+        for name, row in found["rows"].items()
+    ]
+    rows += [(f"{name}: not installed", "", "", "", "", "") for name in found["missing"]]
+    heads = ("One trajectory, one core", "ratio", "a step", "energy error", "Newton", "mean step, s")
+    return [Table("One trajectory: time per step relative to the left rule by hand", heads, rows)]
+
+
+def _many(found: dict[str, Any]) -> list[Table]:
+    cores, tables = found["cores"], []
+    for steps, part in found["lengths"].items():
+        rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in part["rows"].items()]
+        title = f"{found['members']} vehicles, {steps} steps, {cores} core{'s' * (cores > 1)}, {found['lanes']} lanes"
+        tables.append(Table(title, ("Ensemble", "ratio", "a trajectory and step"), rows))
+    return tables
+
+
+def _gradients(found: dict[str, Any]) -> list[Table]:
+    tables = []
+    for method, part in found["methods"].items():
+        rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in part["rows"].items()]
+        rows.append(("largest relative difference, native and XLA", f"{part['difference']:.1e}", ""))
+        title = f"Gradient of {found['steps']} steps, {method}"
+        tables.append(Table(title, ("", "relative to the native run", "time"), rows))
+    return tables
+
+
+def _preparing(found: dict[str, Any]) -> list[Table]:
+    rows = [
+        (f"{name}: {part}", _time(seconds)) for name, parts in found["rows"].items() for part, seconds in parts.items()
+    ]
+    rows += [(f"coadjoint reproduce, cache {cache}", _time(t)) for cache, t in found["reproduce"].items()]
+    return [Table("Fresh processes, machine code cache empty or filled", ("", "wall time"), rows)]
+
+
+def _instructions(found: dict[str, Any]) -> list[Table]:
+    rows = [(name, f"{row['ratio']:.3g}", f"{row['instructions']:.0f}") for name, row in found["rows"].items()]
+    if "reason" in found:
+        rows.append((f"not counted: {found['reason']}", "", ""))
+    return [Table("Instructions per trajectory and step (AVX2, callgrind)", ("", "ratio", "instructions"), rows)]
+
+
+def _precision(found: dict[str, Any]) -> list[Table]:
+    tables = []
+    for title, rows in found["problems"].items():
+        cells = [
+            (
+                r["name"],
+                f"{r['setting']:.3g}",
+                f"{r['time']:.3g}",
+                *(f"{r[q]:.1e}" for q in ("position", "energy", "momentum")),
+            )
+            for r in rows
+        ]
+        heads = ("Program", "step or tolerance", "time", "position, m", "energy", "Kelvin–Noether")
+        tables.append(Table(f"Work and precision: {title}", heads, cells))
+    return tables
+
+
+_TABLES = {
+    "one": _one,
+    "many_1": _many,
+    "many_2": _many,
+    "gradients": _gradients,
+    "preparing": _preparing,
+    "instructions": _instructions,
+    "precision": _precision,
+}

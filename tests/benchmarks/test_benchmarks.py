@@ -1,0 +1,93 @@
+"""The loop by hand is the native kernel's equal, other programs solve the same problems, and the command runs."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+pytest.importorskip("numba", reason="needs the extra `benchmarks`")
+
+
+@pytest.fixture(autouse=True)
+def from_the_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+
+
+def test_the_loop_by_hand_and_the_native_kernel_take_the_same_steps():
+    one, problems = (importlib.import_module(f"benchmarks.{name}") for name in ("one", "problems"))
+    vehicle, steps = problems.vehicle(), 2000
+    found, iterations = one.hand_written(vehicle, steps, 100)()
+    chunk = problems.ready(vehicle, one.PAPER, one.H).run(steps // 100, 100)
+    by_hand, ours = one.rows_of_hand(vehicle, found), vehicle.path(chunk)
+    difference = np.max(np.abs(by_hand - ours) / np.max(np.abs(ours), axis=0))
+    print(f"largest relative difference {difference:.1e}, iterations {iterations} and {chunk.iterations}")
+    assert difference <= 2e-12
+    assert abs(iterations - chunk.iterations) <= 0.05 * iterations
+
+
+def test_the_fleet_by_hand_is_the_native_ensemble():
+    many = importlib.import_module("benchmarks.many")
+    fleet = many.Fleet(11)
+    by_hand, ours = fleet.by_hand(200)(), fleet.native(200, 1).final
+    np.testing.assert_allclose(by_hand[:, 10:13], ours.n, rtol=1e-12)
+    assert np.ptp(ours.n[:, 2]) > 0.1, "the members should move apart"
+
+
+@pytest.mark.parametrize("name", ["vehicle", "heavy_top", "ellipsoid"])
+def test_the_equations_for_other_programs_are_those_of_the_system(name: str):
+    """RK4 by hand, DOP853 in NumPy and the midpoint rule converge to one motion."""
+    import coadjoint as co
+
+    bodies, problems = (importlib.import_module(f"benchmarks.{module}") for module in ("bodies", "problems"))
+    problem = getattr(problems, name)()
+    times, steps = problem.times[:3], round(problem.times[2] / problem.coarse * 64)
+    exact = bodies.reference(problem.body, problem.y0, times)
+    plain, _ = bodies.by_scipy(problem.body, problem.y0, times, "DOP853", 1e-10)
+    y, out = problem.y0.copy(), np.empty((1, 18))
+    bodies.rk4(problem.body.numbers, problem.coarse / 64, y, 1, steps, out)
+    method = co.Suzuki4(co.Midpoint(co.Cayley()))
+    ours = problem.rows(problems.ready(problem, method, problem.coarse / 64).run(1, steps).final)
+    for label, found in (("DOP853", plain[-1]), ("RK4", y), ("Suzuki-4", ours)):
+        distance = np.linalg.norm(problem.place(found) - problem.place(exact[-1]))
+        print(f"{name}, {label}: {distance:.1e}")
+        assert distance <= 2e-8
+
+
+def test_the_reference_of_the_heavy_top_has_the_published_digits():
+    bodies, problems = (importlib.import_module(f"benchmarks.{module}") for module in ("bodies", "problems"))
+    top = problems.heavy_top()
+    found = top.place(bodies.reference(top.body, top.y0, top.times))[-1]
+    np.testing.assert_allclose(found, (-0.150416822746, -0.724165591637, -0.673022269560), atol=3e-12)
+
+
+def test_results_stay_out_of_the_repository():
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", "--quick", "--out", str(ROOT / "docs" / "measured")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode
+    assert "--out must be outside the repository" in done.stderr
+    assert not (ROOT / "docs" / "measured").exists()
+
+
+@pytest.mark.long
+def test_the_quick_form_of_the_command_runs(tmp_path: Path):
+    sections = ["one", "many_1", "gradients", "instructions", "precision"]
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", "--quick", "--out", str(tmp_path), "--only", *sections],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert not done.returncode, done.stdout + done.stderr
+    found = json.loads((tmp_path / "benchmarks.json").read_text(encoding="utf-8"))
+    assert set(sections) <= set(found)
+    ratios = [row["ratio"] for row in found["one"]["rows"].values()]
+    assert all(np.isfinite(ratios)) and min(ratios) > 0
+    for figure in ("speed.png", "work_precision.png"):
+        assert (tmp_path / figure).stat().st_size > 10_000
