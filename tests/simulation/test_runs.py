@@ -112,3 +112,10 @@ def test_a_lagrangian_that_reads_a_global_number_is_traced_again_when_the_number
     light = momentum()
     world["mass"] = 3.0
     assert momentum() == pytest.approx(3 * light, rel=1e-14)
+
+
+def test_time_stays_right_to_the_last_digit_over_millions_of_steps():
+    """A plain running sum of 0.1 would be off by 1e-5 s here, and forces of t by as much."""
+    top = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
+    run = co.simulate(top, top.state(xi=[0, 0, 1], t=3.0), dt=0.1, steps=2_000_000, save_every=500_000, monitors=False)
+    np.testing.assert_allclose(run.records.t, 3.0 + 0.1 * run.steps_saved, rtol=1e-15, atol=0)

@@ -56,8 +56,8 @@ class LeftRectangle(Method, Step):
         back = group.inverse(F)
         n = Q.act(group, back, record.n + h * point.nu)
         transported = Q.pull(group, F, n, record.pi + h * at.force)
-        return record.replace(
-            t=record.t + h,
+        return record.later(
+            h,
             g=group.compose(record.g, F),
             n=n,
             a=V.act(group, back, record.a),

@@ -75,8 +75,8 @@ class Midpoint(Method, Step):
         back = group.inverse(half)
         n = Q.act(group, back, point.n + 0.5 * h * point.nu)
         transported = Q.pull(group, half, n, Q.pull(group, half, start, record.pi) + h * at.force)
-        return record.replace(
-            t=record.t + h,
+        return record.later(
+            h,
             g=group.compose(record.g, group.compose(half, half)),
             n=n,
             a=V.act(group, back, point.a),

@@ -60,8 +60,8 @@ class RightRectangle(Method, Step):
         F, start, point, at = self._node(system, record, h)
         kick = h * at.force
         transported = Q.pull(group, F, start, record.pi) + kick
-        return record.replace(
-            t=record.t + h,
+        return record.later(
+            h,
             g=group.compose(record.g, F),
             n=point.n,
             a=point.a,

@@ -81,8 +81,8 @@ class Trapezoidal(Method, Step):
         F, _, last, start, end = self._ends(system, record, h)
         transported = Q.pull(group, F, last.n, record.pi + 0.5 * h * start.force) + 0.5 * h * end.force
         legendre = 0.5 * Q.pull(group, F, last.n, start.pi) + 0.5 * end.pi + 0.5 * h * end.force
-        return record.replace(
-            t=record.t + h,
+        return record.later(
+            h,
             g=group.compose(record.g, F),
             n=last.n,
             a=last.a,

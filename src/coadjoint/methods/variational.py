@@ -71,8 +71,8 @@ class Variational(Method, Step):
         n = Q.act(group, back, s)
         legendre = Q.pull(group, F, n, gradients[2])
         transported = Q.pull(group, F, n, record.pi + force + gradients[1] + gradients[2])
-        return record.replace(
-            t=record.t + h,
+        return record.later(
+            h,
             g=group.compose(record.g, F),
             n=n,
             a=V.act(group, back, record.a),
