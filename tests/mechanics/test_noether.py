@@ -46,3 +46,12 @@ def test_a_map_that_is_not_equivariant_is_refused():
     with pytest.raises(ArgumentError, match=r"`c0` must have shape \(3,\)"):
         co.KelvinNoether([1.0, 0.0]).require_equivariant(system, start)
     co.KelvinNoether([0.1, 0.2, 0.3], lambda c, a: jnp.cross(c, a.down) + a.spin).require_equivariant(system, start)
+
+
+@pytest.mark.parametrize("size", [1e-11, 1.0, 1e11])
+def test_directions_of_conserved_momenta_do_not_depend_on_the_size_of_the_advected_parameters(size):
+    body = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ xi, advected={"weak": co.Defining(), "strong": co.Defining()})
+    along = body.state(a0={"weak": [0, 0, size], "strong": [0, 0, 1]})
+    across = body.state(a0={"weak": [0, size, 0], "strong": [0, 0, 1]})
+    np.testing.assert_allclose(np.abs(isotropy_algebra(body, along)), [[0, 0, 1]], atol=1e-12)
+    assert len(isotropy_algebra(body, across)) == 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -300,3 +302,25 @@ def test_sphere_projection_leaves_the_pairing_with_tangents(sphere):
 def test_sphere_refuses_a_point_off_it():
     with pytest.raises(ArgumentError, match="unit vector"):
         co.Sphere().point(co.SO3(), [1, 0, 1e-3], "q")
+
+
+@dataclass(frozen=True)
+class _BentPlane(Space):
+    """The plane in the chart (x, y + x²), on which rotations act by polynomials: flat by name only."""
+
+    def ambient(self, group):
+        return 2
+
+    def act(self, group, g, x):
+        turned = g @ jnp.stack([x[0], x[1] - x[0] ** 2])
+        return jnp.stack([turned[0], turned[1] + turned[0] ** 2])
+
+
+def test_an_action_that_bends_a_flat_space_is_refused_because_node_forms_do_not_hold_there():
+    with pytest.raises(co.GroupError, match="must be affine in the point"):
+        co.System(co.SO2(), lambda xi, n, nu: 0.5 * nu @ nu, additional=_BentPlane())
+
+
+def test_a_sphere_needs_orthogonal_matrices():
+    with pytest.raises(co.GroupError, match="acts by orthogonal matrices"):
+        co.System(co.SE3(), lambda xi, n, nu: 0.5 * nu @ nu, additional=co.Sphere())

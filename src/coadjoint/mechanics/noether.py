@@ -46,6 +46,17 @@ class KelvinNoether:
         self.c0 = float64(c0, "Argument `c0`")
         self.K = K
         self.space = space or Adjoint()
+        if isinstance(self.c0, np.ndarray):
+            self.c0.flags.writeable = False
+
+    def _key(self) -> tuple[Any, ...]:
+        return np.shape(self.c0), np.asarray(self.c0).tobytes(), self.K, self.space
+
+    def __eq__(self, other: Any) -> bool:
+        return isinstance(other, KelvinNoether) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
 
     def momentum_map(self, system: System, state: State) -> Array:
         """𝒦(c, a) ∈ 𝔤 at a state."""
@@ -92,19 +103,31 @@ class KelvinNoether:
 def isotropy_algebra(system: System, state: State) -> np.ndarray:
     """A basis (k, dim) of {c₀ ∈ 𝔤: c₀·a₀ = 0 for every advected parameter}: the directions of conserved momenta.
 
-    Orthonormal rows in reduced echelon form, so that coordinate directions come out as such.
+    Unit rows in reduced echelon form, so that coordinate directions come out as such. Each parameter counts relative
+    to its own size.
     """
+    return isotropy_algebras(system, jax.tree.map(lambda leaf: np.asarray(leaf)[None], state))[0]
+
+
+def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
+    """`isotropy_algebra` of every state of a record, which has one leading axis."""
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
-        return np.eye(group.dim)
+        return [np.eye(group.dim)] * len(states.t)
 
     def action(s: State):
         a0 = V.act(group, s.g, s.a)
-        return jax.vmap(lambda c0: V.infinitesimal(group, c0, a0), out_axes=1)(jnp.eye(group.dim))
+        return a0, jax.vmap(lambda c0: V.infinitesimal(group, c0, a0), out_axes=1)(jnp.eye(group.dim))
 
-    _, singular, rows = np.linalg.svd(np.asarray(evaluate(action, state)), full_matrices=True)
-    rank = int(np.sum(singular > 1e-10 * max(1.0, singular.max(initial=0.0))))
-    return _echelon(rows[rank:])
+    a0, moved = evaluate(jax.vmap(action), states)
+    moved = np.array(moved)
+    for part in V.components(group, "a").values():
+        size = np.linalg.norm(a0[:, part], axis=1)[:, None, None]
+        moved[:, part] /= np.where(size > 0, size, 1.0)
+    _, singular, rows = np.linalg.svd(moved, full_matrices=True)
+    largest = singular.max(axis=1, initial=0.0)
+    ranks = np.sum(singular > 1e-10 * largest[:, None], axis=1)
+    return [_echelon(own[rank:]) for own, rank in zip(rows, ranks, strict=True)]
 
 
 def _echelon(rows: np.ndarray) -> np.ndarray:

@@ -77,7 +77,7 @@ class System:
         for key, value in values.items():
             object.__setattr__(self, key, value)
         for space in (self.additional, self.advected):
-            space.ambient(group)  # raises where the space needs another group
+            space.require_fit(group)
         self._check_signatures()
 
     @property

@@ -29,16 +29,20 @@ class LeftRight(Method):
 
 @dataclass(frozen=True, init=False)
 class Suzuki4(Method):
-    """Five steps of a symmetric base method of order 2 over (γ, γ, 1 − 4γ, γ, γ)h, γ = 1/(4 − 4^{1/3}): order 4."""
+    """Five steps of a symmetric base method of order 2 over (γ, γ, 1 − 4γ, γ, γ)h, γ = 1/(4 − 4^{1/3}): order 4.
+
+    1 − 4γ is negative: with strong dissipation that substep is unsafe, and a run with forces says so. `start` is the
+    base's unless given.
+    """
 
     base: Method
 
-    def __init__(self, base: Method, start: Start = "momentum"):
+    def __init__(self, base: Method, start: Start | None = None):
         if not isinstance(base, Method) or base.order != 2 or not base.symmetric:
             raise ArgumentError(
                 f"Suzuki4 needs a symmetric method of order 2, such as co.Midpoint(co.Cayley()), but got {base!r}."
             )
-        for name, value in (("difference_map", base.difference_map), ("start", start), ("base", base)):
+        for name, value in (("difference_map", base.difference_map), ("start", start or base.start), ("base", base)):
             object.__setattr__(self, name, value)
         self.__post_init__()
 

@@ -17,7 +17,7 @@ from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members, member_of, stacked
-from coadjoint.mechanics.noether import isotropy_algebra
+from coadjoint.mechanics.noether import isotropy_algebras
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method
@@ -87,12 +87,9 @@ def with_own_directions(
         return program, Constants(members.parameters, constants.monitors), Constants(flags, False)
     places = members.states.places
     a0 = members.states.each(lambda s: places.advected.act(places.group, s.g, s.a))
-    if np.array_equal(a0, np.broadcast_to(a0[0], a0.shape)):
+    if np.max(np.abs(a0 - a0[0]), initial=0.0) <= 1e-12 * np.max(np.abs(a0), initial=0.0):
         return program, Constants(members.parameters, constants.monitors), Constants(flags, False)
-    own = [
-        isotropy_algebra(replace_parameters(program.skeleton, None), jax.tree.map(lambda x, i=i: x[i], members.states))
-        for i in range(members.count)
-    ]
+    own = isotropy_algebras(program.skeleton, members.states)
     if len({len(rows) for rows in own}) == 1:
         return program, Constants(members.parameters, {"c0": np.stack(own)}), Constants(flags, True)
     warnings.append("The members conserve different numbers of momenta, so that none are watched.")

@@ -95,7 +95,7 @@ def prepare(
 ) -> Run:  # fmt: skip
     """A run that is checked and set up but has not begun."""
     start = _with_inputs(system, start, inputs)
-    warnings = system.check(start)
+    warnings = system.check(start) + _backwards(system, method)
     state = method.begin(system, start, h)
     _require_chart(system, method, state, h)
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
@@ -157,7 +157,7 @@ def _simulate_members(
             jax.tree.structure(at_first), spread if np.ndim(start.t) else jax.tree.leaves(at_first)
         )
         start = start.replace(inputs=held)
-    warnings = first_member(system, start)[0].check(first_member(system, start)[1])
+    warnings = first_member(system, start)[0].check(first_member(system, start)[1]) + _backwards(system, method)
     members = begin_members(system, start, method, h, count)
     first, state = first_member(system, members.states)
     _require_chart(first, method, state, h)
@@ -169,6 +169,13 @@ def _simulate_members(
     drive(ensemble, axes, progress)
     ensemble.set_up_seconds = time.perf_counter() - began - ensemble.seconds
     return ensemble
+
+
+def _backwards(system: System, method: Method) -> list[str]:
+    """A warning where a dissipative system may be stepped backwards."""
+    if system.forces is None or all(fraction > 0 for _, fraction in method.stages):
+        return []
+    return [f"{method.title} has substeps that go backwards, which strongly dissipative forces may blow up."]
 
 
 def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | None) -> State:

@@ -48,6 +48,10 @@ class Several(Space):
         parts = [[array[a:b] for a, b in spans] for array, spans in zip(arrays, ranges, strict=True)]
         return list(zip(self.factors, *parts, strict=True))
 
+    def require_fit(self, group: LieGroup) -> None:
+        for space in self.factors:
+            space.require_fit(group)
+
     def ambient(self, group: LieGroup) -> int:
         return sum(space.ambient(group) for space in self.factors)
 

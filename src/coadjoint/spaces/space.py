@@ -6,6 +6,7 @@ transpose of ξ ↦ ξ·x (P14, P45), so differentiation provides it for every g
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -13,15 +14,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.kernels.evaluate import evaluate
 
 
 class Space:
     """A manifold with a left action of G, inside a linear space of ambient coordinates.
 
-    To be given: `ambient`, `act`. A curved space overrides `dim`, `frame`, `difference`, `project`, `momentum` and
-    `defect`; a closed form may replace anything derived. Spaces are static, hashable objects.
+    To be given: `ambient`, `act`, which must be affine in x. A curved space lies inside such a one and overrides `dim`,
+    `tangent`, `coordinates`, `difference`, `project`, `momentum`, `defect` and `require_fit`; a closed form may replace
+    anything derived. Spaces are static, hashable objects.
     """
 
     flat: bool = True
@@ -30,6 +33,13 @@ class Space:
     def ambient(self, group: LieGroup) -> int:
         """The length of the arrays that hold points."""
         raise NotImplementedError
+
+    def require_fit(self, group: LieGroup) -> None:
+        """Raise GroupError unless the action is affine: act(g, x + v) − act(g, x) = push(g, x, v) at random g, x, v.
+
+        The discrete equations in node form hold for such actions only.
+        """
+        _require_affine(self, group)
 
     def dim(self, group: LieGroup) -> int:
         """The dimension of the manifold."""
@@ -98,6 +108,29 @@ class Space:
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:
         """How arrays of points are named in a dataset."""
         return {name: slice(0, self.ambient(group))}
+
+
+def random_motion(space: Space, group: LieGroup) -> tuple[Element, np.ndarray, np.ndarray]:
+    """A group element, a point and a velocity in ambient coordinates, away from anything special."""
+    random = np.random.default_rng(1687)
+    x, v = random.normal(size=(2, space.ambient(group)))
+    return evaluate(group.exp, random.normal(scale=0.5, size=group.dim)), x, v
+
+
+@lru_cache(maxsize=256)
+def _require_affine(space: Space, group: LieGroup) -> None:
+    g, x, v = random_motion(space, group)
+
+    def measure(g, x, v):
+        moved = space.act(group, g, x + v) - space.act(group, g, x)
+        return jnp.max(jnp.abs(moved - space.push(group, g, x, v)), initial=0.0), jnp.max(jnp.abs(moved), initial=0.0)
+
+    bent, size = map(float, evaluate(measure, g, x, v))
+    if not bent <= 1e-9 * max(size, 1e-300):
+        raise GroupError(
+            f"The action of {group!r} on {space!r} must be affine in the point, but bends by {bent:.1e}: "
+            "write the space inside a representation, as co.Sphere does."
+        )
 
 
 def checked_vector(value: Any, size: int, name: str) -> Any:

@@ -8,11 +8,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces.representations import Defining, Representation
-from coadjoint.spaces.space import checked_vector
+from coadjoint.spaces.space import checked_vector, random_motion
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,16 @@ class Sphere(Representation):
 
     def dim(self, group: LieGroup) -> int:
         return self.ambient(group) - 1
+
+    def require_fit(self, group: LieGroup) -> None:
+        """Raise GroupError unless the group acts by orthogonal matrices, so that the sphere stays the sphere."""
+        g, x, _ = random_motion(self, group)
+        moved = np.asarray(evaluate(lambda g, x: self.act(group, g, x), g, x))
+        if not abs(np.linalg.norm(moved) - np.linalg.norm(x)) <= 1e-9 * np.linalg.norm(x):
+            raise GroupError(
+                f"Sphere() needs a group that acts by orthogonal matrices, but {group!r} in {self.inside!r} "
+                f"changes the length of a vector from {np.linalg.norm(x):.4g} to {np.linalg.norm(moved):.4g}."
+            )
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         return self.inside.act(group, g, x)
