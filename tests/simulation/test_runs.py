@@ -119,3 +119,9 @@ def test_time_stays_right_to_the_last_digit_over_millions_of_steps():
     top = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
     run = co.simulate(top, top.state(xi=[0, 0, 1], t=3.0), dt=0.1, steps=2_000_000, save_every=500_000, monitors=False)
     np.testing.assert_allclose(run.records.t, 3.0 + 0.1 * run.steps_saved, rtol=1e-15, atol=0)
+
+
+def test_a_step_that_does_not_resolve_the_motion_is_told_on_the_card():
+    fast = start(VEHICLE, xi=[200.0, 30.0, 40.0], qdot=[10.0, 50.0, 30.0])
+    assert "is off by" in str(co.simulate(VEHICLE, fast, dt=0.012, steps=500, method=co.LeftRectangle()))
+    assert "is off by" not in str(co.simulate(VEHICLE, START, dt=0.01, steps=500))

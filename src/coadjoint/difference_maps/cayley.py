@@ -18,7 +18,8 @@ class Cayley(DifferenceMap):
     """τ(ξ) = (I − ξ̂/2)⁻¹(I + ξ̂/2), dτ⁻¹_ξ χ = (I − ξ̂/2) χ̂ (I + ξ̂/2) (P79, P80).
 
     It fits quadratic groups and their homogeneous extensions (SO(n), Sp(2n), SE(n)), GL(n), SL(2) and unipotent
-    groups. A rotation by π is out of reach: a step must turn by less.
+    groups. A rotation by π is out of reach. A step counts as beyond the chart from |hω| = π on, where the transform
+    turns by 2 atan(π/2), 115°: a guard against steps that no longer follow the motion.
     """
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:

@@ -121,6 +121,11 @@ class System:
             arguments.append(self.advected.view(self.group, a))
         return arguments if self.parameters is None else [*arguments, self.parameters]
 
+    def takes(self, key: str) -> bool:
+        """Whether ℓ or Λ takes the keyword `t` or `inputs`."""
+        functions = (self.lagrangian, self.discrete_lagrangian)
+        return any(f is not None and _keyword_only(inspect.signature(f).parameters, key) for f in functions)
+
     @staticmethod
     def _keywords(function: Callable[..., Any], t, inputs) -> dict[str, Any]:
         known = inspect.signature(function).parameters

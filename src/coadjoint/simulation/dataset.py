@@ -30,7 +30,7 @@ _MEANINGS = {
     "mu": "μ = ∂ℓ/∂ξ, body frame",
     "pi": "π = ∂ℓ/∂ν, body frame",
     "energy": "Legendre energy of (μ, π)",
-    "discrete_energy": "E = −∂Λ/∂h, with the discrete velocities",
+    "discrete_energy": "E = −∂Λ/∂h of the first stage of the step, with the discrete velocities",
     "kelvin_noether": "Kelvin–Noether quantities",
     "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",

@@ -38,6 +38,9 @@ from coadjoint.simulation.ensemble import (
 from coadjoint.simulation.run import Run
 from coadjoint.spaces.named import named
 
+TOO_MUCH_ENERGY = 0.1
+"""The relative change of a conserved energy from which on the card warns."""
+
 
 def simulate(
     system: System,
@@ -117,7 +120,17 @@ def carry_on(run: Run, progress: bool | None, began: float) -> Run:
         sink.release()
     if run.position.code:
         raise StepError(_sentence(run), run)
+    run.warnings += _lost_energy(run)
     return run
+
+
+def _lost_energy(run: Run) -> list[str]:
+    """A warning where energy, which nothing may change, changed much: the step does not resolve the motion."""
+    changed = run.system.forces is not None or run.system.takes("t") or run.system.takes("inputs")
+    if changed or "energy" not in run.extrema or run.relative_change("energy") < TOO_MUCH_ENERGY:
+        return []
+    much = run.relative_change("energy")
+    return [f"The energy, which nothing changes, is off by {much:.0%}: the motion is too fast for dt = {run.dt:g}."]
 
 
 def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:

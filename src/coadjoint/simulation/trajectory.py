@@ -17,7 +17,6 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members
-from coadjoint.mechanics.parameters import float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -25,6 +24,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
+from coadjoint.spaces.numbers import float64
 
 
 @jax.tree_util.register_dataclass
