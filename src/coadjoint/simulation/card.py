@@ -85,12 +85,12 @@ def ensemble_card(ensemble: Ensemble) -> str:
         ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
         ("method", f"{ensemble.method.title}, order {ensemble.method.order}"),
         ("steps", f"{plan.steps:,} steps of {plan.h:g} s each"),
-        ("saved", f"{len(ensemble.steps_saved):,} nodes a member, every {plan.save_every}, float64"),
+        ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),
         ("finished", f"{count - len(failed):,} of {count:,}"),
     ]
     lines += [("failed", f"member {index}: {what}") for index, what in list(failed.items())[:5]]
     for name, title in (("energy", "energy"), ("kelvin_noether", "Kelvin–Noether")):
-        if name in ensemble.monitors:
+        if name in ensemble.ends:
             change = ensemble.relative_changes(name)[ensemble.codes == 0]
             if len(change):
                 worst = f"median {np.median(change):.2e}, worst {np.max(change):.2e}"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import io
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
@@ -17,8 +18,11 @@ from coadjoint.errors import FileError
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import Position
+from coadjoint.simulation.ensemble_driver import MembersPosition
 
 Arrays = Mapping[str, np.ndarray]
+AnyPosition = Position | MembersPosition
+P = TypeVar("P", Position, MembersPosition)
 
 
 def write(path: Path, header: Mapping[str, Any], arrays: Arrays) -> None:
@@ -66,35 +70,35 @@ def settle(path: Path) -> None:
         os.close(handle)
 
 
-def position_numbers(position: Position) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """All of a position, exactly."""
-    header = {
-        "steps": position.steps,
-        "iterations": position.iterations,
-        "iterations_max": position.iterations_max,
-        "seconds": position.seconds,
-        "code": int(position.code),
-        "complete": position.complete,
-    }
+def position_numbers(position: AnyPosition) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """All of a position, exactly: its numbers, and its arrays."""
+    header: dict[str, Any] = {}
     arrays = state_numbers("state", position.state)
+    for name in _counts(position):
+        value = getattr(position, name)
+        if isinstance(value, np.ndarray):
+            arrays[f"position/{name}"] = value
+        else:
+            header[name] = int(value) if isinstance(value, Code) else value
     for name, (low, high) in position.extrema.items():
         arrays[f"lowest/{name}"], arrays[f"highest/{name}"] = np.asarray(low), np.asarray(high)
     return header, arrays
 
 
-def position_at(header: Mapping[str, Any], arrays: Arrays, like: State) -> Position:
-    """The position that `position_numbers` took apart; `like` is a state of the same system and method."""
+def position_at(header: Mapping[str, Any], arrays: Arrays, like: P) -> P:
+    """The position that `position_numbers` took apart; `like` is one of the same system, method and members."""
     lows = {name.partition("/")[2]: low for name, low in arrays.items() if name.startswith("lowest/")}
-    return Position(
-        state=state_like("state", arrays, like),
-        steps=header["steps"],
-        iterations=header["iterations"],
-        iterations_max=header["iterations_max"],
-        seconds=header["seconds"],
-        extrema={name: (low, arrays[f"highest/{name}"]) for name, low in lows.items()},
-        code=Code(header["code"]),
-        complete=header["complete"],
-    )
+    found = {name: header[name] if name in header else arrays[f"position/{name}"] for name in _counts(like)}
+    if "code" in found:
+        found["code"] = Code(found["code"])
+    state = state_like("state", arrays, like.state)
+    extrema = {name: (low, arrays[f"highest/{name}"]) for name, low in lows.items()}
+    return dataclasses.replace(like, state=state, extrema=extrema, **found)
+
+
+def _counts(position: AnyPosition) -> list[str]:
+    """The fields of a position beside its state and the extrema."""
+    return [field.name for field in dataclasses.fields(position) if field.name not in ("state", "extrema")]
 
 
 def state_numbers(name: str, state: State) -> dict[str, np.ndarray]:

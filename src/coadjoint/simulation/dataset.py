@@ -52,38 +52,52 @@ def dataset(run: Run) -> xarray.Dataset:
 
 def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
     """The records of an ensemble, as `dataset` with a dimension `member`; NaN where a member has failed."""
-    members, nodes = np.shape(ensemble.records.t)
-    good = np.isfinite(ensemble.records.t).ravel()
-
-    def rows(values: np.ndarray) -> np.ndarray:
-        return values.reshape(members * nodes, *values.shape[2:])[good]
-
-    monitors = {name: rows(values) for name, values in ensemble.monitors.items()}
-    flat = variables(ensemble.system, jax.tree.map(rows, ensemble.records), monitors)
-
-    def spread(values: np.ndarray) -> np.ndarray:
-        whole = np.full((members * nodes, *values.shape[1:]), np.nan)
-        whole[good] = values
-        return whole.reshape(members, nodes, *values.shape[1:])
-
+    found = member_variables(ensemble.system, ensemble.records, ensemble.monitors)
     made = xarray.Dataset(
-        {name: (("member", *dims), spread(values)) for name, (dims, values) in flat.items()},
+        {name: (("member", *dims), values) for name, (dims, values) in found.items()},
         coords={
-            "member": np.arange(members),
             "time": ensemble.plan.h * ensemble.steps_saved + np.ravel(ensemble.start.t)[0],
             "step": ("time", ensemble.steps_saved),
-            "steps_done": ("member", ensemble.steps_done),
-            "code": ("member", ensemble.codes),
+            **member_coordinates(ensemble.steps_done, ensemble.codes),
         },
-        attrs={
-            "group": repr(ensemble.system.group),
-            "system": ensemble.system.name,
-            "method": ensemble.method.title,
-            "dt": ensemble.plan.h,
-            "card": str(ensemble),
-        },
+        attrs=ensemble_attributes(ensemble),
     )
     return labelled(made, meanings(made, ensemble.system))
+
+
+def member_coordinates(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, Any]:
+    """The number of each member, how many good steps it did, and how its last one ended."""
+    return {
+        "member": np.arange(len(codes)),
+        "steps_done": ("member", steps_done),
+        "code": ("member", codes),
+    }
+
+
+def member_variables(
+    system: System,
+    records: State,
+    monitors: Mapping[str, np.ndarray],
+    derive: Callable[[State], dict[str, Any]] | None = None,
+) -> Variables:
+    """As `variables`, for records with two leading axes, of members and nodes; NaN where a member has failed.
+
+    The dimensions are those of one member.
+    """
+    leading = np.shape(records.t)
+    good = np.isfinite(records.t).ravel()
+
+    def rows(values: np.ndarray) -> np.ndarray:
+        return values.reshape(good.size, *values.shape[2:])[good]
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        whole = np.full((good.size, *values.shape[1:]), np.nan)
+        whole[good] = values
+        return whole.reshape(*leading, *values.shape[1:])
+
+    of_good = {name: rows(values) for name, values in monitors.items()}
+    found = variables(system, jax.tree.map(rows, records), of_good, derive)
+    return {name: (dims, spread(values)) for name, (dims, values) in found.items()}
 
 
 def variables(
@@ -166,3 +180,16 @@ def attributes(run: Run) -> dict[str, Any]:
     lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in run.extrema.items()}
     highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in run.extrema.items()}
     return {"group": repr(run.system.group), "card": str(run), **found, **lows, **highs}
+
+
+def ensemble_attributes(ensemble: Ensemble) -> dict[str, Any]:
+    """The certificate of an ensemble as the attributes of its dataset."""
+    return {
+        "group": repr(ensemble.system.group),
+        "system": ensemble.system.name,
+        "method": ensemble.method.title,
+        "dt": ensemble.plan.h,
+        "card": str(ensemble),
+        "seconds": ensemble.seconds,
+        "set_up_seconds": ensemble.set_up_seconds,
+    }

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -42,6 +43,11 @@ class Position:
     code: Code = Code.CONVERGED
     complete: bool = False
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come."""
+        return self.complete or bool(self.code)
+
     def advance(self, chunk: Chunk) -> None:
         """Move to the end of a chunk."""
         self.state, self.steps, self.code = chunk.final, self.steps + chunk.steps, chunk.code
@@ -63,15 +69,20 @@ class Sink(Protocol):
 
     seconds: float
 
+    @property
+    def length(self) -> int:
+        """How many nodes of an ensemble it takes at once."""
+        ...
+
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
         """Take the records at these step indices, with one row of every monitor each."""
         ...
 
-    def checkpoint(self, position: Position) -> None:
+    def checkpoint(self, position: Any) -> None:
         """All records up to `position` have been appended: make sure that a run can go on from there."""
         ...
 
-    def finish(self, position: Position) -> None:
+    def finish(self, position: Any) -> None:
         """The run has ended at `position`."""
         ...
 
@@ -153,6 +164,7 @@ class Memory:
     """A sink that keeps everything."""
 
     seconds = 0.0
+    length = sys.maxsize
 
     def __init__(self) -> None:
         self.steps: list[np.ndarray] = []
@@ -164,10 +176,10 @@ class Memory:
         self.records.append(records)
         self.monitors.append(monitors)
 
-    def checkpoint(self, position: Position) -> None:
+    def checkpoint(self, position: Any) -> None:
         pass
 
-    def finish(self, position: Position) -> None:
+    def finish(self, position: Any) -> None:
         pass
 
     def release(self) -> None:

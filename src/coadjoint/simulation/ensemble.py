@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +10,6 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import xla
-from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members, member_of, stacked
@@ -23,16 +19,16 @@ from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.card import ensemble_card
-from coadjoint.simulation.driver import PATIENCE, Extrema, Plan
+from coadjoint.simulation.driver import Extrema, Memory, Plan
+from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.monitors import kelvin_noether
-from coadjoint.simulation.progress import Progress
 from coadjoint.simulation.recording import Recording
 
 if TYPE_CHECKING:
     import xarray
 
 MEMORY_LIMIT = 8e9
-"""Bytes of records beyond which an ensemble is refused: save fewer nodes."""
+"""Bytes of records beyond which an ensemble must stream to disk, or save fewer nodes."""
 
 
 def count_of(system: System, start: State) -> int | None:
@@ -118,25 +114,48 @@ class Ensemble(Recording):
     start: State
     plan: Plan
     members: Members
+    axes: Constants
+    """Like the constants of the plan: True where a leaf has a member axis."""
+    position: MembersPosition
+    memory: Memory
     warnings: list[str]
-    steps_done: np.ndarray = field(init=False)
-    codes: np.ndarray = field(init=False)
-    iterations: np.ndarray = field(init=False)
-    iterations_max: np.ndarray = field(init=False)
-    extrema: Extrema = field(default_factory=dict, init=False)
-    seconds: float = field(default=0.0, init=False)
-    set_up_seconds: float = field(default=0.0, init=False)
-    steps_saved: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        zeros = np.zeros(self.members.count, dtype=int)
-        self.steps_done, self.codes, self.iterations, self.iterations_max = (zeros.copy() for _ in range(4))
-        self._chunks: list[EnsembleChunk] = []
+    set_up_seconds: float = 0.0
 
     @property
     def title(self) -> str:
         """The system and the method in words."""
         return f"{self.members.count:,} × {self.system.name}, {self.method.title}"
+
+    @property
+    def one(self) -> tuple[Constants, State]:
+        """What the equations are traced for: the constants of the first member, and its state."""
+        state = jax.tree.map(lambda leaf: leaf[0], self.position.state)
+        return member_constants(self.plan.constants, self.axes), state
+
+    @property
+    def steps_done(self) -> np.ndarray:
+        """How many good steps each member did."""
+        return self.position.steps_done
+
+    @property
+    def codes(self) -> np.ndarray:
+        """How the last step of each member ended, 0 where it was good."""
+        return self.position.codes
+
+    @property
+    def iterations(self) -> np.ndarray:
+        """Newton's, over all good steps of each member."""
+        return self.position.iterations
+
+    @property
+    def seconds(self) -> float:
+        """The time spent in the kernel, s; compiling and set-up are in `set_up_seconds`."""
+        return self.position.seconds
+
+    @property
+    def extrema(self) -> Extrema:
+        """(minimum, maximum) of monitors and certificates over every step, one row a member."""
+        return self.position.extrema
 
     @property
     def failures(self) -> dict[int, str]:
@@ -145,16 +164,35 @@ class Ensemble(Recording):
         words = {int(code): code.name.lower().replace("_", " ") for code in Code}
         return {int(i): f"{words[int(self.codes[i])]} at step {self.steps_done[i]}" for i in failed}
 
+    @property
+    def count(self) -> int:
+        """The number of saved nodes."""
+        return sum(len(steps) for steps in self.memory.steps)
+
+    @cached_property
+    def steps_saved(self) -> np.ndarray:
+        """The step index of every saved node."""
+        return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
+
     @cached_property
     def records(self) -> State:
         """The saved states, axes (member, node, …)."""
-        return jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *[c.records for c in self._chunks])
+        return jax.tree.map(_members_first, *self.memory.records)
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
         """Every monitored scalar, axes (member, node, …)."""
-        names = self._chunks[0].monitors
-        return {name: np.concatenate([c.monitors[name] for c in self._chunks], axis=1) for name in names}
+        return jax.tree.map(_members_first, *map(dict, self.memory.monitors))
+
+    @property
+    def ends(self) -> Extrema:
+        """Every monitored scalar at the first and at the last node, one row a member."""
+        return {name: (rows[:, 0], rows[:, -1]) for name, rows in self.monitors.items()}
+
+    @property
+    def final(self) -> State:
+        """The records of all members at the last node."""
+        return jax.tree.map(lambda rows: rows[:, -1], self.records)
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -165,26 +203,10 @@ class Ensemble(Recording):
 
     def relative_changes(self, name: str) -> np.ndarray:
         """max_k |X_k − X₀| / |X₀| of each member over every good step; absolute where X₀ = 0."""
-        low, high = (x.reshape(self.members.count, -1) for x in self.extrema[name])
-        first = self.monitors[name][:, 0].reshape(self.members.count, -1)
+        low, high, first = (x.reshape(self.members.count, -1) for x in (*self.extrema[name], self.ends[name][0]))
         size = np.linalg.norm(first, axis=1)
         change = np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low)), axis=1)
         return change / np.where(size > 0, size, 1.0)
-
-    def add(self, chunk: EnsembleChunk, keep: bool) -> None:
-        """Append a stretch."""
-        if keep:
-            self._chunks.append(chunk)
-        for name, (low, high) in chunk.extrema.items():
-            before = self.extrema.get(name, (low, high))
-            self.extrema[name] = np.minimum(before[0], low), np.maximum(before[1], high)
-
-    def count_steps(self, chunk: EnsembleChunk) -> None:
-        """Take over how far the members came; a member that failed stays where it was."""
-        self.steps_done += np.where(self.codes == 0, chunk.steps, 0)
-        self.iterations += np.where(self.codes == 0, chunk.iterations, 0)
-        self.iterations_max = np.maximum(self.iterations_max, chunk.iterations_max)
-        self.codes = np.where(self.codes == 0, chunk.code, self.codes)
 
     def __str__(self) -> str:
         return ensemble_card(self)
@@ -193,38 +215,19 @@ class Ensemble(Recording):
         return f"<Ensemble of {self.title}: {len(self.failures)} failed; print it for the certificate>"
 
 
-def drive(ensemble: Ensemble, axes: Any, progress: bool | None) -> None:
-    """Run all members to the end, each to its own first bad step."""
-    plan, members = ensemble.plan, ensemble.members
-    nodes = plan.steps // plan.save_every + (plan.steps % plan.save_every > 0) + 1
-    size = sum(leaf[0].nbytes for leaf in jax.tree.leaves(members.states)) * members.count * nodes
+def _members_first(*parts: np.ndarray) -> np.ndarray:
+    """Stretches with axes (node, member, …) as one array with axes (member, node, …)."""
+    return np.concatenate([np.swapaxes(part, 0, 1) for part in parts], axis=1)
+
+
+def require_room(ensemble: Ensemble) -> None:
+    """Raise ArgumentError where the records would not fit in memory."""
+    plan = ensemble.plan
+    nodes = -(-plan.steps // plan.save_every) + 1
+    size = sum(leaf.nbytes for leaf in jax.tree.leaves(ensemble.members.states)) * nodes
     if size > MEMORY_LIMIT:
         raise ArgumentError(
-            f"The records of this ensemble would take {size / 1e9:.1f} GB: raise save_every from {plan.save_every} to "
+            f"The records of this ensemble would take {size / 1e9:.1f} GB of memory: stream them to a new folder with "
+            f"`store=`, or raise save_every from {plan.save_every} to "
             f"{int(plan.save_every * size / MEMORY_LIMIT) + 1} or more."
         )
-
-    def run(state: State, records: int, every: int) -> EnsembleChunk:
-        arguments = (plan.program, plan.constants, state, plan.h, records, every, plan.monitors)
-        return kernels.run_ensemble(plan.backend, *arguments, axes=(axes, True))
-
-    state, done, records, saved = members.states, 0, 1, []
-    run(state, 1, 1)  # compiling is set-up
-    with Progress(plan.steps, progress, ensemble.title) as bar:
-        while done < plan.steps:
-            every = min(plan.save_every, plan.steps - done)
-            records = min(records, (plan.steps - done) // every)
-            began = time.perf_counter()
-            chunk = run(state, records, every)
-            spent = time.perf_counter() - began
-            ensemble.add(chunk, keep=True)
-            ensemble.count_steps(chunk)
-            ensemble.seconds += spent
-            saved.append(done + every * np.arange(records))
-            state, done = chunk.final, done + records * every
-            bar.advance(records * every, ensemble.seconds)
-            records = int(np.clip(records * min(PATIENCE / max(spent, 1e-6), 8.0), 1, xla.ENSEMBLE_CAPACITY))
-    last = run(state, 1, 1)
-    ensemble.add(last, keep=True)
-    ensemble.codes = np.where(ensemble.codes == 0, last.code, ensemble.codes)
-    ensemble.steps_saved = np.concatenate([*saved, [plan.steps]])

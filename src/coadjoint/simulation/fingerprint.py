@@ -12,15 +12,18 @@ from coadjoint.kernels.digest import digest
 from coadjoint.kernels.interpreter import jaxpr_of
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE
 from coadjoint.mechanics.state import State
+from coadjoint.methods.program import Constants
 from coadjoint.simulation.driver import Plan
 
 
-def fingerprint(plan: Plan, state: State) -> dict[str, str]:
+def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = None) -> dict[str, str]:
     """Digests of the equations as they are traced, of the numbers in them, and of the grid.
 
-    Equal in every process with the same versions of Python's packages; names of functions do not count.
+    Equal in every process with the same versions of Python's packages; names of functions do not count. `one` member
+    of an ensemble is what its equations are traced for.
     """
-    program, constants = plan.program, plan.constants
+    program, all_constants, all_states = plan.program, plan.constants, state
+    constants, state = (all_constants, all_states) if one is None else one
     z, h = np.zeros(program.skeleton.unknowns), np.float64(plan.h)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state))]
@@ -38,9 +41,11 @@ def fingerprint(plan: Plan, state: State) -> dict[str, str]:
     newton = (TOLERANCE, FLOOR, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
-        "parameters": digest(named(constants.system)),
-        "start": digest(jax.tree.leaves(state)),
-        "monitors": digest(named(constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)),
+        "parameters": digest(named(all_constants.system)),
+        "start": digest(jax.tree.leaves(all_states)),
+        "monitors": digest(
+            named(all_constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
+        ),
         "grid": digest(plan.h, plan.steps, plan.save_every, plan.monitors, plan.backend),
     }
 

@@ -14,7 +14,7 @@ from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError
 from coadjoint.simulation import checkpoint as disk
-from coadjoint.simulation.dataset import labelled
+from coadjoint.simulation.dataset import labelled, member_coordinates
 
 CONFIGURATION, CHECKPOINT, RECORDS = "configuration.npz", "checkpoint.npz", "records.zarr"
 
@@ -41,8 +41,13 @@ class Verified(LocalStore):
         return found
 
 
-def stored_dataset(folder: Path, count: int, attributes: Mapping[str, Any]) -> xarray.Dataset:
-    """The first `count` records, read from the disk when they are used; only the times are in memory."""
+def stored_dataset(
+    folder: Path, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
+) -> xarray.Dataset:
+    """The first `count` records, read from the disk when they are used; only the times are in memory.
+
+    `coordinates` are those of an ensemble's members.
+    """
     store = Verified(folder / RECORDS, read_only=True)
     # Opened with the times, xarray would read all of them, and those to come are not there.
     options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
@@ -50,7 +55,7 @@ def stored_dataset(folder: Path, count: int, attributes: Mapping[str, Any]) -> x
     time = opened_arrays(folder, "r")["time"]
     order = [name for name in found.attrs["order"] if name != "time"]
     found = found[order].set_coords("step").isel(time=slice(0, count))
-    found = found.assign_coords(time=("time", time[:count], dict(time.attrs)))
+    found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
     found.attrs = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
     return labelled(found, {})
 
@@ -58,9 +63,11 @@ def stored_dataset(folder: Path, count: int, attributes: Mapping[str, Any]) -> x
 def saved_dataset(folder: Path) -> xarray.Dataset:
     """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
     configuration, _ = read_configuration(folder)
-    header, _ = read_checkpoint(folder, configuration["identity"])
+    header, arrays = read_checkpoint(folder, configuration["identity"])
     require_whole(folder, opened_arrays(folder, "r"), header["records"])
-    return stored_dataset(folder, header["records"], header["attributes"])
+    members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
+    coordinates = member_coordinates(*members) if members else {}
+    return stored_dataset(folder, header["records"], header["attributes"], coordinates)
 
 
 def read_configuration(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -97,23 +104,34 @@ def opened_arrays(folder: Path, mode: Any) -> dict[str, Any]:
     try:
         place = Verified(folder / RECORDS, read_only=True) if mode == "r" else LocalStore(folder / RECORDS)
         group = zarr.open_group(place, mode=mode, zarr_format=3)
-        return dict(group.arrays())
+        # A block of members that have all failed is written too: NaN on purpose, not by absence.
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            return dict(group.arrays())
     except (OSError, ValueError, KeyError) as error:
         raise FileError(f"The records in {folder / RECORDS} cannot be opened ({error}): {_DAMAGED}.") from error
 
 
-def chunk_file(folder: Path, array: Any, index: int) -> Path:
-    """Where a chunk of an array is."""
-    return folder / RECORDS / array.basename / "c" / Path(*map(str, (index, *[0] * (array.ndim - 1))))
+def along_time(array: Any) -> int:
+    """The axis of an array that counts the nodes: 1 where members come first."""
+    return array.metadata.dimension_names.index("time")
+
+
+def chunk_files(folder: Path, array: Any, index: int) -> list[Path]:
+    """Where the chunks of an array with the block of nodes `index` are: one, or one for each block of members."""
+    axis = along_time(array)
+    place = folder / RECORDS / array.basename / "c"
+    blocks = np.ndindex(*(-(-array.shape[i] // array.chunks[i]) for i in range(axis)))
+    rest = [0] * (array.ndim - axis - 1)
+    return [place / Path(*map(str, (*block, index, *rest))) for block in blocks]
 
 
 def require_whole(folder: Path, arrays: Mapping[str, Any], count: int) -> None:
     """Raise FileError unless every chunk with one of the first `count` records is there in full length."""
     for array in arrays.values():
         size = int(np.prod(array.chunks)) * array.dtype.itemsize + 4
-        for index in range(-(-count // array.chunks[0])):
-            file = chunk_file(folder, array, index)
-            found = file.stat().st_size if file.exists() else None
-            if found != size:
-                state = "missing" if found is None else f"truncated: it has {found} bytes of {size}"
-                raise FileError(f"The file {file} of the run is {state}; {_DAMAGED}.")
+        for index in range(-(-count // array.chunks[along_time(array)])):
+            for file in chunk_files(folder, array, index):
+                found = file.stat().st_size if file.exists() else None
+                if found != size:
+                    state = "missing" if found is None else f"truncated: it has {found} bytes of {size}"
+                    raise FileError(f"The file {file} of the run is {state}; {_DAMAGED}.")

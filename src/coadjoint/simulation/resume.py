@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.digest import digest
@@ -15,31 +16,32 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
-from coadjoint.simulation.dataset import attributes
-from coadjoint.simulation.driver import Memory
+from coadjoint.simulation.dataset import attributes, ensemble_attributes
+from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.fingerprint import fingerprint
+from coadjoint.simulation.folder import create, require_free
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.reading import read_checkpoint, read_configuration
 from coadjoint.simulation.run import Run
-from coadjoint.simulation.store import Store, create, require_free
-from coadjoint.simulation.streamed import StreamedRun
+from coadjoint.simulation.store import Store
+from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
 
 FORMAT = 1
 
 
-def streamed(run: Run, path: str | os.PathLike[str], chosen: Any) -> StreamedRun:
+def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> StreamedRun | StreamedEnsemble:
     """A run that has not begun, put into a new folder; `chosen` are the Kelvin–Noether quantities of the user."""
     folder = Path(path).absolute()
     require_free(folder)
-    marks = fingerprint(run.plan, run.position.state)
+    marks = fingerprint(run.plan, run.position.state, run.one)
     form, numbers = start_form(run.start)
     header = {
         "format": FORMAT,
         "versions": versions(),
         "fingerprint": marks,
         "identity": digest(marks),
-        "dt": run.dt,
-        "steps": run.steps,
+        "dt": run.plan.h,
+        "steps": run.plan.steps,
         "save_every": run.plan.save_every,
         "monitors": run.plan.monitors,
         "backend": run.plan.backend,
@@ -48,13 +50,16 @@ def streamed(run: Run, path: str | os.PathLike[str], chosen: Any) -> StreamedRun
         "start": form,
         "again": [name for name, it in (("inputs", run.plan.program.inputs), ("kelvin_noether", chosen)) if it],
     }
-    store = create(folder, run.system, run.plan, run.start, run.position.state, (header, numbers))
-    return _with_store(run, store)
+    return _with_store(run, create(folder, run, (header, numbers)))
 
 
-def _with_store(run: Run, store: Store) -> StreamedRun:
-    parts = (run.system, run.method, run.start, run.plan, run.position, cast(Memory, store), run.warnings)
-    made = StreamedRun(*parts, run.set_up_seconds)
+def _with_store(run: Run | Ensemble, store: Store) -> StreamedRun | StreamedEnsemble:
+    parts: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)} | {"memory": store}
+    if isinstance(run, Ensemble):
+        ensemble = StreamedEnsemble(**parts)
+        store.attributes = lambda: ensemble_attributes(ensemble)
+        return ensemble
+    made = StreamedRun(**parts)
     store.attributes = lambda: attributes(made)
     return made
 
@@ -68,8 +73,8 @@ def resume(
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Callable[[Any], Any] | None = None,
     progress: bool | None = None,
-) -> Run:
-    """Go on with a run that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
+) -> Run | Ensemble:
+    """Go on with a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
 
     The result is the same to the bit as that of a run that was never interrupted (on the same kind of processor). A
     finished run is returned as it is. `system` is the system of the run; the step size, the start, the method and the
@@ -94,12 +99,12 @@ def resume(
     start = start_from(header["start"], numbers, system) if start is None else start
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
     run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"])
-    _require_same(place, header, fingerprint(run.plan, run.position.state))
+    _require_same(place, header, fingerprint(run.plan, run.position.state, run.one))
     lock = _locked(place)
     try:
-        store = Store(place, system, run.plan, run.start, header["identity"], lock)
+        store = Store(run, place, header["identity"], lock)
         found, arrays = read_checkpoint(place, header["identity"])
-        run.position = store.take_up(found, arrays, run.position.state)
+        run.position = store.take_up(found, arrays, run.position)
         run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
         made = _with_store(run, store)
     except BaseException:

@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
+from coadjoint.methods.program import Constants
 from coadjoint.simulation.card import card, certificate
 from coadjoint.simulation.driver import Memory, Plan, Position
 from coadjoint.simulation.recording import Recording
@@ -42,6 +43,11 @@ class Run(Recording):
     def title(self) -> str:
         """The system and the method in words."""
         return f"{self.system.name}, {self.method.title}"
+
+    @property
+    def one(self) -> tuple[Constants, State]:
+        """What the equations are traced for: the constants, and the state at which the run stands."""
+        return self.plan.constants, self.position.state
 
     @property
     def dt(self) -> float:

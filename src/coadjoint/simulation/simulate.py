@@ -30,11 +30,12 @@ from coadjoint.simulation.ensemble import (
     Ensemble,
     begin_members,
     count_of,
-    drive,
     first_member,
     member_constants,
+    require_room,
     with_own_directions,
 )
+from coadjoint.simulation.ensemble_driver import MembersPosition, drive
 from coadjoint.simulation.run import Run
 from coadjoint.spaces.named import named
 
@@ -68,8 +69,8 @@ def simulate(
     With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with the same face and
     a dimension `member`; one that fails is reported and masked, the others finish.
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
-    `store`, a new folder, takes the records as they come, in constant memory; a run that is killed goes on with
-    `co.resume(store, system)`.
+    `store`, a new folder, takes the records as they come, in constant memory; a run or an ensemble that is killed goes
+    on with `co.resume(store, system)`.
     Raises ArgumentError and LagrangianError before the run; StepError, with what was computed in `.run`, at a step
     that fails.
     """
@@ -78,25 +79,24 @@ def simulate(
     _require_kinds(system, start, method)
     h, steps = _grid(dt, duration, steps)
     _require_whole(save_every, "save_every")
-    count = count_of(system, start)
-    if count is not None:
-        if store is not None:
-            raise ArgumentError("Argument `store` is for one run at a time: leave it out where co.each is used.")
-        whole = (monitors, kelvin_noether, inputs, backend, progress)
-        return _simulate_members(system, start, method, h, steps, save_every, count, *whole)  # type: ignore[return-value]
     run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
     if store is not None:
         from coadjoint.simulation.resume import streamed
 
         run = streamed(run, store, kelvin_noether)
-    return carry_on(run, progress, began)
+    elif isinstance(run, Ensemble):
+        require_room(run)
+    return carry_on(run, progress, began)  # type: ignore[return-value]
 
 
 def prepare(
     system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
     kelvin_noether: Any, inputs: Any, backend: Backend,
-) -> Run:  # fmt: skip
-    """A run that is checked and set up but has not begun."""
+) -> Any:  # fmt: skip
+    """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun."""
+    if (count := count_of(system, start)) is not None:
+        whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
+        return _prepare_members(system, start, method, *whole)
     start = _with_inputs(system, start, inputs)
     warnings = system.check(start) + _backwards(system, method)
     state = method.begin(system, start, h)
@@ -107,18 +107,21 @@ def prepare(
     return Run(system, method, start, plan, Position(state), Memory(), warnings)
 
 
-def carry_on(run: Run, progress: bool | None, began: float) -> Run:
-    """Drive a run from where it stands to its end; raises StepError at a step that fails."""
+def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | Ensemble:
+    """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
     sink = run.memory
     try:
-        if not run.position.complete and not run.position.code:
+        if not run.position.ended:
             before = run.seconds
-            Driver(run.plan, sink, progress, run.title).drive(run.position)
+            if isinstance(run, Ensemble):
+                drive(run.plan, run.axes, run.position, sink, progress, run.title)
+            else:
+                Driver(run.plan, sink, progress, run.title).drive(run.position)
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
             sink.finish(run.position)
     finally:
         sink.release()
-    if run.position.code:
+    if isinstance(run, Run) and run.position.code:
         raise StepError(_sentence(run), run)
     run.warnings += _lost_energy(run)
     return run
@@ -158,11 +161,10 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
     return program, Constants(system.parameters, watching)
 
 
-def _simulate_members(
-    system, start, method, h, steps, save_every, count, monitors, kelvin_noether, inputs, backend, progress
+def _prepare_members(
+    system, start, method, count, h, steps, save_every, monitors, kelvin_noether, inputs, backend
 ) -> Ensemble:
-    """`simulate` for an ensemble: what is the same for all members is checked on the first."""
-    began = time.perf_counter()
+    """`prepare` for an ensemble: what is the same for all members is checked on the first."""
     if inputs is not None:
         at_first = _with_inputs(*first_member(system, start), inputs).inputs
         spread = [np.broadcast_to(leaf, (count, *leaf.shape)) for leaf in jax.tree.leaves(at_first)]
@@ -178,10 +180,8 @@ def _simulate_members(
     program, constants, axes = with_own_directions(program, constants, members, warnings)
     chosen = kernels.choose(program, member_constants(constants, axes), state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
-    ensemble = Ensemble(system, method, start, plan, members, warnings)
-    drive(ensemble, axes, progress)
-    ensemble.set_up_seconds = time.perf_counter() - began - ensemble.seconds
-    return ensemble
+    position = MembersPosition.at_start(members.states, count)
+    return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings)
 
 
 def _backwards(system: System, method: Method) -> list[str]:

@@ -8,8 +8,6 @@ killed, the records that the checkpoint counts are there.
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,13 +22,20 @@ from zarr.codecs import Crc32cCodec
 from coadjoint.errors import FileError
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.methods.program import Constants
 from coadjoint.simulation import checkpoint as disk
-from coadjoint.simulation.dataset import derived, meanings, variables
-from coadjoint.simulation.driver import Plan, Position
+from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
+from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.reading import CHECKPOINT, CONFIGURATION, RECORDS, chunk_file, opened_arrays, require_whole
-from coadjoint.simulation.recording import umask
+from coadjoint.simulation.reading import (
+    CHECKPOINT,
+    RECORDS,
+    along_time,
+    chunk_files,
+    opened_arrays,
+    require_whole,
+)
+from coadjoint.simulation.run import Run
 
 BATCH = 1024
 """Records whose derived variables are computed at once. Always this many, so that no value depends on which others
@@ -39,15 +44,23 @@ were computed beside it."""
 BLOCK_BYTES, BLOCK_ROWS = 8 << 20, 8192
 """The most that a chunk of all variables together may take in memory."""
 
+FLUSH_BYTES = 32 << 20
+"""The most that the chunks of all members of an ensemble, written at once, may take, unless they hold one node."""
+
 PERIOD, BURDEN = 2.0, 20.0
 """Seconds between checkpoints: PERIOD, or BURDEN times what writing the last one took, whichever is more."""
 
 
 class Store:
-    """A sink that streams records to a folder; its memory does not grow with the run."""
+    """A sink that streams records to a folder; its memory does not grow with the run.
 
-    def __init__(self, folder: Path, system: System, plan: Plan, start: State, identity: str, lock: Lock):
-        self.folder, self.system, self.plan, self.start, self.identity = folder, system, plan, start, identity
+    Those of `members` have a second axis, of members; on the disk it is the first.
+    """
+
+    def __init__(self, run: Run | Ensemble, folder: Path, identity: str, lock: Lock):
+        self.folder, self.identity = folder, identity
+        self.system, self.plan, self.start = run.system, run.plan, run.start
+        self.members = run.members.count if isinstance(run, Ensemble) else None
         self.lock = lock
         self.attributes: Callable[[], Mapping[str, Any]] = dict
         self.count, self.seconds = 0, 0.0
@@ -67,45 +80,62 @@ class Store:
 
     # A new folder, or one that holds a run.
 
-    def lay_out(self, state: State) -> None:
-        """Allocate all arrays, empty, for records like `state`."""
+    def lay_out(self, constants: Constants, state: State) -> None:
+        """Allocate all arrays, empty, for records like `state`, which belongs to one member."""
         rows = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
-        plan = self.plan
-        seen = evaluate(plan.program.monitors, plan.constants, state, np.float64(plan.h)) if plan.monitors else {}
-        found = self._variables(np.zeros(1, np.int64), rows, {name: np.asarray(x)[None] for name, x in seen.items()})
-        size = sum(values[0].nbytes for _, values in found.values())
-        length = max(1, min(BLOCK_ROWS, BLOCK_BYTES // size, self.total))
+        program, h = self.plan.program, np.float64(self.plan.h)
+        seen = evaluate(program.monitors, constants, state, h) if self.plan.monitors else {}
+        seen = {name: np.asarray(x)[None] for name, x in seen.items()}
+        found = {**self._grid(np.zeros(1, np.int64)), **variables(self.system, rows, seen, self._derived)}
         told = meanings(found, self.system)
         group = zarr.create_group(self.folder / RECORDS, zarr_format=3, attributes={"order": list(found)})
+        length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
         for name, (dims, values) in found.items():
+            lead = () if self.members is None or name in ("time", "step") else (self.members,)
             self._arrays[name] = group.create_array(
                 name,
-                shape=(self.total, *values.shape[1:]),
-                chunks=(length, *values.shape[1:]),
+                shape=(*lead, self.total, *values.shape[1:]),
+                chunks=(*(across for _ in lead), length, *values.shape[1:]),
                 dtype=values.dtype,
                 compressors=[Crc32cCodec()],
                 fill_value=_unset(values.dtype),
-                dimension_names=dims,
+                dimension_names=(*("member" for _ in lead), *dims),
                 attributes={**told.get(name, {})},
             )
         self._empty_block()
 
-    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], like: State) -> Position:
-        """Go on where a checkpoint stands; raises FileError where records that it counts are missing or damaged."""
-        position = disk.position_at(header, arrays, like)
+    def _blocks(self, size: int) -> tuple[int, int]:
+        """How many nodes and how many members a chunk holds, where a record takes `size` bytes."""
+        if self.members is None:
+            return max(1, min(BLOCK_ROWS, BLOCK_BYTES // size, self.total)), 1
+        length = max(1, min(BLOCK_ROWS, FLUSH_BYTES // (size * self.members), self.total))
+        return length, max(1, min(self.members, BLOCK_BYTES // (size * length)))
+
+    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: disk.P) -> disk.P:
+        """Go on where a checkpoint stands; raises FileError where records that it counts are missing or damaged.
+
+        `begun` is where the run stood at its start.
+        """
+        position = disk.position_at(header, arrays, begun)
         self._arrays = opened_arrays(self.folder, "r+")
         self.count = self._kept = header["records"]
         require_whole(self.folder, self._arrays, self.count)
         for partial in (self.folder / RECORDS).rglob("*.partial"):
             partial.unlink(missing_ok=True)
         self._empty_block()
-        if filled := self.count % self._length:
+        if filled := self.count % self.length:
             checked = opened_arrays(self.folder, "r")
             for name, block in self._block.items():
-                block[:filled] = checked[name][self.count - filled : self.count]
+                block[:filled] = _read(checked[name], self.count - filled, self.count)
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
-        self.last = disk.state_like("record", arrays, like) if self.count else None
+        self.last = disk.state_like("record", arrays, begun.state) if self.count else None
         return position
+
+    def move_to(self, folder: Path) -> None:
+        """Stream to `folder`, which is where the laid out arrays are now."""
+        self.folder = folder
+        self._arrays = opened_arrays(folder, "r+")
+        self._due = time.monotonic() + PERIOD
 
     # The contract of a sink.
 
@@ -114,26 +144,26 @@ class Store:
         self._pending.append((steps, records, monitors))
         self.last = jax.tree.map(lambda rows: rows[-1], records)
         self.ends = {name: (self.ends.get(name, rows)[0], rows[-1]) for name, rows in monitors.items()}
-        if sum(len(steps) for steps, _, _ in self._pending) >= self._length:
+        if sum(len(steps) for steps, _, _ in self._pending) >= self.length:
             with self._writing():
                 self._absorb()
 
-    def checkpoint(self, position: Position) -> None:
+    def checkpoint(self, position: disk.AnyPosition) -> None:
         """Write a checkpoint if one is due, or if the run has ended."""
-        if position.complete or position.code or time.monotonic() >= self._due:
+        if position.ended or time.monotonic() >= self._due:
             self.finish(position)
 
-    def finish(self, position: Position) -> None:
+    def finish(self, position: disk.AnyPosition) -> None:
         """Write all records and a checkpoint."""
         began = time.monotonic()
         with self._writing():
             self._absorb()
-            if self.count % self._length:
+            if self.count % self.length:
                 self._write_block()
             for path in (*self._unsettled, *{path.parent for path in self._unsettled}):
                 disk.settle(path)
             self._unsettled.clear()
-            self._write_checkpoint(position)
+            self.write_checkpoint(position)
         self._kept = self.count
         ended = time.monotonic()
         self._due = ended + max(PERIOD, BURDEN * (ended - began))
@@ -145,59 +175,70 @@ class Store:
     # From records to rows, and from rows to chunks.
 
     @property
-    def _length(self) -> int:
+    def length(self) -> int:
         """The rows of a chunk, the same for all variables."""
-        return next(iter(self._arrays.values())).chunks[0]
+        return self._arrays["time"].chunks[0]
 
-    def _variables(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> dict[str, Any]:
-        """`time`, `step` and the variables of `run.dataset`, BATCH rows at most."""
-        rows = len(steps)
+    def _grid(self, steps: np.ndarray) -> Variables:
+        time = np.ravel(self.start.t)[0] + self.plan.h * steps
+        return {"time": (("time",), time), "step": (("time",), steps.astype(np.int64))}
 
-        def derive(records: State) -> dict[str, Any]:
-            filled = jax.tree.map(lambda x: np.concatenate([x, np.repeat(x[-1:], BATCH - rows, axis=0)]), records)
+    def _variables(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> Variables:
+        """`time`, `step` and the variables of `run.dataset`."""
+        of = variables if self.members is None else member_variables
+        return {**self._grid(steps), **of(self.system, records, monitors, self._derived)}
+
+    def _derived(self, records: State) -> dict[str, Any]:
+        """`derived` of every record, BATCH of them at a time."""
+        count, parts = len(records.t), []
+        for start in range(0, max(count, 1), BATCH):
+            cut = jax.tree.map(lambda x, start=start: x[start : start + BATCH], records)
+            rows = len(cut.t)
+            filled = jax.tree.map(lambda x: np.resize(x, (BATCH, *x.shape[1:])), cut)
             self._derive = self._derive or tabulate(derived, filled)
-            return jax.tree.map(lambda x: x[:rows], self._derive(filled))
-
-        found = variables(self.system, records, monitors, derive)
-        time = self.start.t + self.plan.h * steps
-        return {"time": (("time",), time), "step": (("time",), steps.astype(np.int64)), **found}
+            parts.append(jax.tree.map(lambda x, rows=rows: x[:rows], self._derive(filled)))
+        return jax.tree.map(lambda *found: np.concatenate(found), *parts)
 
     def _absorb(self) -> None:
         if not self._pending:
             return
         steps, records, monitors = jax.tree.map(lambda *parts: np.concatenate(parts), *self._pending)
         self._pending.clear()
-        for start in range(0, len(steps), BATCH):
-            part = slice(start, start + BATCH)
-            cut = jax.tree.map(lambda x, part=part: x[part], (steps, records, dict(monitors)))
-            self._place({name: values for name, (_, values) in self._variables(*cut).items()}, len(cut[0]))
+        found = self._variables(steps, records, monitors)
+        self._place({name: values for name, (_, values) in found.items()}, len(steps))
 
     def _place(self, values: Mapping[str, np.ndarray], rows: int) -> None:
         done = 0
         while done < rows:
-            at = self.count % self._length
-            taken = min(self._length - at, rows - done)
+            at = self.count % self.length
+            taken = min(self.length - at, rows - done)
             for name, block in self._block.items():
                 block[at : at + taken] = values[name][done : done + taken]
             done, self.count = done + taken, self.count + taken
-            if self.count % self._length == 0:
+            if self.count % self.length == 0:
                 self._write_block()
                 self._empty_block()
 
     def _empty_block(self) -> None:
         for name, array in self._arrays.items():
-            self._block[name] = np.full(array.chunks, _unset(array.dtype), array.dtype)
+            axis = along_time(array)
+            shape = (self.length, *array.shape[:axis], *array.shape[axis + 1 :])
+            self._block[name] = np.full(shape, _unset(array.dtype), array.dtype)
 
     def _write_block(self) -> None:
         """Write the chunk of every variable that holds the last row."""
-        index = (self.count - 1) // self._length
-        begin = index * self._length
-        end = min(begin + self._length, self.total)
+        index = (self.count - 1) // self.length
+        begin = index * self.length
+        end = min(begin + self.length, self.total)
         for name, array in self._arrays.items():
-            array[begin:end] = self._block[name][: end - begin]
-            self._unsettled.add(chunk_file(self.folder, array, index))
+            rows = self._block[name][: end - begin]
+            if along_time(array):
+                array[:, begin:end] = np.swapaxes(rows, 0, 1)
+            else:
+                array[begin:end] = rows
+            self._unsettled.update(chunk_files(self.folder, array, index))
 
-    def _write_checkpoint(self, position: Position) -> None:
+    def write_checkpoint(self, position: disk.AnyPosition) -> None:
         header, arrays = disk.position_numbers(position)
         header |= {"identity": self.identity, "records": self.count, "monitors": list(self.ends)}
         header["attributes"] = {name: _plain(value) for name, value in self.attributes().items()}
@@ -222,52 +263,14 @@ class Store:
             self.seconds += time.monotonic() - began
 
 
-def create(
-    path: Path, system: System, plan: Plan, start: State, state: State, configuration: tuple[Mapping[str, Any], Any]
-) -> Store:
-    """A new folder for a run from `state`, complete with its first checkpoint; it appears in one move."""
-    require_free(path)
-    header, numbers = configuration
-    made: Path | None = None
-    try:
-        made = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
-        made.chmod(0o777 & ~umask())
-        store = Store(made, system, plan, start, header["identity"], Lock(made))
-        store.lay_out(state)
-        disk.write(made / CONFIGURATION, header, numbers)
-        store._write_checkpoint(Position(state))
-        made.replace(path)
-    except OSError as error:
-        if made is not None:
-            shutil.rmtree(made, ignore_errors=True)
-        raise FileError(f"The folder {path} cannot be made: {error.strerror or error}.") from error
-    disk.settle(path.parent)
-    store.folder = path
-    store._arrays = opened_arrays(path, "r+")
-    store._due = time.monotonic() + PERIOD
-    return store
-
-
-def require_free(path: Path) -> None:
-    """Raise FileError unless a new run may be put at `path`."""
-    try:
-        held, other = (path / CONFIGURATION).exists(), path.exists() and (not path.is_dir() or any(path.iterdir()))
-        home = path.parent.is_dir()
-    except OSError as error:
-        raise FileError(f"The folder {path} cannot be looked at: {error.strerror or error}.") from error
-    if held:
-        raise FileError(
-            f"The folder {path} holds a run already: continue it with co.resume, or choose another folder for `store`."
-        )
-    if other:
-        raise FileError(f"Argument `store` must name a new or empty folder, but {path} holds something else.")
-    if not home:
-        raise FileError(f"The folder {path.parent} does not exist: make it first.")
-
-
 def _unset(dtype: Any) -> Any:
     """What stands in rows that are not written yet: it is never shown."""
     return np.nan if np.dtype(dtype).kind == "f" else -1
+
+
+def _read(array: Any, begin: int, end: int) -> np.ndarray:
+    """Rows of an array, nodes first."""
+    return np.swapaxes(array[:, begin:end], 0, 1) if along_time(array) else array[begin:end]
 
 
 def _plain(value: Any) -> Any:

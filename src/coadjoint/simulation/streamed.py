@@ -1,16 +1,19 @@
-"""A run whose records are on disk."""
+"""Runs whose records are on disk."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.dataset import attributes
+from coadjoint.simulation.dataset import attributes, ensemble_attributes, member_coordinates
+from coadjoint.simulation.driver import Extrema
+from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.reading import stored_dataset
+from coadjoint.simulation.recording import Recording
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
 
@@ -18,8 +21,10 @@ if TYPE_CHECKING:
     import xarray
 
 
-class StreamedRun(Run):
-    """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
+class _OnDisk(Recording):
+    """What runs and ensembles have in common when a store takes their records."""
+
+    memory: Any
 
     @property
     def store(self) -> Store:
@@ -46,8 +51,12 @@ class StreamedRun(Run):
         return {name: self.dataset[name].values for name in self.ends}
 
     @property
-    def ends(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def ends(self) -> Extrema:
         return self.store.ends
+
+
+class StreamedRun(_OnDisk, Run):
+    """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
 
     @property
     def final(self) -> State:
@@ -59,3 +68,20 @@ class StreamedRun(Run):
     def dataset(self) -> xarray.Dataset:
         """The records as a labelled xarray dataset, read from the disk when they are used."""
         return stored_dataset(self.store.folder, self.count, attributes(self))
+
+
+class StreamedEnsemble(_OnDisk, Ensemble):
+    """The same for many members: as `Ensemble`, but read from the disk when used."""
+
+    @property
+    def final(self) -> State:
+        """The records of all members at the last node."""
+        if self.store.last is None:
+            raise ArgumentError("This ensemble holds no records: it has not begun.")
+        return self.store.last
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The records as a labelled xarray dataset with dimensions (member, time, …), read when they are used."""
+        coordinates = member_coordinates(self.steps_done, self.codes)
+        return stored_dataset(self.store.folder, self.count, ensemble_attributes(self), coordinates)
