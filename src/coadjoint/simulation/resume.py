@@ -73,7 +73,7 @@ def resume(
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Callable[[Any], Any] | None = None,
     progress: bool | None = None,
-) -> Run | Ensemble:
+) -> Run:
     """Go on with a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
 
     The result is the same to the bit as that of a run that was never interrupted (on the same kind of processor). A
@@ -110,7 +110,7 @@ def resume(
     except BaseException:
         lock.release()
         raise
-    return carry_on(made, progress, began)
+    return carry_on(made, progress, began)  # type: ignore[return-value]
 
 
 def _locked(folder: Path) -> Lock:
