@@ -53,6 +53,7 @@ def _many(found: Found, cores: str) -> list[tuple[str, float, float, bool]]:
             rows.append((f"{where}: native / by hand", 0.35, part["rows"]["native, 1 thread"]["ratio"], False))
         elif "speed_up" in part:
             rows.append((f"{where}: one thread / two", 1.6, part["speed_up"], True))
+            rows.append((f"{where}: one thread / two, by hand", 1.6, part["speed_up_by_hand"], True))
         rows.append((f"{where}: XLA vmap / native", 20.0, part["xla_over_native"], True))
     return rows
 

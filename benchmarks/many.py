@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -49,8 +50,8 @@ class Fleet:
     def by_xla(self, steps: int) -> Any:
         return xla.run_ensemble(self.program, self.constants, self.states, H, 1, steps, False, axes=self.axes)
 
-    def by_hand(self, steps: int) -> Callable[[], np.ndarray]:
-        """The loop by hand over members; the final states, (members, 28)."""
+    def by_hand(self, steps: int, threads: int = 1) -> Callable[[], np.ndarray]:
+        """The loop by hand over members, an equal part a thread; the final states, (members, 28)."""
         s, p, body = self.states, self.constants.system, vehicle().body
         rows = [x.reshape(self.count, -1) for x in (s.t, s.g, s.n, s.a, s.mu, s.pi, s.xi, s.nu)]
         begin = np.concatenate(rows, axis=1)
@@ -60,13 +61,18 @@ class Fleet:
 
         def run() -> np.ndarray:
             states = begin.copy()
-            _members(numbers, H, states, steps)
+            if threads == 1:
+                _members(numbers, H, states, steps)
+                return states
+            parts = zip(np.array_split(numbers, threads), np.array_split(states, threads), strict=True)
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(lambda part: _members(part[0], H, part[1], steps), parts))
             return states
 
         return run
 
 
-@numba.njit
+@numba.njit(nogil=True)
 def _members(numbers, h, states, steps):
     out = np.empty((1, 28))
     for i in range(len(states)):
@@ -100,6 +106,8 @@ def measure(quick: bool) -> dict[str, Any]:
 def _of_length(fleet: Fleet, steps: int, cores: int, repetitions: int) -> dict[str, Any]:
     work, few = float(fleet.count * steps), 20
     contenders = {YARDSTICK: Contender(fleet.by_hand(steps), work)}
+    for threads in range(2, cores + 1):
+        contenders[f"{YARDSTICK}, {threads} threads"] = Contender(fleet.by_hand(steps, threads), work)
     names = [f"native, {threads} thread{'s' * (threads > 1)}" for threads in range(1, cores + 1)]
     for threads, name in enumerate(names, 1):
         contenders[name] = Contender(lambda threads=threads: fleet.native(steps, threads), work)
@@ -111,4 +119,6 @@ def _of_length(fleet: Fleet, steps: int, cores: int, repetitions: int) -> dict[s
     }
     if cores > 1:
         found["speed_up"] = timings[names[0]].ratio(timings[names[1]])
+        # What the second core is worth at all while others use the machine.
+        found["speed_up_by_hand"] = timings[YARDSTICK].ratio(timings[f"{YARDSTICK}, 2 threads"])
     return found

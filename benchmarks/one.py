@@ -55,8 +55,8 @@ def rows_of_hand(problem: Problem, found: np.ndarray) -> np.ndarray:
 
 def measure(quick: bool) -> dict[str, Any]:
     """Rows by name: seconds per step, ratio to the loop by hand, energy error over the run, iterations a step."""
-    steps = 100_000
-    rows = {**_left_rule(vehicle(), steps), **_methods(steps), **_libraries(quick), **_others(quick)}
+    times = 2 if quick else 6
+    rows = {**_left_rule(vehicle(), times), **_methods(times), **_libraries(quick), **_others(quick)}
     timings = interleaved({name: row.contender for name, row in rows.items()}, 5 if quick else 21)
     missing = [name for name in ("diffrax", "mujoco", "exudyn") if peers.version(name) is None]
     table = table_of(timings, YARDSTICK)
@@ -67,17 +67,16 @@ def measure(quick: bool) -> dict[str, Any]:
     }
 
 
-def _left_rule(problem: Problem, steps: int) -> dict[str, Row]:
-    """The paper's scheme by hand, natively and by XLA; what saving and watching cost."""
-    saved = steps // 2
-    by_hand, every = hand_written(problem, steps, EVERY), hand_written(problem, saved, 1)
+def _left_rule(problem: Problem, times: int) -> dict[str, Row]:
+    """The paper's run by hand, natively and by XLA; what saving and watching cost."""
+    by_hand, every = hand_written(problem, STEPS, EVERY), hand_written(problem, STEPS, 1)
     method = ready(problem, PAPER, H)
-    watched = prepare(problem.system, problem.start, PAPER, H, steps, EVERY, True, None, None, "native").plan
+    watched = prepare(problem.system, problem.start, PAPER, H, STEPS, EVERY, True, None, None, "native").plan
     start = ready(problem, PAPER, H).state
     observed = Ready(watched.program, watched.constants, start, H)
 
     def monitored(ready: Ready) -> object:
-        return native.run(ready.program, ready.constants, ready.state, H, steps // EVERY, EVERY, monitors=True)
+        return native.run(ready.program, ready.constants, ready.state, H, STEPS // EVERY, EVERY, monitors=True)
 
     def by_xla(steps: int) -> Any:
         return xla.run(method.program, method.constants, method.state, H, 1, steps, monitors=False)
@@ -87,17 +86,27 @@ def _left_rule(problem: Problem, steps: int) -> dict[str, Row]:
     chunk = method.run(NODES, STEPS // NODES)
     ours = {"energy": _energy(problem, problem.path(chunk)), "iterations": chunk.iterations / STEPS}
     return {
-        YARDSTICK: Row(Contender(by_hand, steps), hand),
-        "by hand, numba: left rule, every step saved": Row(Contender(every, saved), hand),
-        "native: one step, a call": Row(Contender(lambda: method.run(1, 1))),
-        "native: left rule": Row(Contender(lambda: method.run(steps // EVERY, EVERY), steps), ours),
-        "native: left rule, every step saved": Row(Contender(lambda: method.run(saved, 1), saved), ours),
+        YARDSTICK: Row(_repeated(by_hand, times), hand),
+        "by hand, numba: left rule, every step saved": Row(_repeated(every, times), hand),
+        "native: one step, a call": Row(_repeated(lambda: method.run(1, 1), 100, 1)),
+        "native: left rule": Row(_repeated(lambda: method.run(STEPS // EVERY, EVERY), times), ours),
+        "native: left rule, every step saved": Row(_repeated(lambda: method.run(STEPS, 1), times), ours),
         "native: left rule, every step saved, before it is unpacked": Row(
-            Contender(lambda: _launch(method, saved), saved)
+            _repeated(lambda: _launch(method, STEPS), times)
         ),
-        "native: left rule, all monitors": Row(Contender(lambda: monitored(observed), steps), ours),
-        "XLA: left rule": Row(Contender(lambda: by_xla(steps // 20), steps // 20), ours),
+        "native: left rule, all monitors": Row(_repeated(lambda: monitored(observed), times), ours),
+        "XLA: left rule": Row(Contender(lambda: by_xla(5000), 5000), ours),
     }
+
+
+def _repeated(run: Callable[[], object], times: int, steps: int = STEPS) -> Contender:
+    """A run of `steps` steps so many times over: what a call costs is counted as often."""
+
+    def runs() -> None:
+        for _ in range(times):
+            run()
+
+    return Contender(runs, times * steps)
 
 
 def _launch(method: Ready, records: int) -> object:
@@ -107,7 +116,7 @@ def _launch(method: Ready, records: int) -> object:
     return native.launch(kernel, p[:, None], np.full(1, method.h), s[:, None], records, 1)
 
 
-def _methods(steps: int) -> dict[str, Row]:
+def _methods(times: int) -> dict[str, Row]:
     """The other rules on the vehicle, and the heavy top, natively."""
     top = heavy_top()
     cases = [
@@ -126,7 +135,7 @@ def _methods(steps: int) -> dict[str, Row]:
         whole = STEPS if problem is vehicle() else round(problem.duration / h)
         chunk = case.run(NODES, whole // NODES)
         facts = {"energy": _energy(problem, problem.path(chunk)), "iterations": chunk.iterations / whole}
-        contender = Contender(lambda case=case: case.run(steps // EVERY // 2, EVERY), steps // 2)
+        contender = _repeated(lambda case=case, whole=whole: case.run(whole // EVERY, EVERY), times, whole)
         found[f"native: {name}"] = Row(contender, facts)
     return found
 
