@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
 
 # State: t, R by rows (9), n, a, mu, pi, omega, nu: 28 numbers. Parameters: M (3), J (3), mg − B, −B·r (3).
 
@@ -52,6 +52,7 @@ def run(p, h, s, records, save_every, out):
             l2 = u2 + h * (c3 * a1 - c1 * a3 + weight * (a3 * n1 - a1 * n3) + k3 * v1 - k1 * v3)
             l3 = u3 + h * (c1 * a2 - c2 * a1 + weight * (a1 * n2 - a2 * n1) + k1 * v2 - k2 * v1)
             settled = False
+            before, near = 0.0, False
             for _ in range(MAX_ITERATIONS):
                 x1 = j1 * w1
                 x2 = j2 * w2
@@ -84,11 +85,13 @@ def run(p, h, s, records, save_every, out):
                 w2 += e2
                 w3 += e3
                 iterations += 1
-                size = max(abs(e1), abs(e2), abs(e3), change)
-                change = 0.0
-                if size <= TOLERANCE * max(abs(w1), abs(w2), abs(w3), largest) + floor:
+                size, scale = max(abs(e1), abs(e2), abs(e3)), max(abs(w1), abs(w2), abs(w3))
+                together = max(size, change) <= TOLERANCE * max(scale, largest) + floor
+                stalled = together and near and size > STALLED * before
+                if (size <= TOLERANCE * scale + floor or stalled) and change <= TOLERANCE * largest + floor:
                     settled = True
                     break
+                change, before, near = 0.0, size, together
             if not settled:
                 return steps, iterations
             if step == 0:

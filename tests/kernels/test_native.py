@@ -37,7 +37,8 @@ def reference(program):
         iterations, record = 0, None
         for stage in program.stages:
             part = stage.fraction * h
-            root = newton.solve(lambda z, t=stage, s=s, d=part: t.residual(p, s, d, z), stage.guess(p, s, part), part)
+            guess = stage.guess(p, s, part)
+            root = newton.solve(lambda z, t=stage, s=s, d=part: t.residual(p, s, d, z), guess, part, stage.groups)
             record = stage.record(p, s, part, root.unknowns) if record is None else record
             s, iterations = stage.advance(p, s, part, root.unknowns), iterations + root.iterations
         return record, s, iterations

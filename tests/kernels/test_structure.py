@@ -29,6 +29,7 @@ class Equations:
 
     curved: float
     fraction: float = 1.0
+    groups: tuple[int, ...] = ()
 
     def guess(self, p, s, h):
         return 0.0 * s

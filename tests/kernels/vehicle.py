@@ -69,6 +69,7 @@ class LeftRectangle:
     """The stage; `limit` bounds h|ξ| as a chart would."""
 
     fraction: float = 1.0
+    groups: tuple[int, ...] = (3, 3)
     limit: float = 4.0
 
     def guess(self, p, s, h):

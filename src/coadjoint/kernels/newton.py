@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE, Code
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
 
 
 class Root(NamedTuple):
@@ -24,29 +25,42 @@ class _Iterate(NamedTuple):
     unknowns: jax.Array
     iterations: jax.Array
     settled: jax.Array
+    sizes: jax.Array
+    together: jax.Array
 
 
-def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array) -> Root:
-    """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h|.
+def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, groups: tuple[int, ...]) -> Root:
+    """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_g|∞ ≤ TOLERANCE·|z_g|∞ + FLOOR/|h| in every group.
 
+    `groups` are the sizes of the groups of unknowns; `program.TOLERANCE` tells the rule for groups at round-off.
     Derivatives of the result follow from the implicit function theorem, ∂z = −J⁻¹ ∂r: they cost one linear solve
     and do not depend on how Newton went.
     """
+    ends = np.cumsum(groups)
+    parts = [slice(end - size, end) for size, end in zip(groups, ends, strict=True) if size] or [slice(None)]
+
+    def sizes_of(vector: jax.Array) -> jax.Array:
+        return jnp.stack([jnp.max(jnp.abs(vector[part])) for part in parts])
 
     def settle(function, start):
+        floor = FLOOR / jnp.abs(h)
+
         def advance(iterate: _Iterate) -> _Iterate:
             z = iterate.unknowns
             increment = jnp.linalg.solve(jax.jacfwd(function)(z), -function(z))
             z = z + increment
-            size = jnp.max(jnp.abs(increment), initial=0.0)
-            scale = TOLERANCE * jnp.max(jnp.abs(z), initial=0.0) + FLOOR / jnp.abs(h)
+            sizes, scales = sizes_of(increment), sizes_of(z)
+            together = jnp.max(sizes) <= TOLERANCE * jnp.max(scales) + floor
+            stalled = together & iterate.together & (sizes > STALLED * iterate.sizes)
+            settled = jnp.all((sizes <= TOLERANCE * scales + floor) | stalled)
             # A NaN compares false and would go on for ever: it settles here and is told apart below.
-            return _Iterate(z, iterate.iterations + 1, (size <= scale) | ~jnp.isfinite(size))
+            settled = settled | ~jnp.all(jnp.isfinite(sizes))
+            return _Iterate(z, iterate.iterations + 1, settled, sizes, together)
 
         end = lax.while_loop(
             lambda i: ~i.settled & (i.iterations < MAX_ITERATIONS),
             advance,
-            _Iterate(start, jnp.asarray(0), jnp.asarray(False)),
+            _Iterate(start, jnp.asarray(0), jnp.asarray(False), sizes_of(start), jnp.asarray(False)),
         )
         code = jnp.where(
             ~jnp.all(jnp.isfinite(end.unknowns)),

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from coadjoint.kernels.emitter import WHOLE, Emitter, outer
 from coadjoint.kernels.increments import Increment
 from coadjoint.kernels.plan import StagePlan
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE, Code
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
 from coadjoint.kernels.solving import increment_values
+
+
+@dataclass
+class _Progress:
+    """The last increment: its size in each group, and whether the unknowns together had settled."""
+
+    sizes: dict[int, Any]
+    together: Any
 
 
 @dataclass
@@ -35,14 +44,15 @@ class StageLoop:
         self.floor = b.fdiv(emit.constant(FLOOR), emit.intrinsic("fabs", h))
         start = emit.values(self.stage.guess)
         settled, iterations = self.idle, self.emit.counts(0)
-        self.size_of_settled = emit.constant(0.0)
+        self.done, progress = {}, _Progress({}, emit.bit(False))
         if scheme.first is not None:
             delta = increment_values(emit, scheme.first)
             start = [b.fadd(x, d) for x, d in zip(start, delta, strict=True)]
             for i, symbol in scheme.settled.items():
                 emit.bind(symbol, start[i])
-            self.size_of_settled = self._size([start[i] for i in scheme.settled])
-            settled = b.or_(self.idle, self._settled(delta, [start[i] for i in scheme.looped]))
+            self.done = {i: start[i] for i in scheme.settled}
+            found, progress = self._settled(dict(enumerate(delta)), dict(enumerate(start)), None)
+            settled = b.or_(self.idle, found)
             iterations = self.emit.counts(1)
         if scheme.loop is None:
             # Everything is affine: the second increment is round-off.
@@ -50,13 +60,15 @@ class StageLoop:
             iterations = b.select(settled, iterations, again)
             return self._judge(start, emit.bit(True), iterations)
         found = [start[i] for i in scheme.looped]
-        found, settled, iterations = self._loop(scheme.loop, found, settled, iterations)
+        found, settled, iterations = self._loop(scheme.loop, found, settled, iterations, progress)
         for i, value in zip(scheme.looped, found, strict=True):
             start[i] = value
             emit.bind(self.stage.solution[i], value)
         return self._judge(start, settled, iterations)
 
-    def _loop(self, increment: Increment, start: list[Any], settled: Any, iterations: Any) -> tuple:
+    def _loop(
+        self, increment: Increment, start: list[Any], settled: Any, iterations: Any, progress: _Progress
+    ) -> tuple:
         b, emit = self.b, self.emit
         symbols = [self.stage.unknowns[i] for i in self.stage.scheme.looped]
         roots = [*increment.delta, increment.safe]
@@ -72,12 +84,15 @@ class StageLoop:
         old = [b.phi(emit.number) for _ in start]
         was, count = b.phi(emit.truth), b.phi(emit.counter)
         trip = b.phi(WHOLE)
+        looped = self.stage.scheme.looped
+        sizes = {g: b.phi(emit.number) for g in self._groups_of(looped)} if len(self.stage.groups) > 1 else {}
+        last = _Progress(sizes, b.phi(emit.truth)) if sizes else None
         with emit.scope():
             for symbol, value in zip(symbols, old, strict=True):
                 emit.bind(symbol, value)
             delta = increment_values(emit, increment)
             new = [b.fadd(x, d) for x, d in zip(old, delta, strict=True)]
-            now = self._settled(delta, new)
+            now, next_ = self._settled(dict(zip(looped, delta, strict=True)), dict(zip(looped, new, strict=True)), last)
         one = emit.counts(1)
         counted = b.add(count, one)
         if emit.width > 1:
@@ -93,6 +108,12 @@ class StageLoop:
         for phi, value, again in [*incoming, (trip, WHOLE(first), trips)]:
             phi.add_incoming(value, before)
             phi.add_incoming(again, back)
+        if last is not None:
+            for g, phi in last.sizes.items():
+                phi.add_incoming(progress.sizes.get(g, emit.constant(0.0)), before)
+                phi.add_incoming(next_.sizes[g], back)
+            last.together.add_incoming(progress.together, before)
+            last.together.add_incoming(next_.together, back)
         b.position_at_end(end)
         if self.stage.scheme.first is None:
             return new, now, counted
@@ -104,21 +125,40 @@ class StageLoop:
             joined.append(phi)
         return joined[:-2], joined[-2], joined[-1]
 
-    def _size(self, values: list[Any], least: Any = None) -> Any:
+    def _size(self, values: list[Any]) -> Any:
         """|values|∞; a NaN may get lost here and is found when the stage is judged."""
-        b, emit = self.b, self.emit
-        sizes = [emit.intrinsic("fabs", v) for v in values]
-        sizes = sizes if least is None else [least, *sizes]
+        return self._largest([self.emit.intrinsic("fabs", v) for v in values])
+
+    def _largest(self, sizes: list[Any]) -> Any:
+        b = self.b
         while len(sizes) > 1:
             pairs = zip(sizes[::2], sizes[1::2], strict=False)
             odd = sizes[-1:] if len(sizes) % 2 else []
             sizes = [b.select(b.fcmp_ordered(">", x, y), x, y) for x, y in pairs] + odd
-        return sizes[0] if sizes else emit.constant(0.0)
+        return sizes[0]
 
-    def _settled(self, delta: list[Any], z: list[Any]) -> Any:
-        b, emit = self.b, self.emit
-        scale = b.fmul(emit.constant(TOLERANCE), self._size(z, self.size_of_settled))
-        return b.fcmp_ordered("<=", self._size(delta), b.fadd(scale, self.floor))
+    def _groups_of(self, unknowns: Iterable[int]) -> list[int]:
+        """The groups that hold any of these unknowns."""
+        return [g for g, members in enumerate(self.stage.groups) if any(i in members for i in unknowns)]
+
+    def _settled(self, delta: dict[int, Any], z: dict[int, Any], last: _Progress | None) -> tuple[Any, _Progress]:
+        """Whether the increments δ of these unknowns settle them (`program.TOLERANCE`); those done before stay."""
+        b, emit, z = self.b, self.emit, {**self.done, **z}
+
+        def small(size: Any, scale: Any) -> Any:
+            return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
+
+        scales = [self._size([z[i] for i in members]) for members in self.stage.groups]
+        sizes = {g: self._size([delta[i] for i in self.stage.groups[g] if i in delta]) for g in self._groups_of(delta)}
+        together = small(self._largest(list(sizes.values())), self._largest(scales))
+        settled = emit.bit(True)
+        for g, size in sizes.items():
+            fine = small(size, scales[g])
+            if last is not None:
+                stalled = b.fcmp_ordered(">", size, b.fmul(emit.constant(STALLED), last.sizes[g]))
+                fine = b.or_(fine, b.and_(b.and_(together, last.together), stalled))
+            settled = b.and_(settled, fine)
+        return settled, _Progress(sizes, together)
 
     def _judge(self, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""

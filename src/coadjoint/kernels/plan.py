@@ -23,10 +23,12 @@ MAX_UNKNOWNS = 60
 class StagePlan:
     """One implicit stage: `unknowns` are Newton's symbols, `solution` the symbols of what it found.
 
-    A settled unknown has the same symbol in Newton's loop and in the solution.
+    A settled unknown has the same symbol in Newton's loop and in the solution. `groups` are the numbers of the
+    unknowns of each group.
     """
 
     h: Node
+    groups: list[range]
     guess: list[Node]
     residual: list[Node]
     unknowns: list[Node]
@@ -120,12 +122,18 @@ def _stage(
     chart = flat(tracer.trace(stage.chart, p, state, h, solution))[0]
     traced = {
         "h": h[()],
+        "groups": _groups(stage.groups or (guess.size,)),
         "guess": list(guess),
         "residual": flat(residual),
         "unknowns": list(unknowns),
         "scheme": plan_of_newton,
     }
     return {**traced, "solution": list(solution), "chart": chart}, solution
+
+
+def _groups(sizes: tuple[int, ...]) -> list[range]:
+    ends = np.cumsum(sizes).tolist()
+    return [range(end - size, end) for size, end in zip(sizes, ends, strict=True) if size]
 
 
 def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:

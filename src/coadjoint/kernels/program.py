@@ -18,8 +18,14 @@ Unknowns = Any
 Scalar = Any
 
 TOLERANCE = 1e-7
-"""Newton stops after an increment δ with |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h|: convergence is quadratic, so the
-increment that would follow is under round-off."""
+"""Newton stops after an increment δ with |δ_g|∞ ≤ TOLERANCE·|z_g|∞ + FLOOR/|h| for every group g of unknowns:
+convergence is quadratic, so the increment that would follow is under round-off. Groups have units of their own, and
+one never sets the scale of another; but one at rest may be moved by the round-off of the others. So where the
+unknowns together have met |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h| twice in turn, a group whose increment did not shrink to
+STALLED of the one before is at round-off and has settled too."""
+
+STALLED = 0.5
+"""See TOLERANCE."""
 
 FLOOR = 1e-15
 """See TOLERANCE; the absolute part is an angle or a length per step."""
@@ -41,6 +47,11 @@ class Stage(Protocol):
 
     @property
     def fraction(self) -> float: ...
+
+    @property
+    def groups(self) -> tuple[int, ...]:
+        """How many unknowns, in their order, are of one kind and unit: sizes that add up to m, or () if all are."""
+        ...
 
     def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns:
         """Where Newton starts: z, shape (m,)."""

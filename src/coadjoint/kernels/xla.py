@@ -40,9 +40,8 @@ def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = 
     certificates: dict[str, jax.Array] = {}
     for stage in program.stages:
         part = stage.fraction * h
-        root = newton.solve(
-            partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part), part
-        )
+        residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
+        root = newton.solve(residual, guess, part, stage.groups)
         z = root.unknowns
         after = stage.advance(parameters, state, part, z)
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()

@@ -70,6 +70,11 @@ class StepStage:
     step: Step
     fraction: float
 
+    @property
+    def groups(self) -> tuple[int, ...]:
+        group, Q, _ = self.skeleton.places
+        return group.dim, Q.dim(group)
+
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)
 
