@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 
 from coadjoint.kernels import gradient, xla
+from coadjoint.kernels.program import Code
 
 H, RECORDS, EVERY = 0.01, 3, 5
 
@@ -66,7 +69,32 @@ def test_the_adjoint_of_a_long_run_equals_differences():
     assert pull(None, final_bar).state.pi @ along == pytest.approx((ends[0] - ends[1]) / (2 * shift), rel=1e-6)
 
 
-def test_a_failed_run_has_no_derivative():
-    chunk, pull = gradient.vjp(VehicleProgram(), PAPER, start(H, [1e3, 2e3, 3e3]), H, 1, 5)
-    with pytest.raises(ValueError, match="failed at step 0"):
-        pull(None, chunk.final)
+@dataclass(frozen=True)
+class Ending(LeftRectangle):
+    """Leaves its chart at t = `end`."""
+
+    end: float = 0.0
+
+    def chart(self, p, s, h, z):
+        return jnp.where(s.t < self.end - 0.5 * h, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("end", [0.0, 0.04, 0.24], ids=["first", "early", "last"])
+def test_a_run_that_fails_has_no_derivative(end):
+    chunk, pull = gradient.vjp(VehicleProgram((Ending(end=end),)), PAPER, start(H), H, 5, 5)
+    assert (chunk.code, chunk.steps) == (Code.BEYOND_CHART, round(end / H))
+    assert all(np.all(np.isnan(leaf)) for leaf in jax.tree.leaves(tuple(pull(None, chunk.final))))
+
+
+def test_a_pullback_goes_forward_twice(monkeypatch):
+    """Once for the checkpoints, once for the tape."""
+    launch, steps = gradient.native.launch, []
+
+    def counted(kernel, p, h, s, records, save_every):
+        steps.append(records * save_every)
+        return launch(kernel, p, h, s, records, save_every)
+
+    chunk = gradient.native.run(VehicleProgram(), PAPER, start(H), H, 1, 400)
+    monkeypatch.setattr(gradient.native, "launch", counted)
+    gradient.pullback(VehicleProgram(), PAPER, start(H), H, 1, 400)(None, chunk.final)
+    assert sum(steps) == 400 + 380

@@ -52,18 +52,27 @@ def vjp(
     """The run, without monitors, and its pullback: (cotangent of records, of the final state) ↦ `Cotangents`.
 
     The cotangents are PyTrees like `chunk.records` and `chunk.final`; None stands for zero. The pullback needs memory
-    for √steps states and costs a few times the run. It raises ValueError if the run failed. Raises Untraceable,
-    naming the primitive, if the program is outside the tracer's language.
+    for √steps states and costs a few times the run. A run that failed (`chunk.code`) has no derivative: its
+    cotangents are NaN. Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
     """
     chunk = native.run(program, parameters, state, h, records, save_every, monitors=False)
+    return chunk, pullback(program, parameters, state, h, records, save_every)
+
+
+def pullback(
+    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int
+) -> Callable[[Any, Any], Cotangents]:
+    """The pullback of `vjp` alone, for a run that was made before: whether it failed shows on the way."""
 
     def pull(records_bar: Any, final_bar: Any) -> Cotangents:
-        if chunk.code:
-            raise ValueError(f"A run that failed at step {chunk.steps} has no derivative.")
         back = _Pullback(program, parameters, state, h, records * save_every, save_every)
         return back.run(records_bar, final_bar)
 
-    return chunk, pull
+    return pull
+
+
+class _Failed(Exception):
+    """A step failed on the way forward."""
 
 
 class _Pullback:
@@ -76,6 +85,20 @@ class _Pullback:
         self.code = _adjoint(key, parameters, state)
 
     def run(self, records_bar: Any, final_bar: Any) -> Cotangents:
+        try:
+            p_bar, s_bar, h_bar = self._back(records_bar, final_bar)
+        except _Failed:
+            p_bar, s_bar, h_bar = np.full(self.p.size, np.nan), np.full(self.s.size, np.nan), np.full(1, np.nan)
+        return Cotangents(self.shape_p.unpack(p_bar[: self.p.size]), self.shape_s.unpack(s_bar), h_bar[0])
+
+    def _forward(self, kernel: native.Kernel, start: np.ndarray, records: int, every: int) -> native.Result:
+        found = native.launch(kernel, self.p[:, None], self.h, start[:, None], records, every)
+        if found.status[1, 0]:
+            raise _Failed
+        return found
+
+    def _back(self, records_bar: Any, final_bar: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stretch by stretch from the last to the first: cotangents of parameters, state and h."""
         length = max(1, math.isqrt(self.steps))
         starts = list(range(0, self.steps, length))
         checkpoints = self._checkpoints(length, len(starts))
@@ -84,7 +107,7 @@ class _Pullback:
         rows_bar = self._rows_bar(records_bar)
         for first, checkpoint in reversed(list(zip(starts, checkpoints, strict=True))):
             count = min(length, self.steps - first)
-            tape = native.launch(self.code.forward, self.p[:, None], self.h, checkpoint[:, None], count, 1).records
+            tape = self._forward(self.code.forward, checkpoint, count, 1).records
             bars = np.zeros((count, self.plain.record.size))
             if rows_bar is not None:
                 saved = np.arange(first, first + count)
@@ -94,14 +117,13 @@ class _Pullback:
             p, h, rows, rows_of_bars = (a.ctypes.data for a in pointers)
             outputs = (p_bar.ctypes.data, h_bar.ctypes.data, s_bar.ctypes.data)
             self.code.function(p, h, rows, count, rows_of_bars, *outputs)
-        return Cotangents(self.shape_p.unpack(p_bar[: self.p.size]), self.shape_s.unpack(s_bar), h_bar[0])
+        return p_bar, s_bar, h_bar
 
     def _checkpoints(self, length: int, count: int) -> list[np.ndarray]:
         """The states from which stretches of `length` steps start."""
         states = [self.s]
         for _ in range(count - 1):
-            end = native.launch(self.plain, self.p[:, None], self.h, states[-1][:, None], 1, length)
-            states.append(end.state[:, 0])
+            states.append(self._forward(self.plain, states[-1], 1, length).state[:, 0])
         return states
 
     def _rows_bar(self, records_bar: Any) -> np.ndarray | None:

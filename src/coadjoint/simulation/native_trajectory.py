@@ -44,8 +44,7 @@ def native_trajectory(program: StepProgram, arguments: Any, blocks: Blocks, by_x
 
     def pull_on_host(given):
         (constants, state, h), cotangents = given
-        _, pull = gradient.vjp(program, constants, state, float(h), blocks[0], blocks[1])
-        found = pull(*cotangents)
+        found = gradient.pullback(program, constants, state, float(h), blocks[0], blocks[1])(*cotangents)
         return found.parameters, found.state, found.h
 
     @jax.custom_jvp
