@@ -95,13 +95,18 @@ class DirectProduct(LieGroup):
 
     @property
     def constrained(self) -> bool:
-        return all(f.constrained for f in self.factors)
+        """Whether any factor knows its defining equations; the others have no defect."""
+        return any(f.constrained for f in self.factors)
 
     def project(self, g: Element) -> Element:
-        return tuple(f.project(a) for f, a in zip(self.factors, g, strict=True))
+        return tuple(f.project(a) if f.constrained else a for f, a in zip(self.factors, g, strict=True))
 
     def defect(self, g: Element) -> Array:
-        return reduce(jnp.maximum, [f.defect(a) for f, a in zip(self.factors, g, strict=True)])
+        defects = [f.defect(a) for f, a in zip(self.factors, g, strict=True) if f.constrained]
+        return reduce(jnp.maximum, defects) if defects else super().defect(g)
+
+    def outside(self, g: Element) -> Array:
+        return reduce(jnp.maximum, [f.outside(a) for f, a in zip(self.factors, g, strict=True)])
 
     def rotation(self, g: Element) -> Array | None:
         found = (f.rotation(a) for f, a in zip(self.factors, g, strict=True))

@@ -125,6 +125,13 @@ class LieGroup:
         """How far g is from G: the largest entry of its defining equations, zero on G."""
         raise GroupError(f"{self!r} has no defect, because it was given no constraint.")
 
+    def outside(self, g: Element) -> Array:
+        """How far g is from G, zero on G alone: the defect, and what no smooth equation sees, such as reflections.
+
+        Zero where the group was given no constraint.
+        """
+        return self.defect(g) if self.constrained else jnp.zeros(())
+
     def rotation(self, g: Element) -> Array | None:
         """The attitude R (3, 3) within an element, where the group has one; for output and plots."""
         return None

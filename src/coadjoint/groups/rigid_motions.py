@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array, Element, LieGroup
-from coadjoint.groups.rotations import SO3, orthogonal_defect, orthogonal_projection, skew, turn
+from coadjoint.groups.rotations import SO3, orthogonal_defect, orthogonal_projection, reflection, skew, turn
 from coadjoint.groups.small_angle import cubic_ratio, sine_ratio, versine_ratio
 
 _QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -40,6 +40,9 @@ class _RigidMotions(LieGroup):
 
     def defect(self, g: Element) -> Array:
         return orthogonal_defect(g[0])
+
+    def outside(self, g: Element) -> Array:
+        return jnp.maximum(self.defect(g), reflection(g[0]))
 
 
 @dataclass(frozen=True)

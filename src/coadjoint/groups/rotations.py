@@ -34,6 +34,13 @@ def orthogonal_projection(R: Array) -> Array:
     return 0.5 * R @ (3 * jnp.eye(R.shape[0]) - R.T @ R)
 
 
+def reflection(R: Array) -> Array:
+    """|det R − 1| of a matrix (2, 2) or (3, 3): 0 for a rotation, 2 for a reflection."""
+    if R.shape[0] == 2:
+        return jnp.abs(R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0] - 1)
+    return jnp.abs(R[0] @ jnp.cross(R[1], R[2]) - 1)
+
+
 class _Rotations(LieGroup):
     """What SO(2) and SO(3) share: an element is the matrix R itself."""
 
@@ -61,6 +68,9 @@ class _Rotations(LieGroup):
 
     def defect(self, g: Array) -> Array:
         return orthogonal_defect(g)
+
+    def outside(self, g: Array) -> Array:
+        return jnp.maximum(self.defect(g), reflection(g))
 
 
 @dataclass(frozen=True)
