@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import jax
-import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.spaces.numbers import float64
 
 
 class Each:
@@ -32,21 +33,18 @@ def each(values: Any) -> Each:
 
     `values` has a leading axis of members; it may stand for any parameter and any argument of `system.state`. For
     group elements that are tuples, such as SE3's (R, x), a tuple of arrays. Raises ArgumentError for values that are
-    not finite numbers with one leading axis.
+    not finite float64 numbers with one leading axis.
     """
     parts = values if isinstance(values, tuple) else (values,)
-    try:
-        arrays = [np.array(part, dtype=np.float64) for part in parts]
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"co.each needs numbers with a leading axis of members, but got {values!r}.") from error
+    if traced(parts):
+        raise ArgumentError("co.each is for co.simulate; inside your own jit, grad or vmap use jax.vmap.")
+    arrays = [float64(part, "The values of co.each") for part in parts]
     lengths = {array.shape[0] if array.ndim else 0 for array in arrays}
     if len(lengths) != 1 or lengths == {0}:
         raise ArgumentError(
             "co.each needs numbers with a leading axis of at least one member, but got shape "
             f"{', '.join(str(array.shape) for array in arrays)}."
         )
-    if not all(np.all(np.isfinite(array)) for array in arrays):
-        raise ArgumentError("co.each needs finite numbers, but some are not finite.")
     return Each(tuple(arrays) if isinstance(values, tuple) else arrays[0])
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.parameters import float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Adjoint, Space
+from coadjoint.spaces.numbers import float64
 
 
 def total_momentum(system: System, state: State) -> Array:

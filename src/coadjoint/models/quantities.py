@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import traced
-from coadjoint.mechanics.parameters import float64
+from coadjoint.spaces.numbers import float64
 
 SYMMETRIC = 1e-9
 """How far a matrix may differ from its transpose, relative to its largest entry."""

@@ -12,11 +12,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.spaces.numbers import float64
 
 
 class Space:
@@ -134,21 +134,13 @@ def _require_affine(space: Space, group: LieGroup) -> None:
 
 
 def checked_vector(value: Any, size: int, name: str) -> Any:
-    """A finite float64 vector (size,); raises ArgumentError. A tracer passes with its shape checked only."""
+    """A finite float64 vector (size,); raises ArgumentError. Of a tracer, type and shape are checked."""
+    if traced(value):
+        value = float64(value, f"Argument `{name}`")
     try:
         shape = np.shape(value)
     except ValueError as error:
         raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {value!r}.") from error
     if shape != (size,):
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
-    if isinstance(value, Tracer):
-        return value
-    if isinstance(value, (list, tuple)) and any(isinstance(v, Tracer) for v in value):
-        return jnp.stack(list(value))
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {value!r}.") from error
-    if not np.all(np.isfinite(array)):
-        raise ArgumentError(f"Argument `{name}` must be finite, but is {array.tolist()}.")
-    return array
+    return float64(value, f"Argument `{name}`")

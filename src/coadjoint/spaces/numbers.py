@@ -1,0 +1,70 @@
+"""The one door for numbers: what a person gives becomes finite float64 arrays, or one sentence says why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from coadjoint.errors import ArgumentError
+
+
+def float64(value: Any, name: str) -> Any:
+    """A finite float64 array from numbers, arrays and lists of these; raises ArgumentError with `name`.
+
+    Floats of fewer digits, complex numbers, text and booleans are refused. Float64 tracers pass.
+    """
+    if isinstance(value, Tracer):
+        return _float64_tracer(value, name)
+    leaves = jax.tree.leaves(value, is_leaf=lambda leaf: leaf is None)
+    for leaf in leaves:
+        if type(leaf) not in (float, int):
+            _require_real(leaf, name)
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        with jax.enable_x64(True):
+            return jnp.asarray(value, dtype=np.float64)
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {value!r}.") from error
+    if not np.all(np.isfinite(array)):
+        shown = array.tolist() if array.size <= 9 else f"not, in {np.sum(~np.isfinite(array))} of {array.size} numbers"
+        raise ArgumentError(f"{name} must be finite, but is {shown}.")
+    return array
+
+
+def is_short(dtype: Any) -> bool:
+    """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
+    return bool(jnp.issubdtype(dtype, jnp.floating)) and np.dtype(dtype).itemsize < 8
+
+
+def _float64_tracer(value: Tracer, name: str) -> Tracer:
+    if value.dtype != np.float64:
+        raise ArgumentError(
+            f"{name} must be float64, but is traced as {value.dtype}: wrap your own jit, grad or vmap in "
+            "`with co.float64():` and pass Python floats or float64 arrays."
+        )
+    return value
+
+
+def _require_real(leaf: Any, name: str) -> None:
+    """Raise ArgumentError unless a leaf, or every entry of an array of objects, is a real number with all digits."""
+    if isinstance(leaf, Tracer):
+        _float64_tracer(leaf, name)
+        return
+    array = leaf if hasattr(leaf, "dtype") else np.asarray(leaf)
+    if array.dtype == object and leaf is not None:
+        for entry in np.ravel(array):
+            if entry is None or isinstance(entry, (str, bytes, bool, complex, np.generic)):
+                _require_real(entry, name)
+    elif is_short(array.dtype):
+        raise ArgumentError(
+            f"{name} must be float64, but is {array.dtype}, which has lost digits already: 5.46 becomes 5.460000038; "
+            "make it with NumPy, or with jax.numpy inside `with co.float64():`."
+        )
+    elif array.dtype.kind not in "fiu":
+        shown = repr(leaf) if len(repr(leaf)) < 60 else f"an array of {array.dtype}"
+        raise ArgumentError(f"{name} must be a number or an array of real numbers, but is {shown}.")
