@@ -148,8 +148,8 @@ class System:
             raise LagrangianError(
                 f"`forces` must return co.Force(torque=…, force=…), but returned {type(force).__name__}."
             )
-        given = zip(("torque", "force"), force, dims, strict=True)
-        return tuple(_covector(name, value, size) for name, value, size in given)  # type: ignore[return-value]
+        torque = _covector(self.group, "torque", force.torque, dims[0], None)
+        return torque, _covector(self.group, "force", force.force, dims[1], self.additional)
 
     def state(
         self, *, g=None, q=None, xi=None, qdot=None, a0=None, t: float = 0.0, inputs=None, internal=None
@@ -229,11 +229,21 @@ def _check_signature(function: Callable[..., Any], what: str, expected: list[str
         )
 
 
-def _covector(name: str, value: Any, size: int) -> Array:
+def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | None) -> Array:
+    """A torque, or a force on a space, as a flat array; on several spaces from the parts by their names."""
     if value is None:
         return jnp.zeros(size)
-    if isinstance(value, Named):
-        value = jnp.concatenate([jnp.atleast_1d(part) for part in value.asdict().values()])
+    if isinstance(value, (Named, Mapping)):
+        parts = value.asdict() if isinstance(value, Named) else value
+        spaces = dict(zip(space.names, space.factors, strict=True)) if isinstance(space, Several) else {}
+        if set(parts) != set(spaces):
+            expected = f"the parts {', '.join(spaces)}" if spaces else f"one array of shape ({size},)"
+            raise LagrangianError(f"The {name} of co.Force must have {expected}, but has the parts {', '.join(parts)}.")
+        return jnp.concatenate(
+            [_covector(group, f"{name}.{key}", parts[key], s.ambient(group), s) for key, s in spaces.items()]
+        )
+    if isinstance(value, (list, tuple)):
+        value = jnp.stack([jnp.asarray(part) for part in value])
     if np.shape(value) != (size,):
         raise LagrangianError(f"The {name} of co.Force must have shape ({size},), but has shape {np.shape(value)}.")
     return jnp.asarray(value)
