@@ -80,3 +80,13 @@ def test_ensembles_that_cannot_be_counted_are_refused():
         start(VEHICLE, q=co.each(np.zeros((3, 2))))
     with pytest.raises(co.ArgumentError, match="must lie in SO3"):
         start(VEHICLE, g=co.each(np.stack([np.eye(3), 1.1 * np.eye(3)])))
+
+
+def test_starting_momenta_are_those_of_each_member_s_own_parameters():
+    masses = np.array([110.0, 140.0])
+    vehicle = system().replace(mass=co.each(masses))
+    begun = start(vehicle, xi=co.each([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]))
+    for index, mass in enumerate(masses):
+        alone = start(system().replace(mass=mass), xi=[0.0, 0.0, index + 1.0])
+        np.testing.assert_array_equal(begun.mu[index], alone.mu)
+        np.testing.assert_array_equal(begun.pi[index], alone.pi)

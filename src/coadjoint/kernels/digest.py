@@ -9,10 +9,20 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 from jax.extend import core
+
+from coadjoint.errors import LagrangianError
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _NAMES_ONLY = {"name", "jvp_jaxpr_fun", "jvp_jaxpr_thunk", "fwd_jaxpr_thunk", "bwd", "debug_info", "ctx_mesh"}
+
+
+TRACED_OUTSIDE = (
+    "The Lagrangian, or another function of the system, uses a value from outside that JAX is tracing: "
+    "put it into co.Parameters and set it with system.replace."
+)
+"""What is said of a function that closes over a tracer: its program could serve one transformation only."""
 
 
 def digest(*values: Any) -> str:
@@ -33,6 +43,8 @@ class _Feed:
         self.update("\x1f".join(_ADDRESS.sub("", str(part)) for part in parts).encode() + b"\x1e")
 
     def value(self, value: Any) -> None:
+        if isinstance(value, Tracer):
+            raise LagrangianError(TRACED_OUTSIDE)
         if isinstance(value, core.ClosedJaxpr):
             self.value(list(value.consts))
             _Feed(self.update).jaxpr(value.jaxpr)

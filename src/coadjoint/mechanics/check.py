@@ -9,9 +9,13 @@ import jax
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.spaces.numbers import is_short
+
+SINGULAR = 1e-13
+"""The smallest |eigenvalue| of the scaled mass matrix that round-off cannot explain."""
 
 
 def check(system: System, start: State) -> list[str]:
@@ -20,8 +24,12 @@ def check(system: System, start: State) -> list[str]:
     ℓ must return one float64 number that is finite with finite gradient, hold no float32 constants, and have a
     regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible. Inside the user's own transformations only shapes are seen.
     """
+    if system.discrete_lagrangian is not None:
+        _check_discrete(system, start)
+    if system.forces is not None:
+        motion = system.motion(start.xi, start.n, start.nu, start.a, start.t, start.inputs, start.internal)
+        require_float64(lambda m: system.body_force(m), "The function `forces`", (motion,))
     if system.lagrangian is None:
-        require_scalar(system.reduced_discrete_lagrangian, "The discrete Lagrangian", _discrete_arguments(start))
         return []
     arguments = (start.xi, start.n, start.nu, start.a)
 
@@ -29,9 +37,6 @@ def check(system: System, start: State) -> list[str]:
         return system.reduced_lagrangian(xi, n, nu, a, start.t, start.inputs)
 
     require_scalar(lagrangian, "The Lagrangian", arguments)
-    if system.forces is not None:
-        motion = system.motion(*arguments, start.t, start.inputs, start.internal)
-        trace(lambda m: system.body_force(m), "`forces`", (motion,))
     if traced(system.parameters, start):
         return []
     _require_finite(lagrangian, arguments)
@@ -39,8 +44,11 @@ def check(system: System, start: State) -> list[str]:
     return _require_regular(system, lagrangian, arguments)
 
 
-def _discrete_arguments(start: State) -> tuple[Any, ...]:
-    return start.xi, start.n, start.n, start.a, np.float64(1.0)
+def _check_discrete(system: System, start: State) -> None:
+    def discrete(xi, n, s, a, h):
+        return system.reduced_discrete_lagrangian(xi, n, s, a, h, start.t, start.inputs)
+
+    require_scalar(discrete, "The discrete Lagrangian", (start.xi, start.n, start.n, start.a, np.float64(1.0)))
 
 
 def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
@@ -65,14 +73,20 @@ def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -
 
 def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
     """Raise LagrangianError unless the function returns one float64 number and holds no float32."""
-    closed = trace(function, what, arguments)
-    outputs = closed.out_avals
+    outputs = trace(function, what, arguments).out_avals
     if len(outputs) != 1 or outputs[0].shape != ():
         found = ", ".join(str(o.shape) for o in outputs) or "nothing"
         raise LagrangianError(f"{what} must return one number, but returns {found}; use @ or jnp.sum.")
     if not np.issubdtype(outputs[0].dtype, np.floating):
         raise LagrangianError(f"{what} must return a float64 number, but returns {outputs[0].dtype}.")
-    if _holds_float32(closed.jaxpr) or _promotes_float32(function, what, arguments):
+    require_float64(function, what, arguments)
+
+
+def require_float64(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
+    """Raise LagrangianError where the function holds or returns float32 numbers."""
+    closed = trace(function, what, arguments)
+    shorts = any(is_short(output.dtype) for output in closed.out_avals)
+    if shorts or _holds_float32(closed.jaxpr) or _promotes_float32(function, what, arguments):
         raise LagrangianError(
             f"{what} holds float32 numbers, which have lost digits already (5.46 becomes 5.460000038): make its "
             "constants with NumPy or put them into co.Parameters, and leave out float32."
@@ -92,7 +106,7 @@ def _promotes_float32(function: Callable[..., Any], what: str, arguments: tuple[
 def _holds_float32(jaxpr: Any) -> bool:
     for equation in jaxpr.eqns:
         for variable in (*equation.invars, *equation.outvars):
-            if getattr(variable.aval, "dtype", None) in (np.float32, np.float16):
+            if hasattr(variable.aval, "dtype") and is_short(variable.aval.dtype):
                 return True
         for value in equation.params.values():
             for inner in value if isinstance(value, (tuple, list)) else (value,):
@@ -123,21 +137,30 @@ def _require_symmetric(system: System, start: State) -> None:
     skewed = {jax.tree_util.keystr(path).lstrip("."): leaf for path, leaf in paths if _asymmetric(leaf)}
     if not skewed:
         return
-    random = np.random.default_rng(11)
-    xi, n, nu, a = (random.normal(size=np.shape(x)) for x in (start.xi, start.n, start.nu, start.a))
-
-    def slope(parameters):
-        return replace_parameters(system, parameters).reduced_lagrangian(xi, n, nu, a, start.t, start.inputs)
-
-    gradients = jax.tree_util.tree_leaves_with_path(evaluate(jax.grad(slope), system.parameters))
-    for path, gradient in gradients:
-        name = jax.tree_util.keystr(path).lstrip(".")
-        if name in skewed and np.any(gradient) and not _asymmetric(gradient):
-            worst = float(np.max(np.abs(skewed[name] - skewed[name].T)))
+    gradients = _parameter_gradients(system, start)
+    for name, matrix in skewed.items():
+        slopes = [gradient[name] for gradient in gradients if np.all(np.isfinite(gradient[name]))]
+        if any(np.any(slope) for slope in slopes) and not any(_asymmetric(slope) for slope in slopes):
+            worst = float(np.max(np.abs(matrix - matrix.T)))
             raise LagrangianError(
                 f"Parameter `{name}` must be symmetric, but differs from its transpose by {worst:.3g}: the Lagrangian "
                 f"takes no notice of its antisymmetric part; use ({name} + {name}.T) / 2 if that is what you mean."
             )
+
+
+def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndarray]]:
+    """∂ℓ/∂p by name at a random point, and at one next to the start, where ℓ is defined."""
+    random = np.random.default_rng(11)
+    at_start = (start.xi, start.n, start.nu, start.a)
+    far = [random.normal(size=np.shape(x)) for x in at_start]
+    near = [x + 1e-3 * (1 + np.abs(x)) * random.normal(size=np.shape(x)) for x in at_start]
+
+    def slope(parameters, point):
+        return replace_parameters(system, parameters).reduced_lagrangian(*point, start.t, start.inputs)
+
+    gradient = tabulate(jax.grad(slope), system.parameters, far)
+    found = [jax.tree_util.tree_leaves_with_path(gradient(system.parameters, point)) for point in (far, near)]
+    return [{jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf) for path, leaf in leaves} for leaves in found]
 
 
 def _asymmetric(matrix: Any) -> bool:
@@ -157,16 +180,29 @@ def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: 
 
     velocities = np.concatenate([xi, np.zeros(Q.dim(group))])
     hessian = np.asarray(evaluate(jax.hessian(at), velocities))
-    scale = np.sqrt(np.abs(np.diag(hessian)))
-    eigenvalues, vectors = np.linalg.eigh(hessian)
-    largest = float(np.max(np.abs(eigenvalues), initial=0.0))
-    smallest = int(np.argmin(np.abs(eigenvalues)))
-    if largest == 0.0 or np.any(scale == 0.0) or abs(eigenvalues[smallest]) <= 1e-13 * largest:
-        direction = np.round(vectors[:, smallest], 3).tolist()
+    empty, eigenvalues, direction = _weakest(hessian)
+    if empty or abs(eigenvalues).min() <= SINGULAR:
         raise LagrangianError(
             "The Legendre transform must be regular, but the mass matrix ∂²ℓ/∂(ξ, ν)² is singular: motion along "
-            f"(ξ, ν) = {direction} carries no kinetic energy; give it a mass or leave that direction out."
+            f"(ξ, ν) = {np.round(direction, 3).tolist()} carries no kinetic energy; give it a mass or leave that "
+            "direction out."
         )
     if eigenvalues[0] < 0:
-        return [f"The kinetic energy is not positive definite: the smallest eigenvalue is {eigenvalues[0]:.3g}."]
+        count = int(np.sum(eigenvalues < 0))
+        return [f"The kinetic energy is not positive definite: {count} of its {len(eigenvalues)} axes are negative."]
     return []
+
+
+def _weakest(hessian: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Whether H has a zero row, the eigenvalues of D⁻¹HD⁻¹ with D = √(row maxima of |H|), and its weakest direction.
+
+    D makes the test blind to units: a mass of 1e-12 kg beside an inertia of 1e-27 kg m² is regular. The direction v,
+    D v the eigenvector of the smallest |eigenvalue|, is told in (ξ, ν) with largest entry 1.
+    """
+    scale = np.sqrt(np.max(np.abs(hessian), axis=1, initial=0.0))
+    empty = bool(np.any(scale == 0.0))
+    if empty:
+        return True, np.zeros(len(hessian)), (scale == 0.0).astype(float)
+    eigenvalues, vectors = np.linalg.eigh(hessian / scale[:, None] / scale)
+    direction = vectors[:, np.argmin(np.abs(eigenvalues))] / scale
+    return False, eigenvalues, direction / direction[np.argmax(np.abs(direction))]

@@ -9,19 +9,24 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import LieGroup
+from coadjoint.kernels.digest import TRACED_OUTSIDE
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.check import require_scalar
-from coadjoint.mechanics.each import Each, count_members, member_of
-from coadjoint.mechanics.parameters import Parameters, float64
+from coadjoint.mechanics.each import Each, count_members, member_of, stacked
+from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces import Several, Space
+from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
 ON_GROUP = 1e-9
-"""The largest defect of an element that is taken for round-off."""
+"""How far outside its group an element may be by round-off."""
+
+TANGENT = 1e-9
+"""How far a velocity may leave its tangent space by round-off, relative to its size where that is over 1."""
 
 
 class _Given(NamedTuple):
@@ -41,16 +46,19 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
     arguments = (g, q, qdot, xi, a0, t)
     count = count_members(arguments)
-    parameters = member_of(system.parameters, 0)
-    here = replace_parameters(system, parameters)
+    if count is None:
+        parameters, axes = member_of(system.parameters, 0), None
+    else:
+        count_members(arguments, system.parameters)
+        parameters, axes = stacked(system.parameters)
+    here = replace_parameters(system, member_of(system.parameters, 0))
     if count is None:
         given = _check(system, checked_element(group, g), *arguments[1:])
     else:
         given = _check_members(system, arguments, count)
     if system.lagrangian is not None:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
-        here_at = partial(here.reduced_lagrangian, t=0.0, inputs=inputs)
-        require_scalar(here_at, "The Lagrangian", (np.zeros(group.dim), *zeros))
+        _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs)
 
     def body(given: _Given, parameters) -> State:
         system_ = replace_parameters(system, parameters)
@@ -62,8 +70,24 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
             given.t, given.g, n, a, mu, pi, given.xi, nu, inputs, internal, places=system.places, from_velocities=True
         )
 
-    made = body if count is None else jax.vmap(body, in_axes=(0, None))
-    return evaluate(made, given, parameters)
+    made = body if count is None else jax.vmap(body, in_axes=(0, axes))
+    try:
+        return evaluate(made, given, parameters)
+    except jax.errors.TracerArrayConversionError as error:
+        raise LagrangianError(TRACED_OUTSIDE) from error
+
+
+def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any) -> None:
+    """Raise unless ℓ is a number at these arguments; say where it only lacks its inputs."""
+    try:
+        require_scalar(partial(system.reduced_lagrangian, t=0.0, inputs=inputs), "The Lagrangian", arguments)
+    except LagrangianError as error:
+        if inputs is None and "'NoneType'" in str(error):
+            raise ArgumentError(
+                "The Lagrangian of this system needs `inputs`: give those of the start, as in "
+                "system.state(…, inputs={name: value})."
+            ) from error
+        raise
 
 
 def _check(system: System, element: Any, q, qdot, xi, a0, t) -> _Given:
@@ -79,11 +103,9 @@ def _check_members(system: System, arguments: tuple[Any, ...], count: int) -> _G
     first = checked_element(group, member_of(g, 0))
     if isinstance(g, Each):
         elements = jax.tree.map(lambda leaf, values: np.asarray(values), first, g.values)
-        if group.constrained:
-            defects = np.asarray(evaluate(jax.vmap(group.defect), elements))
-            if np.max(defects) > ON_GROUP:
-                worst = int(np.argmax(defects))
-                checked_element(group, jax.tree.map(lambda leaf: leaf[worst], elements))
+        outside = np.asarray(evaluate(jax.vmap(group.outside), elements))
+        worst = int(np.argmax(outside))
+        _require_inside(group, jax.tree.map(lambda leaf: leaf[worst], elements))
     else:
         elements = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *leaf.shape)), first)
     rows = [_check(system, first, *member_of(others, index)) for index in range(count)]
@@ -123,10 +145,12 @@ def checked_element(group: LieGroup, g: Any) -> Any:
     if g is None:
         return identity
     leaves, structure = jax.tree.flatten(identity)
+    if isinstance(g, list) and len(leaves) == 1:
+        g = float64(g, "Argument `g`")
     given: list[Any] = []
     shapes = None
     with suppress(TypeError, ValueError):
-        given = structure.flatten_up_to(g if not isinstance(g, list) else np.asarray(g, dtype=np.float64))
+        given = structure.flatten_up_to(g)
         shapes = [np.shape(leaf) for leaf in given]
     expected = [leaf.shape for leaf in leaves]
     if shapes != expected:
@@ -135,16 +159,18 @@ def checked_element(group: LieGroup, g: Any) -> Any:
             f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."
         )
     element = jax.tree.unflatten(structure, [float64(leaf, "Argument `g`") for leaf in given])
-    if not traced(element) and group.constrained:
-        defect = float(evaluate(group.defect, element))
-        turned = not traced(element) and evaluate(group.rotation, element)
-        mirror = isinstance(turned, np.ndarray) and np.linalg.det(turned) < 0
-        if defect > ON_GROUP or mirror:
-            why = "its determinant is −1" if mirror else f"its defining equations fail by {defect:.2g}"
-            raise ArgumentError(
-                f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude."
-            )
+    if not traced(element):
+        _require_inside(group, element)
     return element
+
+
+def _require_inside(group: LieGroup, element: Any) -> None:
+    if float(evaluate(group.outside, element)) <= ON_GROUP:
+        return
+    defect = float(evaluate(group.defect, element))
+    mirror = defect <= ON_GROUP
+    why = "a determinant is −1, a reflection" if mirror else f"its defining equations fail by {defect:.2g}"
+    raise ArgumentError(f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude.")
 
 
 def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
@@ -163,8 +189,25 @@ def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
         return point, np.zeros(size)
     if isinstance(Q, Several):
         factors = Several(dict(zip(Q.names, map(_Velocities, Q.factors), strict=True)))
-        return point, factors.point(group, qdot, "qdot")
-    return point, checked_vector(qdot, size, "qdot")
+        velocity = factors.point(group, qdot, "qdot")
+    else:
+        velocity = checked_vector(qdot, size, "qdot")
+    _require_tangent(system, point, velocity)
+    return point, velocity
+
+
+def _require_tangent(system: System, point: Any, velocity: Any) -> None:
+    """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
+    group, Q = system.group, system.additional
+    if Q.flat or traced(point, velocity):
+        return
+    within = evaluate(lambda x, v: Q.tangent(group, x, Q.coordinates(group, x, v)), point, velocity)
+    leaves = float(np.max(np.abs(velocity - within)))
+    if leaves > TANGENT * max(1.0, float(np.max(np.abs(velocity)))):
+        raise ArgumentError(
+            f"Argument `qdot` must be tangent to the space at `q`, but leaves it by {leaves:.3g}: take away its part "
+            "along the normal."
+        )
 
 
 class _Velocities(Space):
