@@ -53,6 +53,16 @@ def test_the_derivative_in_the_step_size_agrees_with_differences():
         assert float(jax.grad(f)(DT)) == pytest.approx(float((f(DT + 1e-5) - f(DT - 1e-5)) / 2e-5), rel=1e-7)
 
 
+def test_the_derivative_in_the_step_size_of_a_start_by_velocities_agrees_with_differences():
+    method = co.LeftRectangle(co.Cayley(), start="velocity")
+
+    def f(h):
+        return co.trajectory(VEHICLE, start(VEHICLE), dt=h, steps=STEPS, method=method).final.q[2]
+
+    with co.float64():
+        assert float(jax.grad(f)(DT)) == pytest.approx(float((f(DT + 1e-5) - f(DT - 1e-5)) / 2e-5), rel=1e-7)
+
+
 def test_translation_symmetry_makes_the_sensitivity_to_the_start_the_identity():
     """The vehicle's motion does not depend on where it starts: ∂q_N/∂q₀ = I."""
 

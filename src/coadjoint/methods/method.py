@@ -7,7 +7,6 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.errors import ArgumentError
@@ -170,5 +169,5 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
         p = jnp.linalg.solve(jax.jacfwd(mismatch)(nothing), -mismatch(nothing))
         return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
 
-    mu, pi = evaluate(momenta, state, system.parameters, np.float64(h) * fraction)
+    mu, pi = evaluate(momenta, state, system.parameters, h * fraction)
     return state.replace(mu=mu, pi=pi, from_velocities=False)

@@ -16,7 +16,7 @@ from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
-from coadjoint.mechanics.check import trace
+from coadjoint.mechanics.check import require_float64
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -25,6 +25,7 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import monitors as observe
+from coadjoint.simulation.arguments import grid, require_kinds, whole
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -76,9 +77,9 @@ def simulate(
     """
     began = time.perf_counter()
     method = Midpoint() if method is None else method
-    _require_kinds(system, start, method)
-    h, steps = _grid(dt, duration, steps)
-    _require_whole(save_every, "save_every")
+    require_kinds(system, start, method)
+    h, steps = grid(dt, duration, steps)
+    save_every = whole(save_every, "save_every")
     run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
     if store is not None:
         from coadjoint.simulation.resume import streamed
@@ -199,48 +200,12 @@ def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | No
         return start
 
     first = partial(_inputs_at, system, inputs)
-    trace(first, "`inputs`", (start,))
+    require_float64(first, "The function `inputs`", (start,))
     return start.replace(inputs=jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), evaluate(first, start)))
 
 
 def _inputs_at(system: System, inputs: Callable[[Any], Any], s: State) -> Any:
     return named(inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal)))
-
-
-def _require_kinds(system: Any, start: Any, method: Any) -> None:
-    if not isinstance(system, System):
-        raise ArgumentError(f"Argument `system` must be a co.System, but is {type(system).__name__}.")
-    if not isinstance(start, State):
-        raise ArgumentError(f"Argument `start` must come from system.state(…), but is {type(start).__name__}.")
-    if start.places != system.places:
-        raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
-    if not isinstance(method, Method):
-        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(co.Cayley()), but is {method!r}.")
-
-
-def _require_whole(value: Any, name: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {value!r}.")
-
-
-def _grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
-    """The step size and the number of steps."""
-    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0 < dt < np.inf:
-        raise ArgumentError(f"Argument `dt` must be positive, but is {dt!r}.")
-    if (duration is None) == (steps is None):
-        raise ArgumentError("Give either `duration` or `steps`, one of them.")
-    if steps is not None:
-        _require_whole(steps, "steps")
-        return float(dt), int(steps)
-    if not isinstance(duration, (int, float, np.floating, np.integer)) or not 0 < duration < np.inf:
-        raise ArgumentError(f"Argument `duration` must be positive, but is {duration!r}.")
-    count = round(float(duration) / float(dt))
-    if count < 1 or abs(count * dt - duration) > 1e-9 * duration:
-        raise ArgumentError(
-            f"Argument `duration` must be a whole number of steps, but {duration} s is {duration / dt:.6g} steps of "
-            f"{dt} s; give duration={max(count, 1) * dt:.10g}."
-        )
-    return float(dt), count
 
 
 def _require_chart(system: System, method: Method, state: State, h: float) -> None:

@@ -23,8 +23,8 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.arguments import require_kinds, step_size, whole
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
-from coadjoint.spaces.numbers import float64
 
 
 @jax.tree_util.register_dataclass
@@ -56,28 +56,27 @@ def trajectory(
 
     Derivatives go through each step by the implicit function theorem, forward and reverse. Every save_every-th record
     is kept. Called with plain numbers it returns NumPy and raises StepError for a step that fails; inside jit, grad or
-    vmap, which need `with co.float64():`, look at `code`. `backend`: "native" code (reverse mode natively, forward mode
+    vmap, which need `with co.float64():`, look at `code`; the derivative of a failed run does not exist, and reverse
+    mode by native code returns NaN for it. `backend`: "native" code (reverse mode natively, forward mode
     by XLA), "xla" (any derivative of any order); "auto" takes native code on processors where the step can be traced.
     """
     method = Midpoint() if method is None else method
-    h = float64(dt, "Argument `dt`")
-    if not isinstance(steps, int) or steps < 1:
-        raise ArgumentError(f"Argument `steps` must be a whole number of at least 1, but is {steps!r}.")
-    if not isinstance(save_every, int) or save_every < 1 or steps % save_every:
-        raise ArgumentError(
-            f"Argument `save_every` must be a whole number that divides steps = {steps}, but is {save_every!r}."
-        )
+    require_kinds(system, start, method)
+    h, steps, save_every = step_size(dt), whole(steps, "steps"), whole(save_every, "save_every")
+    if steps % save_every:
+        raise ArgumentError(f"Argument `save_every` must divide steps = {steps}, but is {save_every}.")
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
+    digest = version(system, start)
     begun = method.begin(system, start, h)
-    program = StepProgram(replace_parameters(system, None), method, version=version(system, begun))
+    program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)
     inside = traced(system.parameters, begun, h)
     if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise ArgumentError(
             "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
         )
-    chosen = _choose(program, constants, begun, backend)
+    chosen = _choose(program, constants, begun, backend, inside)
     blocks = (steps // save_every, save_every)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
@@ -89,11 +88,15 @@ def trajectory(
     return found
 
 
-def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend) -> Backend:
-    """Native code where JAX computes on this processor anyway and the step can be traced."""
+def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:
+    """Native code where JAX computes on this processor anyway and the step can be traced.
+
+    Inside a transformation numbers are not known: others of their shapes stand for them.
+    """
     if backend == "auto" and jax.default_backend() != "cpu":
         return "xla"
-    parameters, begun = jax.tree.map(lambda leaf: np.full(np.shape(leaf), 0.5), (constants, state))
+    given = (constants, state)
+    parameters, begun = jax.tree.map(lambda leaf: np.full(np.shape(leaf), 0.5), given) if inside else given
     return kernels.choose(program, parameters, begun, False, backend)
 
 

@@ -1,0 +1,68 @@
+"""What `simulate` and `trajectory` ask of their arguments, before anything runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.spaces.numbers import float64
+
+
+def require_kinds(system: Any, start: Any, method: Any) -> None:
+    """Raise ArgumentError unless these are a system, a start of it and a method."""
+    if not isinstance(system, System):
+        raise ArgumentError(f"Argument `system` must be a co.System, but is {type(system).__name__}.")
+    if not isinstance(start, State):
+        raise ArgumentError(f"Argument `start` must come from system.state(…), but is {type(start).__name__}.")
+    if start.places != system.places:
+        raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
+    if not isinstance(method, Method):
+        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(co.Cayley()), but is {method!r}.")
+
+
+def whole(value: Any, name: str) -> int:
+    """A whole number of at least 1; raises ArgumentError."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {value!r}.")
+    return int(value)
+
+
+def positive(value: Any, name: str) -> float:
+    """A positive, finite number; raises ArgumentError."""
+    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    if not number or not 0 < value < np.inf:
+        raise ArgumentError(f"Argument `{name}` must be positive, but is {value!r}.")
+    return float(float64(value, f"Argument `{name}`"))
+
+
+def step_size(dt: Any) -> Any:
+    """A step of a trajectory: one number, traced or finite, not zero; negative ones go back in time."""
+    h = float64(dt, "Argument `dt`")
+    if np.shape(h) != ():
+        raise ArgumentError(f"Argument `dt` must be one number, but has shape {np.shape(h)}.")
+    if not traced(h) and h == 0:
+        raise ArgumentError("Argument `dt` must not be zero: the steps would go nowhere.")
+    return h
+
+
+def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
+    """The step size and the number of steps of a run; raises ArgumentError."""
+    h = positive(dt, "dt")
+    if (duration is None) == (steps is None):
+        raise ArgumentError("Give either `duration` or `steps`, one of them.")
+    if steps is not None:
+        return h, whole(steps, "steps")
+    duration = positive(duration, "duration")
+    count = round(duration / h)
+    if count < 1 or abs(count * h - duration) > 1e-9 * duration:
+        raise ArgumentError(
+            f"Argument `duration` must be a whole number of steps, but {duration} s is {duration / h:.6g} steps of "
+            f"{h} s; give duration={max(count, 1) * h:.10g}."
+        )
+    return h, count
