@@ -207,6 +207,31 @@ def test_reference_refuses_a_curved_space():
         continuous.reference(system, start, [0.0, 1.0])
 
 
+@pytest.mark.parametrize("times", [[], [1.0, 0.5], [0.1, 0.1], [-0.1, 0.2], 3.0, [[0.1]]], ids=str)
+def test_reference_refuses_times_out_of_order(times):
+    system, start = random_system("SO3 alone")
+    with pytest.raises(ArgumentError, match="in order and on one side"):
+        continuous.reference(system, start.replace(t=np.float64(0)), times)
+
+
+def test_reference_at_the_start_alone_is_the_start():
+    system, start = random_system("SO3 alone")
+    found = continuous.reference(system, start, [float(start.t)])
+    close(found.mu[0], start.mu)
+    close(found.xi[0], start.xi)
+
+
+def test_reference_from_a_record_goes_on_with_its_momenta():
+    """A record's (ξ, ν) are those of a step, off by O(h) from the velocities of its momenta."""
+    system, start = random_system("SO3")
+    record = co.trajectory(system, start, dt=0.01, steps=3).final
+    found = continuous.reference(system, record, [float(record.t), float(record.t) + 0.1])
+    xi, _ = evaluate(partial(continuous.velocities, system), record)
+    assert np.max(np.abs(xi - record.xi)) > 1e-5
+    close(found.mu[0], record.mu)
+    close(found.pi[0], record.pi)
+
+
 def test_equations_of_the_paper_s_vehicle():
     """(P65): Jω̇ = Jω×ω − B r×a + Mν×ν, Mν̇ = (mg − B)a − ω×Mν."""
     J, M, r = np.diag([5.46, 5.29, 5.72]), np.diag([188.8, 193.8, 198.8]), np.array([0, 0, -0.007])

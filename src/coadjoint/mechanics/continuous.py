@@ -11,10 +11,12 @@ from scipy.integrate import solve_ivp
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.spaces.numbers import float64
 
 _LEGENDRE_ITERATIONS = 4
 
@@ -80,14 +82,16 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
     """The continuous motion from `start` at the given times, by DOP853: a record with one row a time.
 
     g, n, a, ξ, ν are integrated with relative tolerance `tolerance`; μ, π follow by the Legendre transform.
-    Raises ArgumentError for a curved Q, StepError where the integration fails.
+    The start of a record takes (ξ, ν) from its momenta, because a record's own are those of a step, off by O(h).
+    Raises ArgumentError for a curved Q and for times out of order, StepError where the integration fails.
     """
     if not system.additional.flat:
         raise ArgumentError(
             "The reference solution needs a flat space of additional dynamics; compare with small steps."
         )
-    times = np.asarray(times, dtype=np.float64)
-    moving = (start.g, start.n, start.a, start.xi, start.nu)
+    times = _in_order(times, float(start.t))
+    xi, nu = (start.xi, start.nu) if start.from_velocities else _velocities_of(system, start)
+    moving = (start.g, start.n, start.a, xi, nu)
     flat, unflatten = _flatten(moving)
 
     def assemble(t, parts, mu=start.mu, pi=start.pi) -> State:
@@ -100,19 +104,44 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
 
     with jax.enable_x64(True):
         compiled = jax.jit(rate)
-        found = solve_ivp(
-            lambda t, y: np.asarray(compiled(t, y, system.parameters)),
-            (float(start.t), float(times[-1])), flat, method="DOP853", t_eval=times,
-            rtol=max(tolerance, 2.3e-14), atol=tolerance,
-        )  # fmt: skip
-        if not found.success:
-            raise StepError(f"The reference solution failed: {found.message}")
+        rows = _integrate(
+            lambda t, y: np.asarray(compiled(t, y, system.parameters)), float(start.t), flat, times, tolerance
+        )
 
         def complete(t, y):
             parts = unflatten(y)
             return assemble(t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs))
 
-        return jax.tree.map(np.asarray, jax.jit(jax.vmap(complete))(found.t, found.y.T))
+        return jax.tree.map(np.asarray, jax.jit(jax.vmap(complete))(times, rows))
+
+
+def _integrate(rate: Any, first: float, y: np.ndarray, times: np.ndarray, tolerance: float) -> np.ndarray:
+    """y at the times, a row each; the start itself where there is no way to go."""
+    if times[-1] == first:
+        return y[None]
+    found = solve_ivp(
+        rate, (first, float(times[-1])), y, method="DOP853", t_eval=times, rtol=max(tolerance, 2.3e-14), atol=tolerance
+    )
+    if not found.success:
+        raise StepError(f"The reference solution failed: {found.message}")
+    return found.y.T
+
+
+def _velocities_of(system: System, state: State) -> tuple[Array, Array]:
+    return evaluate(lambda s, p: velocities(replace_parameters(system, p), s), state, system.parameters)
+
+
+def _in_order(times: Any, first: float) -> np.ndarray:
+    """The times, all after or all before the start's, each further than the last."""
+    times = float64(times, "Argument `times`")
+    gaps = np.diff(times, prepend=first) if np.ndim(times) == 1 else np.zeros(0)
+    forward, backward = (np.all(s * gaps[1:] > 0) and s * gaps[0] >= 0 for s in (1, -1)) if len(gaps) else (0, 0)
+    if not forward and not backward:
+        raise ArgumentError(
+            f"Argument `times` must hold at least one time, in order and on one side of the start's t = {first:g} s: "
+            "sort them."
+        )
+    return times
 
 
 def _flatten(tree: Any, numpy: Any = np) -> tuple[Any, Any]:
