@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 
-from coadjoint.kernels import native, newton
+from coadjoint.kernels import ensemble, native, newton, xla
 from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Code
 
@@ -154,6 +154,32 @@ def test_a_later_failure_keeps_what_was_computed():
     assert chunk.records.t == pytest.approx([0.0, 0.02, 0.04])
     assert chunk.final.t == pytest.approx(0.05)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(chunk.records))
+
+
+@dataclass(frozen=True)
+class Watching(VehicleProgram):
+    """What it watches is NaN from t = 0.045."""
+
+    def monitors(self, p, s, h):
+        return {"clock": jnp.sqrt(0.045 - s.t), "height": s.n[2]}
+
+
+@pytest.mark.parametrize("kernel", [native, xla])
+def test_a_monitor_that_is_no_number_ends_the_run_at_the_last_good_node(kernel):
+    chunk = kernel.run(Watching(), PAPER, start(H), H, 10, 1)
+    assert (chunk.code, chunk.steps) == (Code.NOT_FINITE, 5)
+    assert chunk.records.t == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
+    assert chunk.final.t == pytest.approx(0.05)
+    assert np.all(np.isfinite(chunk.monitors["clock"]))
+    assert kernel.run(Watching(), PAPER, start(H), H, 10, 1, False).code is Code.CONVERGED
+
+
+def test_a_monitor_that_is_no_number_ends_only_its_member():
+    late = start(H)._replace(t=np.array([0.0, 0.03]))
+    axes = (False, jax.tree.map(lambda leaf: False, start(H))._replace(t=True))
+    chunk = ensemble.run_ensemble(Watching(), PAPER, late, H, 10, 1, axes=axes)
+    assert chunk.code.tolist() == [Code.NOT_FINITE, Code.NOT_FINITE]
+    assert chunk.steps.tolist() == [5, 2]
 
 
 @dataclass(frozen=True)

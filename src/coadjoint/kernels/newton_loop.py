@@ -165,21 +165,21 @@ class StageLoop:
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])
         inside = b.fcmp_ordered("<", chart, emit.constant(1.0))
-        finite = self._finite([*emit.values(self.stage.after), *z])
-        sound = b.and_(b.and_(settled, inside), finite)
+        sound = b.and_(b.and_(settled, inside), finite(emit, [*emit.values(self.stage.after), *z]))
         counts = self.emit.counts
         code = b.select(inside, counts(Code.NOT_FINITE), counts(Code.BEYOND_CHART))
         code = b.select(settled, code, counts(Code.NOT_CONVERGED))
-        code = b.select(self._finite(z), code, counts(Code.NOT_FINITE))
+        code = b.select(finite(emit, z), code, counts(Code.NOT_FINITE))
         return Outcome(sound, iterations, code)
 
-    def _finite(self, values: list[Any]) -> Any:
-        """Whether the sum is finite, which it is not if a term is infinite or NaN; nobody needs terms near 1e308."""
-        b, emit = self.b, self.emit
-        sums = list({id(v): v for v in values}.values())
-        while len(sums) > 1:
-            pairs = zip(sums[::2], sums[1::2], strict=False)
-            sums = [b.fadd(x, y) for x, y in pairs] + (sums[-1:] if len(sums) % 2 else [])
-        if not sums:
-            return emit.bit(True)
-        return b.fcmp_ordered("<", emit.intrinsic("fabs", sums[0]), emit.constant(math.inf))
+
+def finite(emit: Emitter, values: Iterable[Any]) -> Any:
+    """Whether the sum is finite, which it is not if a term is infinite or NaN; nobody needs terms near 1e308."""
+    b = emit.builder
+    sums = list({id(v): v for v in values}.values())
+    while len(sums) > 1:
+        pairs = zip(sums[::2], sums[1::2], strict=False)
+        sums = [b.fadd(x, y) for x, y in pairs] + (sums[-1:] if len(sums) % 2 else [])
+    if not sums:
+        return emit.bit(True)
+    return b.fcmp_ordered("<", emit.intrinsic("fabs", sums[0]), emit.constant(math.inf))

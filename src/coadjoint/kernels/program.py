@@ -91,5 +91,5 @@ class Program(Protocol):
         ...
 
     def monitors(self, parameters: Parameters, record: State, h: Scalar) -> Mapping[str, Scalar]:
-        """Scalars observed at every record."""
+        """What is observed at every record, scalars or arrays; a step where it is not finite fails."""
         ...

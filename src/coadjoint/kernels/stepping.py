@@ -14,8 +14,9 @@ from llvmlite import ir
 
 from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
 from coadjoint.kernels.expression import Node, reachable
-from coadjoint.kernels.newton_loop import StageLoop
+from coadjoint.kernels.newton_loop import StageLoop, finite
 from coadjoint.kernels.plan import Plan
+from coadjoint.kernels.program import Code
 
 NAME = "step"
 POINTER = DOUBLE.as_pointer()
@@ -137,6 +138,11 @@ class _Stepper:
             iterations = b.add(iterations, outcome.iterations)
             code = outcome.code if well is None else b.select(well, outcome.code, code)
             well = outcome.sound if well is None else b.and_(well, outcome.sound)
+        if watched := [*plan.monitors, *plan.certificates.values()]:
+            # What is observed is a result too: it never is NaN.
+            seen = finite(self.emit, self.emit.values(watched))
+            code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
+            well = b.and_(well, seen)
         after = self.emit.values(plan.stages[-1].after)
         well = b.and_(b.load(self.alive), well)
         if self.width > 1:

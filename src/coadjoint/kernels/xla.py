@@ -76,7 +76,12 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     def observe(state):
         result = step(program, parameters, state, h, monitored)
         seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
-        return result, seen
+        # What is observed is a result too: it never is NaN.
+        watched = [*seen.values(), *result.certificates.values()]
+        finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
+        code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
+        after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
+        return result._replace(after=after, code=code), seen
 
     shapes, seen_shapes = jax.eval_shape(observe, state)
 
