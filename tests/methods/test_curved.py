@@ -146,3 +146,15 @@ def test_another_chart_is_another_chart():
     one, two = (tabulate(partial(s.difference, group), x, here)(x, here) for s in (space, other))
     assert np.max(np.abs(one - two)) > 1e-2
     np.testing.assert_allclose(np.linalg.norm(x + two), 1.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize(("q", "v"), [([0, 0, 1], [1, 0, 0]), ([0, 1, 0], [1, 0, 0]), ([0, 0, -1], [0.6, 0.8, 0])])
+def test_a_point_moves_where_it_is_pushed_also_where_the_frame_of_the_sphere_has_its_seam(q, v, backend):
+    """At q₁ = 0 the frame changes sign: it must stay that of n while the equations of a step are solved."""
+    body = co.System(
+        co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Sphere(), name="free point"
+    )
+    run = co.simulate(body, body.state(q=q, qdot=v), dt=0.01, steps=20, backend=backend)
+    np.testing.assert_allclose(run.dataset.q[1], np.add(q, np.multiply(0.01, v)), atol=1e-4)
+    assert run.largest("newton_residual") < 1e-13

@@ -29,9 +29,6 @@ class LeftRectangle(Method, Step):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        return state.n
-
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
@@ -43,10 +40,10 @@ class LeftRectangle(Method, Step):
         return [(1.0, self._node(system, record, h)[1])]
 
     def equations(self, system: System, record: State, h: Array) -> Array:
-        group, Q, _ = system.places
+        group = system.group
         point, at = self._node(system, record, h)
         momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
-        rest = Q.coordinates(group, record.n, at.pi - record.pi - h * at.force)
+        rest = self.coordinates(system, record, None, at.pi - record.pi - h * at.force)
         return jnp.concatenate([momentum - record.mu - h * at.torque, rest])
 
     def advance(self, system: System, record: State, h: Array) -> State:

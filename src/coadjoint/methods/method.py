@@ -31,17 +31,29 @@ class Step:
 
     difference_map: DifferenceMap
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        """The point of Q whose frame carries y, and from which the node's chord starts: n in the rule's frame."""
-        raise NotImplementedError
+    def turn(self, system: System, h: Array, xi: Array) -> Element | None:
+        """X with which ν of the rule's own node stands in the frame X⁻¹; None for e."""
+        return None
 
     def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
-        """ν = (ρ(n′, hE y) − n′)/h at n′ = `frame_point`: ν = y on a flat Q."""
+        """ν = y on a flat Q; on a curved one X⁻¹(ρ(n, hE_n y) − n)/h.
+
+        The frame E is that of n itself, which stays while the equations are solved.
+        """
         group, Q, _ = system.places
         if Q.flat:
             return y
-        point = self.frame_point(system, state, h, xi)
-        return Q.difference(group, point, h * Q.tangent(group, point, y)) / h
+        chord = Q.difference(group, state.n, h * Q.tangent(group, state.n, y)) / h
+        X = self.turn(system, h, xi)
+        return chord if X is None else Q.push(group, group.inverse(X), state.n, chord)
+
+    def coordinates(self, system: System, record: State, X: Element | None, b: Array) -> Array:
+        """A covector b at X⁻¹n: itself on a flat Q, on a curved one in the frame of n, E_nᵀ X⁻* b."""
+        group, Q, _ = system.places
+        if Q.flat:
+            return b
+        carried = b if X is None else Q.pull(group, group.inverse(X), record.n, b)
+        return Q.coordinates(group, record.n, carried)
 
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         """F = g_k⁻¹g_{k+1}."""
@@ -58,8 +70,12 @@ class Step:
 
     def guess(self, system: System, state: State, h: Array) -> Array:
         """The last unknowns."""
-        point = self.frame_point(system, state, h, state.xi)
-        return jnp.concatenate([state.xi, system.additional.coordinates(system.group, point, state.nu)])
+        group, Q, _ = system.places
+        if Q.flat:
+            return jnp.concatenate([state.xi, state.nu])
+        X = self.turn(system, h, state.xi)
+        nu = state.nu if X is None else Q.push(group, X, state.n, state.nu)
+        return jnp.concatenate([state.xi, Q.coordinates(group, state.n, nu)])
 
     def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
         """The quadrature of the rule: Λ = h Σ w ℓ(node)."""

@@ -45,9 +45,8 @@ class Midpoint(Method, Step):
     def chart(self, system: System, record: State, h: Array) -> Array | float:
         return self.difference_map.chart(system.group, 0.5 * h * record.xi)
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        group, Q, _ = system.places
-        return Q.act(group, group.inverse(self._half(system, h, xi)), state.n)
+    def turn(self, system: System, h: Array, xi: Array) -> Element:
+        return self._half(system, h, xi)
 
     def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
@@ -67,7 +66,7 @@ class Midpoint(Method, Step):
         momentum = 2 * self.difference_map.dtau_inverse_dual(group, 0.5 * h * point.xi, at.mu)
         carried = record.mu + group.Ad_dual(half, record.mu) + h * at.torque
         rest = at.pi - Q.pull(group, half, start, record.pi) - 0.5 * h * at.force
-        return jnp.concatenate([momentum - carried, Q.coordinates(group, start, rest)])
+        return jnp.concatenate([momentum - carried, self.coordinates(system, record, half, rest)])
 
     def advance(self, system: System, record: State, h: Array) -> State:
         group, Q, V = system.places

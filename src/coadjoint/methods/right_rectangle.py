@@ -32,9 +32,8 @@ class RightRectangle(Method, Step):
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        group, Q, _ = system.places
-        return Q.act(group, group.inverse(self.increment(system, h, xi)), state.n)
+    def turn(self, system: System, h: Array, xi: Array) -> Element:
+        return self.increment(system, h, xi)
 
     def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
@@ -52,7 +51,7 @@ class RightRectangle(Method, Step):
         group, Q, _ = system.places
         F, start, point, at = self._node(system, record, h)
         momentum = self.difference_map.dtau_inverse_dual(group, h * point.xi, at.mu)
-        rest = Q.coordinates(group, start, at.pi - Q.pull(group, F, start, record.pi))
+        rest = self.coordinates(system, record, F, at.pi - Q.pull(group, F, start, record.pi))
         return jnp.concatenate([momentum - record.mu, rest])
 
     def advance(self, system: System, record: State, h: Array) -> State:

@@ -47,9 +47,6 @@ class Trapezoidal(Method, Step):
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        return state.n
-
     def _ends(self, system: System, record: State, h: Array) -> _Ends:
         group, Q, V = system.places
         xi = record.xi
@@ -74,7 +71,9 @@ class Trapezoidal(Method, Step):
         begin = Q.act(group, group.inverse(F), record.n)
         # Written in the frame of node k + 1, where the flat rule needs no inverse of F*.
         rest = 0.5 * end.pi + Q.pull(group, F, begin, 0.5 * start.pi - record.pi - 0.5 * h * start.force)
-        return jnp.concatenate([momentum - record.mu - 0.5 * h * start.torque, Q.coordinates(group, begin, rest)])
+        return jnp.concatenate(
+            [momentum - record.mu - 0.5 * h * start.torque, self.coordinates(system, record, F, rest)]
+        )
 
     def advance(self, system: System, record: State, h: Array) -> State:
         group, Q, _ = system.places

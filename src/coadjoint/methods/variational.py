@@ -33,9 +33,6 @@ class Variational(Method, Step):
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
-    def frame_point(self, system: System, state: State, h: Array, xi: Array) -> Array:
-        return state.n
-
     def _slopes(self, system: System, record: State, h: Array):
         """ξ, s, and the gradients of Λ in ξ, n, s, a with the forces (T⁻, φ⁻)."""
         xi = record.xi
@@ -57,10 +54,10 @@ class Variational(Method, Step):
         return V.diamond(group, along_a, state.a) + from_q + torque
 
     def equations(self, system: System, record: State, h: Array) -> Array:
-        group, Q, _ = system.places
+        group = system.group
         xi, s, gradients, (torque, force) = self._slopes(system, record, h)
         momentum = self.difference_map.dtau_inverse_dual(group, h * xi, gradients[0] / h)
-        rest = Q.coordinates(group, record.n, record.pi + force + gradients[1])
+        rest = self.coordinates(system, record, None, record.pi + force + gradients[1])
         return jnp.concatenate([momentum - self._torque(system, record, s, gradients, torque) - record.mu, rest])
 
     def advance(self, system: System, record: State, h: Array) -> State:
