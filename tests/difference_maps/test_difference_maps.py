@@ -280,3 +280,18 @@ def test_a_step_may_turn_by_half_a_turn(method):
     start = body.state(xi=[0, 0, 4.0])
     final = Stepper(body, method).final(start, 1.0, 1)
     close(final.g, np.diag([-1.0, -1.0, 1.0]))
+
+
+def test_a_map_without_values_is_refused():
+    class NotANumber(DifferenceMap):
+        def _tau(self, group: LieGroup, xi):
+            return jnp.sqrt(-(xi @ xi)) * group.exp(xi)
+
+    with pytest.raises(GroupError):
+        NotANumber().require_fit(co.SO3())
+
+
+def test_a_map_does_not_fit_a_group_better_in_another_unit():
+    small = co.MatrixGroup(1e-9 * np.array(UNFIT["SL(3)"]), name="SL(3)")
+    with pytest.raises(GroupError, match="leaves the algebra"):
+        co.Cayley().require_fit(small)

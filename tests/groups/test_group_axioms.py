@@ -233,8 +233,9 @@ def test_groups_compare_by_what_they_are():
 
 def test_a_basis_that_is_no_algebra_is_refused_in_one_sentence():
     x, y, z = np.array(SL2.basis)
-    with pytest.raises(GroupError, match="closed under the bracket"):
-        co.MatrixGroup([y, z])
+    for scale in (1e-12, 1e-6, 1.0, 1e6):
+        with pytest.raises(GroupError, match="closed under the bracket"):
+            co.MatrixGroup([scale * y, scale * z])
     with pytest.raises(GroupError, match="linearly independent"):
         co.MatrixGroup([x, y, x + y])
     with pytest.raises(GroupError, match=r"shape \(dim, N, N\)"):
@@ -247,3 +248,19 @@ def test_a_matrix_group_without_constraint_says_so():
     for ask in (free.project, free.defect):
         with pytest.raises(GroupError, match="constraint"):
             ask(np.eye(2))
+
+
+@pytest.mark.parametrize("scale", [1e-12, 3.0, 1e14])
+def test_the_unit_of_a_basis_is_free(scale):
+    """With e_i′ = s e_i coordinates are ξ/s and c′ = s c: a zero stays one, and what is small is no zero."""
+    scales = scale ** np.array([1.0, -1.0, 1.0])
+    scaled = co.MatrixGroup(SL2.basis * scales[:, None, None])
+    xi, eta = np.array([0.3, -0.2, 0.5]), np.array([-0.7, 0.4, 0.1])
+    with jax.enable_x64(True):
+        back = np.asarray(scaled.vee(scaled.hat(xi / scales))) * scales
+        bracket = np.asarray(scaled.ad(xi / scales, eta / scales)) * scales
+        np.testing.assert_allclose(back, xi, rtol=1e-14)
+        np.testing.assert_allclose(bracket, SL2.ad(xi, eta), rtol=1e-13)
+        e = np.eye(3) / scales[:, None]
+        zeros = np.asarray(SL2.ad(np.eye(3)[0], np.eye(3)[1])) == 0
+        np.testing.assert_array_equal(np.asarray(scaled.ad(e[0], e[1])) == 0, zeros)

@@ -149,10 +149,16 @@ def _tidy(array: np.ndarray) -> np.ndarray:
     return np.where(np.abs(array - nearest) < 1e-13, nearest, array)
 
 
+def basis_sizes(group: LieGroup) -> np.ndarray:
+    """The largest entry of every matrix of the basis: the units in which coordinates are whole numbers."""
+    return np.max(np.abs(group.basis), axis=(1, 2), initial=0.0)
+
+
 @lru_cache(maxsize=256)
 def _projection(group: LieGroup) -> np.ndarray:
     """The matrix (dim, N²) that takes the entries of ξ̂ to its coordinates."""
-    return _tidy(np.linalg.pinv(group.basis.reshape(group.dim, -1).T))
+    sizes = basis_sizes(group)[:, None]
+    return _tidy(np.linalg.pinv((group.basis / sizes[..., None]).reshape(group.dim, -1).T)) / sizes
 
 
 @lru_cache(maxsize=256)
@@ -160,4 +166,7 @@ def _structure_constants(group: LieGroup) -> np.ndarray:
     """c[k, i, j] with [e_i, e_j] = Σ_k c[k, i, j] e_k."""
     products = np.einsum("iab,jbc->ijac", group.basis, group.basis)
     brackets = (products - products.transpose(1, 0, 2, 3)).reshape(group.dim**2, -1)
-    return _tidy((_projection(group) @ brackets.T).reshape(group.dim, group.dim, group.dim))
+    found = (_projection(group) @ brackets.T).reshape(group.dim, group.dim, group.dim)
+    sizes = basis_sizes(group)
+    units = sizes[:, None] * sizes / sizes[:, None, None]
+    return _tidy(found / units) * units
