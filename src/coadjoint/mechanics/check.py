@@ -156,7 +156,7 @@ def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndar
     near = [x + 1e-3 * (1 + np.abs(x)) * random.normal(size=np.shape(x)) for x in at_start]
 
     def slope(parameters, point):
-        return replace_parameters(system, parameters).reduced_lagrangian(*point, start.t, start.inputs)
+        return replace_parameters(system, parameters).reduced_lagrangian(*point, t=start.t, inputs=start.inputs)
 
     gradient = tabulate(jax.grad(slope), system.parameters, far)
     found = [jax.tree_util.tree_leaves_with_path(gradient(system.parameters, point)) for point in (far, near)]

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.groups import LieGroup
+from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.kernels.digest import TRACED_OUTSIDE
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.check import require_scalar
@@ -169,7 +169,8 @@ def _require_inside(group: LieGroup, element: Any) -> None:
         return
     defect = float(evaluate(group.defect, element))
     mirror = defect <= ON_GROUP
-    why = "a determinant is −1, a reflection" if mirror else f"its defining equations fail by {defect:.2g}"
+    whose = "the determinant of a factor" if isinstance(group, DirectProduct) else "its determinant"
+    why = f"{whose} is −1" if mirror else f"its defining equations fail by {defect:.2g}"
     raise ArgumentError(f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude.")
 
 

@@ -67,4 +67,4 @@ def _require_real(leaf: Any, name: str) -> None:
         )
     elif array.dtype.kind not in "fiu":
         shown = repr(leaf) if len(repr(leaf)) < 60 else f"an array of {array.dtype}"
-        raise ArgumentError(f"{name} must be a number or an array of real numbers, but is {shown}.")
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown}.")
