@@ -57,6 +57,24 @@ def test_a_place_that_cannot_be_written_is_no_store(tmp_path, monkeypatch):
     assert native.run(VehicleProgram(), PAPER, start(0.01), 0.01, 1, 1).steps == 1
 
 
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o770, 0o702])
+def test_a_folder_that_others_may_write_to_is_no_store(place, mode):
+    store.keep(NAME, b"code")
+    place.chmod(mode)
+    assert store.fetch(NAME) is None
+    store.keep(store.key("other"), b"more")
+    place.chmod(0o755)
+    assert store.fetch(NAME) == b"code"
+    assert store.fetch(store.key("other")) is None
+
+
+def test_a_folder_of_another_user_is_no_store(place, monkeypatch):
+    store.keep(NAME, b"code")
+    other = os.geteuid() + 1
+    monkeypatch.setattr(os, "geteuid", lambda: other)
+    assert store.fetch(NAME) is None
+
+
 def test_an_empty_setting_turns_the_store_off(monkeypatch):
     monkeypatch.setenv("COADJOINT_CACHE", "")
     assert store.folder() is None

@@ -1,8 +1,9 @@
 """Machine code on disk, by content: $COADJOINT_CACHE, or coadjoint/ in the user's cache folder.
 
 Files are written whole and renamed into place, so that several processes may share the folder, and carry a digest,
-so that a damaged one is ignored. A folder that cannot be read or written is no cache, and nothing else happens. An
-empty $COADJOINT_CACHE turns the cache off.
+so that a damaged one is ignored. A folder that cannot be read or written is no cache, and nothing else happens; nor is
+one that belongs to somebody else or that others may write to, for its code would be run. An empty $COADJOINT_CACHE
+turns the cache off.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -28,6 +30,14 @@ def folder() -> Path | None:
         return None
 
 
+def _trusted(place: Path) -> bool:
+    """Whether only this user can put machine code there; raises OSError where there is no such folder."""
+    if not hasattr(os, "geteuid"):  # no owners and modes to look at
+        return True
+    found = place.stat()
+    return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
 def key(*parts: str) -> str:
     """A name for what follows from `parts` alone."""
     digest = hashlib.sha256()
@@ -42,6 +52,8 @@ def fetch(name: str) -> bytes | None:
     if place is None:
         return None
     try:
+        if not _trusted(place):
+            return None
         content = (place / f"{name}.code").read_bytes()
     except OSError:
         return None
@@ -58,6 +70,8 @@ def keep(name: str, code: bytes) -> None:
     try:
         # Nobody else may put machine code there.
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not _trusted(place):
+            return
         handle, temporary = tempfile.mkstemp(dir=place, suffix=".part")
         with os.fdopen(handle, "wb") as file:
             file.write(hashlib.sha256(code).digest() + code)
