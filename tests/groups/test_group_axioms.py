@@ -242,6 +242,28 @@ def test_a_basis_that_is_no_algebra_is_refused_in_one_sentence():
         co.MatrixGroup(np.eye(3))
 
 
+def test_elements_are_inside_their_group_and_a_reflection_is_outside_by_two(group, random):
+    g = element(group, random)
+    assert evaluate(group.outside, g) <= 100 * ROUND_OFF * matrix_sizes(group, g)
+    if isinstance(group, (co.SO2, co.SO3, co.SE2, co.SE3)):
+        size = 2 if isinstance(group, (co.SO2, co.SE2)) else 3
+        mirror = np.diag([*np.ones(size - 1), -1.0])
+        mirrored = jax.tree.map(lambda leaf: mirror @ leaf if np.ndim(leaf) == 2 else leaf, g)
+        assert evaluate(group.defect, mirrored) < 1e-14
+        np.testing.assert_allclose(evaluate(group.outside, mirrored), 2.0, rtol=1e-14)
+
+
+def test_a_product_is_inside_as_far_as_its_worst_factor_and_free_factors_hide_nothing():
+    free = co.MatrixGroup(SL2.basis)
+    group = co.DirectProduct(co.SO3(), free)
+    g = (2 * np.eye(3), 5 * np.eye(2))
+    assert group.constrained and evaluate(group.defect, g) == 3.0
+    assert evaluate(group.outside, g) == 7.0  # |det 2I − 1|
+    turned, other = evaluate(group.project, ((1 + 1e-9) * np.eye(3), g[1]))
+    assert np.max(np.abs(turned - np.eye(3))) < 1e-15 and np.array_equal(other, g[1])
+    assert not co.DirectProduct(free, free).constrained
+
+
 def test_a_matrix_group_without_constraint_says_so():
     free = co.MatrixGroup(SL2.basis)
     assert not free.constrained

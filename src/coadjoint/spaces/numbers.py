@@ -31,8 +31,9 @@ def float64(value: Any, name: str) -> Any:
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"{name} must be a number or an array of numbers, but is {value!r}.") from error
     if not np.all(np.isfinite(array)):
-        shown = array.tolist() if array.size <= 9 else f"not, in {np.sum(~np.isfinite(array))} of {array.size} numbers"
-        raise ArgumentError(f"{name} must be finite, but is {shown}.")
+        bad = np.sum(~np.isfinite(array))
+        shown = f"is {array.tolist()}" if array.size <= 9 else f"{bad} of its {array.size} numbers are not"
+        raise ArgumentError(f"{name} must be finite, but {shown}.")
     return array
 
 
