@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from coadjoint.simulation import checkpoint as disk
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.reading import CONFIGURATION
-from coadjoint.simulation.recording import umask
+from coadjoint.simulation.recording import beside
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
 
@@ -24,8 +23,8 @@ def create(path: Path, run: Run | Ensemble, configuration: tuple[Mapping[str, An
     header, numbers = configuration
     made: Path | None = None
     try:
-        made = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
-        made.chmod(0o777 & ~umask())
+        made = beside(path)
+        made.mkdir()
         store = Store(run, made, header["identity"], Lock(made))
         store.lay_out(*run.one)
         disk.write(made / CONFIGURATION, header, numbers)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-import tempfile
+import secrets
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,16 +36,14 @@ class Recording:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
         if not target.parent.is_dir():
             raise FileError(f"The folder {target.parent} does not exist: make it first.")
-        temporary = ""
+        temporary = beside(target)
         try:
-            handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-            os.close(handle)
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             self.dataset.to_netcdf(temporary, engine="h5netcdf")
-            os.chmod(temporary, 0o666 & ~umask())
             os.replace(temporary, target)
         except OSError as error:
-            if temporary and os.path.exists(temporary):
-                os.unlink(temporary)
+            with contextlib.suppress(OSError):
+                temporary.unlink()
             raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
 
@@ -86,8 +85,6 @@ def load(path: str | os.PathLike[str]) -> SavedRun:
     return SavedRun(found)
 
 
-def umask() -> int:
-    """The permissions that new files of this process lack."""
-    current = os.umask(0)
-    os.umask(current)
-    return current
+def beside(target: Path) -> Path:
+    """A hidden name that nobody else has, next to `target`; the system gives what is made there its permissions."""
+    return target.parent / f".{target.name}.{secrets.token_hex(4)}"
