@@ -1,11 +1,14 @@
 """Velocities of one kind do not decide how well those of another are solved for."""
 
+from functools import partial
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels import native, newton, xla
+from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
@@ -70,6 +73,34 @@ def test_a_body_that_does_not_turn_is_not_solved_for_below_the_round_off_of_its_
     start = system.state(g=np.eye(3), q=np.zeros(3), xi=np.zeros(3), qdot=speed * axes[:, 0])
     program = StepProgram(replace_parameters(system, None), co.Midpoint())
     state = co.Midpoint().begin(system, start, H)
-    final, iterations = run(program, Constants(system.parameters, None), state)
+    constants = Constants(system.parameters, None)
+    final, iterations = run(program, constants, state)
     assert np.max(np.abs(final.xi)) < 1e-13 * speed**2
     assert iterations <= 5 * STEPS
+    watched = native.run(program, constants, state, H, 1, STEPS, monitors=True)
+    assert watched.extrema["newton_residual"][1] < 1e-14
+
+
+def certified(program, constants, state, shift):
+    """The Newton residual of the step whose ξ, once solved for, is multiplied by 1 + shift."""
+    (stage,) = program.stages
+
+    def residual(constants, state, h):
+        root = newton.solve(partial(stage.residual, constants, state, h), stage.guess(constants, state, h), h, (3, 1))
+        z = root.unknowns * jnp.array([1 + shift, 1 + shift, 1 + shift, 1.0])
+        after = stage.advance(constants, state, h, z)
+        return stage.certificate(constants, state, h, z, after)["newton_residual"]
+
+    return float(evaluate(residual, constants, state, np.float64(H)))
+
+
+@RULES
+def test_the_residual_of_a_rotation_is_relative_to_its_own_momentum(method):
+    """An error of 1e-6 in ξ shows as one, however much momentum a slider has."""
+
+    def lagrangian(xi, n, nu):
+        return 0.5 * xi @ INERTIA @ xi + 0.5 * nu @ nu
+
+    for speed in (0.0, 1.0, 1e4):
+        assert certified(*prepared(method, lagrangian, [1.0, 2.0, 0.5], speed), 0.0) < 1e-14
+        assert 5e-7 < certified(*prepared(method, lagrangian, [1.0, 2.0, 0.5], speed), 1e-6) < 3e-6

@@ -7,6 +7,7 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.errors import ArgumentError
@@ -109,10 +110,25 @@ class Step:
         error = jnp.max(jnp.abs(total_momentum(system, after) - expected))
         return _relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
 
-    def newton_residual(self, system: System, record: State, h: Array) -> Array:
-        """|equations|∞ relative to |(μ, π)|∞."""
-        scale = jnp.max(jnp.abs(jnp.concatenate([record.mu, record.pi])))
-        return _relative(jnp.max(jnp.abs(self.equations(system, record, h))), scale)
+    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
+        """|equations|∞, the rows of μ relative to |μ|∞ and those of π relative to |π|∞, the larger at both nodes.
+
+        The torques in the rows of μ carry the round-off of π times a lever; what is above it counts against |μ|, and
+        all of it against |μ| and those torques: so a body that does not turn is solved to round-off, too.
+        """
+        rows, dim = jnp.abs(self.equations(system, record, h)), system.group.dim
+        of_mu, of_pi = jnp.max(rows[:dim]), jnp.max(rows[dim:], initial=0.0)
+        mu, pi = _largest(record.mu, after.mu), _largest(record.pi, after.pi)
+        torque = sum(_largest(part) for part in self.sources(system, record, h))
+        lever = momentum_scale(system, record) + pi * _largest(h * record.nu) + torque
+        above = jnp.maximum(of_mu - 16 * np.finfo(float).eps * lever, 0.0)
+        relative = _relative(of_mu, lever), _relative(above, jnp.where(mu > 0, mu, lever)), _relative(of_pi, pi)
+        return jnp.max(jnp.stack(relative))
+
+
+def _largest(*arrays: Array) -> Array:
+    """The largest entry in size, 0 of nothing."""
+    return jnp.max(jnp.abs(jnp.concatenate([jnp.ravel(array) for array in arrays])), initial=0.0)
 
 
 def _relative(error: Array, scale: Array) -> Array:

@@ -99,5 +99,5 @@ class StepStage:
         system, record = self._system(parameters), self.record(parameters, before, h, z)
         return {
             "balance": self.step.balance(system, record, h, after),
-            "newton_residual": self.step.newton_residual(system, record, h),
+            "newton_residual": self.step.newton_residual(system, record, h, after),
         }
