@@ -401,3 +401,31 @@ def test_a_lagrangian_that_closes_over_a_traced_value_is_told_to_take_it_as_a_pa
     with co.float64():
         for own_start in (True, False):
             assert "put it into co.Parameters" in sentence_of(lambda own=own_start: jax.grad(height)(1.0, own))
+
+
+def test_records_that_would_not_fit_in_memory_are_refused_before_the_run():
+    assert "GB of memory" in sentence_of(lambda: simulate(steps=10**12))
+
+
+def test_arguments_in_another_order_are_refused_because_they_are_passed_by_position():
+    assert "in this order" in sentence_of(lambda: system(lambda xi, nu, n, a, p: lagrangian(xi, n, nu, a, p)))
+
+
+def test_what_jax_traces_is_sent_to_the_pure_trajectory():
+    import jax
+
+    def height(mass):
+        return co.simulate(VEHICLE.replace(mass=mass), START, dt=0.01, steps=2).final.q[2]
+
+    with co.float64():
+        assert "use co.trajectory" in sentence_of(lambda: jax.grad(height)(123.8))
+
+
+def test_kelvin_noether_quantities_must_be_such():
+    assert "must be co.KelvinNoether" in sentence_of(lambda: simulate(kelvin_noether=[1]))
+
+
+def test_the_card_says_that_a_start_by_velocities_costs_the_second_order():
+    card = str(simulate(method=co.Midpoint(start="velocity")))
+    assert "order 1, because it starts by velocities" in card
+    assert "order 2" in str(simulate())

@@ -129,3 +129,14 @@ def test_a_step_that_does_not_resolve_the_motion_is_told_on_the_card():
     begun = top.state(g=co.attitude.zyx(0, 0, 0.3), xi=[0, 0, 15.0], a0=[0, 0, 1])
     assert "is off by 13%" in str(co.simulate(top, begun, dt=0.2, steps=500))
     assert "is off by" not in str(co.simulate(top, begun, dt=0.05, steps=500))
+
+
+def test_parameters_and_systems_survive_copying_and_pickling():
+    import copy
+    import pickle
+
+    back = pickle.loads(pickle.dumps(VEHICLE))
+    again = copy.deepcopy(VEHICLE)
+    for other in (back, again):
+        run = co.simulate(other, start(other), dt=0.01, steps=5)
+        np.testing.assert_array_equal(run.final.q, co.simulate(VEHICLE, START, dt=0.01, steps=5).final.q)

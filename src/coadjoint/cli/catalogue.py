@@ -33,7 +33,7 @@ def example(name: str) -> str:
         "parameters": {key: value for key, value in entry.parameters.items() if value is not None},
         "initial": {key: value for key, value in entry.initial.items() if value is not None},
         "method": {"name": "Midpoint", "map": "Cayley"},
-        "run": {"dt": 0.01, "duration": 100.0, "save_every": 10},
+        "run": {"dt": entry.dt, "duration": entry.duration, "save_every": 10},
     }
     open_keys = {part: [k for k, v in getattr(entry, part).items() if v is None] for part in ("parameters", "initial")}
     notes = [f"# [{part}] also takes {', '.join(keys)}." for part, keys in open_keys.items() if keys]

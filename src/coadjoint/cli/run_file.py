@@ -111,9 +111,21 @@ def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str
         raise ArgumentError(unknown(f"model `{model}`", "The catalogue", model, list(catalogue)))
     entry = catalogue[model]
     return {
-        "parameters": in_si("parameters", free["parameters"], entry.parameters, {}),
+        "parameters": in_si("parameters", free["parameters"], entry.parameters, _MEASURES),
         "initial": initial_values(free["initial"], entry.initial),
     }
+
+
+_MEASURES = {
+    "mass": "mass",
+    "buoyancy": "force",
+    "center_of_mass": "length",
+    "center_of_buoyancy": "length",
+    "semi_axes": "length",
+    **dict.fromkeys(("inertia", "added_mass", "gravity", "fluid_density"), "what no unit here measures"),
+    "inertia_about": "nothing",
+}
+"""What the parameters of the catalogue's models measure."""
 
 
 def _require_method(chosen: MethodSection) -> None:

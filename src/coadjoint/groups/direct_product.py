@@ -24,6 +24,9 @@ class DirectProduct(LieGroup):
     def __init__(self, *factors: LieGroup):
         if not factors:
             raise GroupError("DirectProduct needs at least one factor: DirectProduct(SO3(), SO2()).")
+        strangers = [factor for factor in factors if not isinstance(factor, LieGroup)]
+        if strangers:
+            raise GroupError(f"DirectProduct needs Lie groups such as SO3(), but got {strangers[0]!r}.")
         object.__setattr__(self, "factors", tuple(factors))
 
     @property

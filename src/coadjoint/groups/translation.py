@@ -22,8 +22,8 @@ class Translation(LieGroup):
         return ("x",)
 
     def __post_init__(self):
-        if self.size < 1:
-            raise GroupError(f"Argument `size` of Translation must be at least 1, but is {self.size}.")
+        if not isinstance(self.size, int) or self.size < 1:
+            raise GroupError(f"Argument `size` of Translation must be a whole number from 1, but is {self.size!r}.")
 
     @property
     def basis(self) -> np.ndarray:

@@ -135,10 +135,10 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         count = math.prod(x.shape[axis] for axis in axes)
         return x.transpose([*kept, *axes]).reshape(math.prod(shape), count), shape
 
-    def reduction(function: Callable[[Node, Node], Node], start: Node | None) -> Rule:
+    def reduction(function: Callable[[Node, Node], Node], start: Node) -> Rule:
         def rule(p: Any, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
-            return nodes((reduce(function, row) if row.size else start for row in rows), shape)  # pyright: ignore
+            return nodes((reduce(function, row) if row.size else start for row in rows), shape)
 
         return rule
 
@@ -171,8 +171,8 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         "cumprod": cumulative(graph.mul),
         "cumsum": cumulative(graph.add),
         "reduce_and": reduction(named("and"), graph.true),
-        "reduce_max": reduction(named("max"), None),
-        "reduce_min": reduction(named("min"), None),
+        "reduce_max": reduction(named("max"), graph.constant(-math.inf)),
+        "reduce_min": reduction(named("min"), graph.constant(math.inf)),
         "reduce_or": reduction(named("or"), graph.false),
         "reduce_prod": reduction(graph.mul, graph.one),
         "reduce_sum": reduction(graph.add, graph.zero),

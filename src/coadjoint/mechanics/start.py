@@ -99,6 +99,8 @@ def _check(system: System, element: Any, q, qdot, xi, a0, t) -> _Given:
 def _check_members(system: System, arguments: tuple[Any, ...], count: int) -> _Given:
     """All members, stacked; the group elements are checked together, because that is what takes time."""
     group = system.group
+    if isinstance(arguments[-1], Each):
+        raise ArgumentError("Argument `t` must be the same for all members: an ensemble has one time axis.")
     g, *others = arguments
     first = checked_element(group, member_of(g, 0))
     if isinstance(g, Each):

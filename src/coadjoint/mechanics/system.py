@@ -63,6 +63,8 @@ class System:
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {group!r}.")
         if isinstance(parameters, Mapping):
             parameters = Parameters(**parameters)
+        if parameters is not None and not isinstance(parameters, Parameters):
+            raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {parameters!r}.")
         values = {
             "group": group,
             "lagrangian": lagrangian,
@@ -221,6 +223,12 @@ def _check_signature(function: Callable[..., Any], what: str, expected: list[str
         for p in signature.parameters.values()
         if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name not in ("t", "inputs") and p.default is p.empty
     ]
+    moved = [name for name, place in zip(takes, expected, strict=False) if name in expected and name != place]
+    if moved:
+        raise LagrangianError(
+            f"{what} must take ({', '.join(expected)}) in this order, but takes ({', '.join(takes)}): "
+            "arguments are passed by position."
+        )
     open_ended = any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in signature.parameters.values())
     if extra or (len(takes) != len(expected) and not open_ended):
         raise LagrangianError(

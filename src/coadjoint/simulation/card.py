@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from coadjoint.methods.method import Method
     from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
@@ -30,12 +31,18 @@ def certificate(run: Run) -> dict[str, Any]:
             first, last = run.ends[name]
             found[f"{name}_initial"] = first.tolist()
             found[f"{name}_error_max"] = run.relative_change(name)
-            size = np.linalg.norm(first)
-            found[f"{name}_error_final"] = float(np.linalg.norm(last - first) / (size if size > 0 else 1.0))
+            found[f"{name}_error_final"] = float(np.linalg.norm(last - first)) / (run.size(name) or 1.0)
     for name in ("balance", "newton_residual", "group_defect"):
         if name in run.extrema:
             found[f"{name}_max"] = run.largest(name)
     return found
+
+
+def order(method: Method) -> str:
+    """The order of convergence in words; velocities taken for discrete ones are off by O(h)."""
+    if method.start == "velocity" and method.order > 1:
+        return "order 1, because it starts by velocities"
+    return f"order {method.order}"
 
 
 def card(run: Run) -> str:
@@ -43,7 +50,7 @@ def card(run: Run) -> str:
     c = certificate(run)
     lines = [
         ("system", f"{c['system']} on {run.system.group!r}"),
-        ("method", f"{c['method']}, order {run.method.order}"),
+        ("method", f"{c['method']}, {order(run.method)}"),
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
     lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
@@ -54,7 +61,7 @@ def card(run: Run) -> str:
         ("kelvin_noether", "Kelvin–Noether"),
     ):
         if f"{name}_initial" in c:
-            lines.append((title, _change(c, name)))
+            lines.append((title, _change(c, name, run.size(name) > 0)))
     for key, title, what in (
         ("balance_max", "balance", "Kelvin–Noether balance, largest residual, relative"),
         ("newton_residual_max", "Newton", "largest residual, relative"),
@@ -70,10 +77,10 @@ def card(run: Run) -> str:
     return "\n".join(f"{title:<{width}}  {text}" for title, text in lines)
 
 
-def _change(c: dict[str, Any], name: str) -> str:
+def _change(c: dict[str, Any], name: str, relative: bool) -> str:
     first = np.ravel(c[f"{name}_initial"])
     shown = f"{first[0]:.10g}" if len(first) == 1 else f"{len(first)} quantities, norm {np.linalg.norm(first):.6g}"
-    kind = "relative" if np.linalg.norm(first) > 0 else "absolute"
+    kind = "relative" if relative else "absolute"
     return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
 
 
@@ -83,7 +90,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     failed = ensemble.failures
     lines = [
         ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
-        ("method", f"{ensemble.method.title}, order {ensemble.method.order}"),
+        ("method", f"{ensemble.method.title}, {order(ensemble.method)}"),
         ("steps", f"{plan.steps:,} steps of {plan.h:g} s each"),
         ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),
         ("finished", f"{count - len(failed):,} of {count:,}"),

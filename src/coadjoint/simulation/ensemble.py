@@ -27,6 +27,8 @@ from coadjoint.simulation.recording import Recording
 if TYPE_CHECKING:
     import xarray
 
+    from coadjoint.simulation.run import Run
+
 MEMORY_LIMIT = 8e9
 """Bytes of records beyond which an ensemble must stream to disk, or save fewer nodes."""
 
@@ -220,14 +222,14 @@ def _members_first(*parts: np.ndarray) -> np.ndarray:
     return np.concatenate([np.swapaxes(part, 0, 1) for part in parts], axis=1)
 
 
-def require_room(ensemble: Ensemble) -> None:
+def require_room(run: Run | Ensemble) -> None:
     """Raise ArgumentError where the records would not fit in memory."""
-    plan = ensemble.plan
+    plan = run.plan
     nodes = -(-plan.steps // plan.save_every) + 1
-    size = sum(leaf.nbytes for leaf in jax.tree.leaves(ensemble.members.states)) * nodes
+    states = run.members.states if isinstance(run, Ensemble) else run.position.state
+    size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(states)) * nodes
     if size > MEMORY_LIMIT:
         raise ArgumentError(
-            f"The records of this ensemble would take {size / 1e9:.1f} GB of memory: stream them to a new folder with "
-            f"`store=`, or raise save_every from {plan.save_every} to "
-            f"{int(plan.save_every * size / MEMORY_LIMIT) + 1} or more."
+            f"The records would take {size / 1e9:.3g} GB of memory: stream them to a new folder with `store=`, "
+            f"or raise save_every from {plan.save_every} to {int(plan.save_every * size / MEMORY_LIMIT) + 1} or more."
         )

@@ -119,13 +119,18 @@ class Run(Recording):
 
         return dataset(self)
 
+    def size(self, name: str) -> float:
+        """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off beside what X becomes."""
+        first, (low, high) = self.ends[name][0], self.extrema[name]
+        size = float(np.linalg.norm(first))
+        return size if size > 1e-9 * float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) else 0.0
+
     def relative_change(self, name: str) -> float:
-        """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute if X₀ = 0."""
+        """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute where `size` is 0."""
         low, high = self.extrema[name]
         first = self.ends[name][0]
-        size = float(np.linalg.norm(first))
         change = float(np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low))))
-        return change / size if size > 0 else change
+        return change / (self.size(name) or 1.0)
 
     def largest(self, name: str) -> float:
         """The largest value of a monitored scalar over every step."""

@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.backend import Backend
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.check import require_float64
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
@@ -67,8 +67,8 @@ def simulate(
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
     motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`. A progress bar
     appears for runs over a second on a terminal (`progress=False`: never).
-    With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with the same face and
-    a dimension `member`; one that fails is reported and masked, the others finish.
+    With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with `dataset`, `plot`,
+    `records` and `save` like a run and a dimension `member`; one that fails is reported and masked, the others finish.
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
     `store`, a new folder, takes the records as they come, in constant memory; a run or an ensemble that is killed goes
     on with `co.resume(store, system)`.
@@ -78,6 +78,8 @@ def simulate(
     began = time.perf_counter()
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)
+    if traced(system.parameters, start, dt):
+        raise ArgumentError("co.simulate cannot be differentiated or mapped by JAX: use co.trajectory, which can.")
     h, steps = grid(dt, duration, steps)
     save_every = whole(save_every, "save_every")
     run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
@@ -85,7 +87,7 @@ def simulate(
         from coadjoint.simulation.resume import streamed
 
         run = streamed(run, store, kelvin_noether)
-    elif isinstance(run, Ensemble):
+    else:
         require_room(run)
     return carry_on(run, progress, began)  # type: ignore[return-value]
 
@@ -142,6 +144,8 @@ def _lost_energy(run: Run) -> list[str]:
 def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:
     observed, watching = [], {}
     chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
+    if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
+        raise ArgumentError(f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or several, but is {chosen!r}.")
     if monitors:
         observed = [observe.discrete_energy]
         if system.lagrangian is not None:

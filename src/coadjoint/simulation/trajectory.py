@@ -30,7 +30,8 @@ from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Trajectory:
-    """The nodes of a trajectory: `records` with a leading axis, and the state after the last step in `final`.
+    """The nodes of a trajectory: `records` with a leading axis, and the state after the last step in `final`,
+    whose ξ, ν are those of that last step.
 
     `code` is 0 where every step converged (see `kernels.program.Code`); after a failed step the state stays at the
     last good node. `iterations` counts Newton's iterations over all steps.

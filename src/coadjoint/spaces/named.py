@@ -47,6 +47,9 @@ class Named:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{k}={v!r}' for k, v in self._values.items())})"
 
+    def __reduce__(self):
+        return _made, (type(self), self._values)
+
     def asdict(self) -> dict[str, Any]:
         """The values in a plain dictionary."""
         return dict(self._values)
@@ -64,11 +67,16 @@ class Named:
 
     @classmethod
     def tree_unflatten(cls, keys, values):
-        made = object.__new__(cls)
-        object.__setattr__(made, "_values", dict(zip(keys, values, strict=True)))
-        return made
+        return _made(cls, dict(zip(keys, values, strict=True)))
 
 
 def named(tree: Any) -> Any:
     """A dictionary, and the dictionaries in it, as namespaces; anything else as it is."""
     return Named(**{name: named(value) for name, value in tree.items()}) if isinstance(tree, Mapping) else tree
+
+
+def _made(kind: type[Named], values: dict[str, Any]) -> Named:
+    """Values that were pickled or copied."""
+    made = object.__new__(kind)
+    object.__setattr__(made, "_values", values)
+    return made

@@ -90,6 +90,10 @@ class Trivial(Representation):
 
     size: int
 
+    def __post_init__(self):
+        if not isinstance(self.size, int) or self.size < 0:
+            raise GroupError(f"Argument `size` of Trivial must be a whole number, but is {self.size!r}.")
+
     def ambient(self, group: LieGroup) -> int:
         return self.size
 
