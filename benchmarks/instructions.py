@@ -60,7 +60,7 @@ def _tasks(folder: Path, quick: bool) -> Iterator[tuple[str, tuple[Path, int]]]:
         ("native: trapezoidal", vehicle(), co.Trapezoidal(), H, 1),
         ("native: heavy top, left rule", top, co.LeftRectangle(), 1e-4, 1),
     ]
-    for name, problem, method, h, width in cases[:2] if quick else cases:
+    for name, problem, method, h, width in cases[:1] if quick else cases:
         yield name, (_native(folder / str(abs(hash(name))), ready(problem, method, h), width), width)
 
 
