@@ -96,5 +96,6 @@ def test_a_pullback_goes_forward_twice(monkeypatch):
 
     chunk = gradient.native.run(VehicleProgram(), PAPER, start(H), H, 1, 400)
     monkeypatch.setattr(gradient.native, "launch", counted)
+    monkeypatch.setattr(gradient, "STRETCH", 1)
     gradient.pullback(VehicleProgram(), PAPER, start(H), H, 1, 400)(None, chunk.final)
     assert sum(steps) == 400 + 380

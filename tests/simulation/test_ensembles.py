@@ -90,3 +90,11 @@ def test_starting_momenta_are_those_of_each_member_s_own_parameters():
         alone = start(system().replace(mass=mass), xi=[0.0, 0.0, index + 1.0])
         np.testing.assert_array_equal(begun.mu[index], alone.mu)
         np.testing.assert_array_equal(begun.pi[index], alone.pi)
+
+
+def test_members_move_alike_whether_they_are_watched_or_not():
+    fleet = VEHICLE.replace(mass=co.each(MASSES))
+    watched = co.simulate(fleet, start(VEHICLE), dt=0.02, steps=30)
+    alone = co.simulate(fleet, start(VEHICLE), dt=0.02, steps=30, monitors=False)
+    same(watched.records.g, alone.records.g, 1e-14)
+    assert alone.monitors == {}

@@ -60,17 +60,45 @@ def run_ensemble(
     pattern = specialised(np.where(np.all(p == p[:1], axis=0), p[0], np.nan))
     key = shape_p, shape_s, pattern, monitors, width
     kernel = native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key)
-    groups = [
-        np.minimum(np.arange(first, first + width), count - 1) for first in range(0, count, width)
-    ]  # the last group repeats the last member in its idle lanes
+    # The last group repeats the last member in its idle lanes.
+    groups = np.minimum(np.arange(-(-count // width) * width), count - 1).reshape(-1, width)
+    p_groups, s_groups = (np.ascontiguousarray(x[np.minimum(groups, len(x) - 1)].swapaxes(1, 2)) for x in (p, s))
+    inputs = (p_groups, np.ascontiguousarray(steps[np.minimum(groups, len(steps) - 1)]), s_groups)
+    result = _empty(kernel, s_groups, records)
+    _launch(kernel, inputs, result, records, save_every, threads or _cores())
+    return _gathered(kernel, shape_s, result, count, save_every)
 
-    def launch(group: np.ndarray) -> Result:
-        p_group, s_group = (x[np.minimum(group, len(x) - 1)].T for x in (p, s))
-        return native.launch(kernel, p_group, steps[np.minimum(group, len(steps) - 1)], s_group, records, save_every)
 
-    with ThreadPoolExecutor(threads or _cores()) as pool:
-        results = list(pool.map(launch, groups))
-    return _gathered(kernel, shape_s, results, count, save_every)
+def _empty(kernel: Kernel, state: np.ndarray, records: int) -> Result:
+    """Room for what the machine writes, with a first axis of groups and a last one of lanes."""
+    groups, _, lanes = state.shape
+    watched = kernel.monitor_size + len(kernel.certificates)
+    limits = np.array([np.inf, -np.inf])[None, None, :, None]
+    return Result(
+        state=state,
+        records=np.empty((groups, records, kernel.record.size, lanes)),
+        monitors=np.empty((groups, records, kernel.monitor_size, lanes)),
+        extrema=np.tile(limits, (groups, watched, 1, lanes)),
+        status=np.zeros((groups, 4, lanes), np.int64),
+    )
+
+
+def _launch(kernel: Kernel, inputs: tuple, result: Result, records: int, save_every: int, threads: int) -> None:
+    """Run all groups, a share of them at a time on each thread; the machine releases the interpreter's lock."""
+    before = [(array.ctypes.data, array.strides[0]) for array in inputs]
+    outputs = (result.records, result.monitors, result.extrema, result.status)
+    after = [(array.ctypes.data, array.strides[0]) for array in outputs]
+    groups = len(result.status)
+    share = max(1, groups // (4 * threads))
+
+    def run(first: int) -> None:
+        for group in range(first, min(first + share, groups)):
+            pointers = [start + group * stride for start, stride in before]
+            written = [start + group * stride for start, stride in after]
+            kernel.function(*pointers, records, save_every, *written)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(0, groups, share)))
 
 
 def _members(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
@@ -99,12 +127,12 @@ def _count(*lengths: int) -> int:
     return count
 
 
-def _gathered(kernel: Kernel, state: Layout, results: list[Result], count: int, save_every: int) -> EnsembleChunk:
+def _gathered(kernel: Kernel, state: Layout, result: Result, count: int, save_every: int) -> EnsembleChunk:
     """Lanes of all groups as members."""
 
     def gather(name: str) -> np.ndarray:
-        parts = [np.moveaxis(getattr(result, name), -1, 0) for result in results]
-        return np.concatenate(parts)[:count]
+        lanes = np.moveaxis(getattr(result, name), -1, 1)
+        return lanes.reshape(lanes.shape[0] * lanes.shape[1], *lanes.shape[2:])[:count]
 
     status, records, monitors = gather("status"), gather("records"), gather("monitors")
     steps, code, iterations, iterations_max = status.T.copy()

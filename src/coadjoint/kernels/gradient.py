@@ -23,6 +23,9 @@ from coadjoint.kernels.program import Program
 KEPT = 32
 """How many adjoints stay in memory."""
 
+STRETCH = 2048
+"""Steps between checkpoints at least: a call of the machine costs as much as some hundred steps."""
+
 _SIGNATURE = [*[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4]
 
 
@@ -99,7 +102,7 @@ class _Pullback:
 
     def _back(self, records_bar: Any, final_bar: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stretch by stretch from the last to the first: cotangents of parameters, state and h."""
-        length = max(1, math.isqrt(self.steps))
+        length = max(math.isqrt(self.steps), min(self.steps, STRETCH))
         starts = list(range(0, self.steps, length))
         checkpoints = self._checkpoints(length, len(starts))
         p_bar, h_bar = np.zeros(max(self.p.size, 1)), np.zeros(1)
