@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.kernels.digest import digest
 from coadjoint.kernels.interpreter import jaxpr_of
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, TOLERANCE
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.driver import Plan
@@ -38,7 +38,7 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.monitors else []
     order = {step: i for i, step in enumerate(different)}
     stages = [(order[stage.step], stage.fraction) for stage in program.stages]
-    newton = (TOLERANCE, FLOOR, MAX_ITERATIONS)
+    newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
         "parameters": digest(named(all_constants.system)),
