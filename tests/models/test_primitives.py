@@ -1,0 +1,46 @@
+"""Every model of the catalogue speaks the tracer's language, by every rule."""
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels import native
+from coadjoint.kernels.control import CONTROL
+from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.kernels.numeric import NUMERIC
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.models import catalogue
+
+RULES = [co.LeftRectangle, co.RightRectangle, co.Midpoint, co.Trapezoidal]
+
+
+def primitives(jaxpr) -> set[str]:
+    """The names of all primitives in a jaxpr and in the jaxprs that it holds."""
+    found = set()
+    for equation in jaxpr.eqns:
+        found.add(equation.primitive.name)
+        for value in jax.tree.leaves(equation.params, is_leaf=lambda v: hasattr(v, "eqns") or hasattr(v, "jaxpr")):
+            inner = getattr(value, "jaxpr", value)
+            if hasattr(inner, "eqns"):
+                found |= primitives(inner)
+    return found
+
+
+@pytest.mark.parametrize("name", list(catalogue))
+def test_a_step_of_a_model_uses_known_primitives_only_and_compiles(name):
+    entry = catalogue[name]
+    system = entry.make()
+    method = RULES[list(catalogue).index(name) % len(RULES)](co.Exponential())
+    state = method.begin(system, entry.start(system), entry.dt)
+    program, constants = StepProgram(replace_parameters(system, None), method), Constants(system.parameters, None)
+    z, h = np.zeros(system.unknowns), np.float64(entry.dt)
+    stage = program.stages[0]
+    met = set()
+    for function in (stage.residual, stage.advance, stage.chart):
+        met |= primitives(jaxpr_of(function, constants, state, h, z)[0].jaxpr)
+    unknown = met - set(NUMERIC) - set(CONTROL)
+    assert not unknown, f"The tracer has no rule for {', '.join(sorted(unknown))}, which {name} needs."
+    assert len(met) > 15
+    native.compile(program, constants, state, monitors=False)
