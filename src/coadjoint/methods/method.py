@@ -32,6 +32,10 @@ class Step:
 
     difference_map: DifferenceMap
 
+    def groups(self, system: System) -> tuple[int, ...]:
+        """How many unknowns, in their order, are of one kind and unit: Newton stops by each kind's own scale."""
+        return system.group.dim, system.additional.dim(system.group)
+
     def turn(self, system: System, h: Array, xi: Array) -> Element | None:
         """X with which ν of the rule's own node stands in the frame X⁻¹; None for e."""
         return None

@@ -72,8 +72,7 @@ class StepStage:
 
     @property
     def groups(self) -> tuple[int, ...]:
-        group, Q, _ = self.skeleton.places
-        return group.dim, Q.dim(group)
+        return self.step.groups(self.skeleton)
 
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)
