@@ -2,13 +2,14 @@
 
 from coadjoint.methods.composition import LeftRight, Suzuki4
 from coadjoint.methods.left_rectangle import LeftRectangle
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.right_rectangle import RightRectangle
 from coadjoint.methods.trapezoidal import Trapezoidal
 from coadjoint.methods.variational import Variational
 
 __all__ = [
+    "Claims",
     "LeftRectangle",
     "LeftRight",
     "Method",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +20,22 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
 Start = Literal["momentum", "velocity"]
+Energy = Literal["bounded", "exact", "discrete"]
+
+
+class Claims(NamedTuple):
+    """What a method claims of every smooth system; `coadjoint audit` measures each claim.
+
+    `order` of convergence, with forces too; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the
+    two-form is kept; `momentum`, m of every isotropy direction is kept to round-off; `energy`, "bounded" for an error
+    without drift, "exact" for the Legendre energy and "discrete" for −∂_hΛ, both to round-off.
+    """
+
+    order: int
+    symmetric: bool
+    symplectic: bool = True
+    momentum: bool = True
+    energy: Energy = "bounded"
 
 
 class Step:
@@ -169,6 +185,11 @@ class Method:
     def symmetric(self) -> bool:
         """Whether step(−h) undoes step(h): what compositions of even order need."""
         return False
+
+    @property
+    def claims(self) -> Claims:
+        """What the method keeps: a variational method with fixed steps keeps all of it, and energy within a band."""
+        return Claims(self.order, self.symmetric)
 
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
