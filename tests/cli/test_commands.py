@@ -39,7 +39,7 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert "Kelvin–Noether" in out
     assert err == ""
     folder = tmp_path / "top"
-    drawn = {f"{name}.png" for name in FIGURES if name != "trajectory"}
+    drawn = {f"{name}.png" for name in FIGURES if name not in ("trajectory", "budget")}
     assert {path.name for path in folder.iterdir()} == {"run.toml", "top.py", "trajectory.nc", "summary.json", *drawn}
     assert (folder / "run.toml").read_text() == TOP
     summary = json.loads((folder / "summary.json").read_text())

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.mechanics.system import System, added
 
 
 class Point(NamedTuple):
@@ -25,7 +27,8 @@ class Node(NamedTuple):
     """What the discrete equations take from ℓ and the forces at a point.
 
     mu = ∂_ξℓ, pi = ∂_νℓ, torque = ∂_aℓ⋄a + ∂_nℓ⋄n + ∂_νℓ⋄ν + T (D/h), force = ∂_nℓ + f (κ/h),
-    source = ∂_aℓ⋄a + T − f⋄n (Δ), energy = ⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ, lagrangian = ℓ.
+    source = ∂_aℓ⋄a + T − f⋄n (Δ), energy = ⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ, lagrangian = ℓ, and power = ⟨T, ξ⟩ + ⟨f, ν⟩ of
+    each force, then −∂_tℓ where ℓ depends on time: they add up to Ė.
     """
 
     mu: Array
@@ -35,6 +38,7 @@ class Node(NamedTuple):
     source: Array
     energy: Array
     lagrangian: Array
+    power: Array
 
 
 def node(system: System, state: State, point: Point) -> Node:
@@ -42,11 +46,14 @@ def node(system: System, state: State, point: Point) -> Node:
     group, Q, V = system.places
     xi, n, nu, a, t = point
 
-    def lagrangian(xi, n, nu, a):
+    def lagrangian(xi, n, nu, a, t):
         return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs)
 
-    value, (mu, along_n, pi, along_a) = jax.value_and_grad(lagrangian, argnums=(0, 1, 2, 3))(xi, n, nu, a)
-    torque, force = system.body_force(system.motion(xi, n, nu, a, t, state.inputs, state.internal))
+    along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
+    value, slopes = jax.value_and_grad(lagrangian, argnums=along)(xi, n, nu, a, jnp.asarray(t))
+    mu, along_n, pi, along_a, *along_t = slopes
+    forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.internal))
+    torque, force = added(system, forces)
     from_advected = V.diamond(group, along_a, a)
     return Node(
         mu=mu,
@@ -56,4 +63,10 @@ def node(system: System, state: State, point: Point) -> Node:
         source=from_advected + torque - Q.diamond(group, force, n),
         energy=mu @ xi + pi @ nu - value,
         lagrangian=value,
+        power=power(forces, xi, nu, along_t),
     )
+
+
+def power(forces: list[tuple[Array, Array]], xi: Array, nu: Array, along_t: Sequence[Array]) -> Array:
+    """⟨T, ξ⟩ + ⟨f, ν⟩ of each force, then −∂_tℓ where it is given."""
+    return jnp.stack([*(T @ xi + f @ nu for T, f in forces), *(-slope for slope in along_t), jnp.zeros(())])[:-1]

@@ -9,15 +9,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from coadjoint.errors import ArgumentError, GroupError, LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Force, Motion, Places, State
 from coadjoint.spaces import Several, Space, Trivial
-from coadjoint.spaces.named import Named
 
 _NOWHERE = Trivial(0)
 
@@ -31,7 +31,8 @@ class System:
     `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t` and `inputs`.
     `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
-    `forces`: a function (motion, p) → Force(torque, force), body frame.
+    `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
+    up, and the energy budget of a run has a line for each.
     `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -40,7 +41,7 @@ class System:
     lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     additional: Space = field(metadata={"static": True})
     advected: Space = field(metadata={"static": True})
-    forces: Callable[..., Force] | None = field(metadata={"static": True})
+    forces: Forces | None = field(metadata={"static": True})
     discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
     units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
@@ -54,7 +55,7 @@ class System:
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
         parameters: Parameters | Mapping[str, Any] | None = None,
-        forces: Callable[..., Force] | None = None,
+        forces: Callable[..., Force] | Mapping[str, Callable[..., Force]] | Forces | None = None,
         discrete_lagrangian: Callable[..., Any] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
@@ -70,7 +71,7 @@ class System:
             "lagrangian": lagrangian,
             "additional": _space(additional, "additional"),
             "advected": _space(advected, "advected"),
-            "forces": forces,
+            "forces": forces_from(forces, parameters is not None),
             "discrete_lagrangian": discrete_lagrangian,
             "name": name or getattr(lagrangian or discrete_lagrangian, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
@@ -123,15 +124,20 @@ class System:
             arguments.append(self.advected.view(self.group, a))
         return arguments if self.parameters is None else [*arguments, self.parameters]
 
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether ℓ or Λ depends on time, so that −∂_tℓ changes the energy."""
+        return self.takes("t")
+
     def takes(self, key: str) -> bool:
         """Whether ℓ or Λ takes the keyword `t` or `inputs`."""
         functions = (self.lagrangian, self.discrete_lagrangian)
-        return any(f is not None and _keyword_only(inspect.signature(f).parameters, key) for f in functions)
+        return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
     @staticmethod
     def _keywords(function: Callable[..., Any], t, inputs) -> dict[str, Any]:
         known = inspect.signature(function).parameters
-        return {key: value for key, value in (("t", t), ("inputs", inputs)) if _keyword_only(known, key)}
+        return {key: value for key, value in (("t", t), ("inputs", inputs)) if keyword_only(known, key)}
 
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
         """What forces and inputs see."""
@@ -140,18 +146,16 @@ class System:
             xi, view(self.group, n), view(self.group, nu), self.advected.view(self.group, a), t, inputs, internal
         )
 
-    def body_force(self, motion: Motion) -> tuple[Array, Array]:
-        """(T, f), zero where the system has no forces."""
-        dims = (self.group.dim, self.additional.ambient(self.group))
+    def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
+        """(T, f) of every force of `forces`, in their order."""
         if self.forces is None:
-            return jnp.zeros(dims[0]), jnp.zeros(dims[1])
-        force = self.forces(motion, self.parameters) if self.parameters is not None else self.forces(motion)
-        if not isinstance(force, Force):
-            raise LagrangianError(
-                f"`forces` must return co.Force(torque=…, force=…), but returned {type(force).__name__}."
-            )
-        torque = _covector(self.group, "torque", force.torque, dims[0], None)
-        return torque, _covector(self.group, "force", force.force, dims[1], self.additional)
+            return []
+        arguments = (motion,) if self.parameters is None else (motion, self.parameters)
+        return self.forces.each(self.places, *arguments)
+
+    def body_force(self, motion: Motion) -> tuple[Array, Array]:
+        """(T, f), the sum of all forces; zero where the system has none."""
+        return added(self, self.body_forces(motion))
 
     def state(
         self, *, g=None, q=None, xi=None, qdot=None, a0=None, t: float = 0.0, inputs=None, internal=None
@@ -177,12 +181,10 @@ class System:
         middle = ["n", "nu"] if self.additional != _NOWHERE else []
         last = (["a"] if self.advected != _NOWHERE else []) + (["p"] if self.parameters is not None else [])
         if self.lagrangian is not None:
-            _check_signature(self.lagrangian, "The Lagrangian", ["xi", *middle, *last])
+            require_signature(self.lagrangian, "The Lagrangian", ["xi", *middle, *last])
         if self.discrete_lagrangian is not None:
             middle = [name.replace("nu", "s") for name in middle]
-            _check_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *middle, *last, "h"])
-        if self.forces is not None:
-            _check_signature(self.forces, "The forces", ["motion", *(["p"] if self.parameters is not None else [])])
+            require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *middle, *last, "h"])
 
 
 def replace_parameters(system: System, parameters: Parameters | None) -> System:
@@ -206,52 +208,11 @@ def _space(space: Space | Mapping[str, Space] | None, name: str) -> Space:
     return space
 
 
-def _keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:
-    return key in known and known[key].kind is inspect.Parameter.KEYWORD_ONLY
-
-
-def _check_signature(function: Callable[..., Any], what: str, expected: list[str]) -> None:
-    """Raise LagrangianError unless the function can be called with the expected positional arguments."""
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError) as error:
-        raise LagrangianError(f"{what} must be a Python function, but is {function!r}.") from error
-    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    takes = [p.name for p in signature.parameters.values() if p.kind in kinds]
-    extra = [
-        p.name
-        for p in signature.parameters.values()
-        if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name not in ("t", "inputs") and p.default is p.empty
-    ]
-    moved = [name for name, place in zip(takes, expected, strict=False) if name in expected and name != place]
-    if moved:
-        raise LagrangianError(
-            f"{what} must take ({', '.join(expected)}) in this order, but takes ({', '.join(takes)}): "
-            "arguments are passed by position."
-        )
-    open_ended = any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in signature.parameters.values())
-    if extra or (len(takes) != len(expected) and not open_ended):
-        raise LagrangianError(
-            f"{what} of this system must take ({', '.join(expected)}), but takes ({', '.join(takes + extra)}): "
-            "n and nu come with `additional`, a with `advected`, p with `parameters`."
-        )
-
-
-def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | None) -> Array:
-    """A torque, or a force on a space, as a flat array; on several spaces from the parts by their names."""
-    if value is None:
-        return jnp.zeros(size)
-    if isinstance(value, (Named, Mapping)):
-        parts = value.asdict() if isinstance(value, Named) else value
-        spaces = dict(zip(space.names, space.factors, strict=True)) if isinstance(space, Several) else {}
-        if set(parts) != set(spaces):
-            expected = f"the parts {', '.join(spaces)}" if spaces else f"one array of shape ({size},)"
-            raise LagrangianError(f"The {name} of co.Force must have {expected}, but has the parts {', '.join(parts)}.")
-        return jnp.concatenate(
-            [_covector(group, f"{name}.{key}", parts[key], s.ambient(group), s) for key, s in spaces.items()]
-        )
-    if isinstance(value, (list, tuple)):
-        value = jnp.stack([jnp.asarray(part) for part in value])
-    if np.shape(value) != (size,):
-        raise LagrangianError(f"The {name} of co.Force must have shape ({size},), but has shape {np.shape(value)}.")
-    return jnp.asarray(value)
+def added(system: System, forces: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The sum of forces (T, f), zero of none."""
+    if not forces:
+        return jnp.zeros(system.group.dim), jnp.zeros(system.additional.ambient(system.group))
+    torque, force = forces[0]
+    for more in forces[1:]:
+        torque, force = torque + more[0], force + more[1]
+    return torque, force

@@ -122,6 +122,16 @@ class Step:
         """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s: Σ w E(node). Left: K_k + U_k of (P68–P69)."""
         return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
+    def work(self, system: System, record: State, h: Array) -> Array:
+        """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time: E_{k+1} − E_k + O(h^{p+1})."""
+        return h * sum(weight * at.power for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
+
+    def impulse(self, system: System, record: State, h: Array, after: State) -> Array:
+        """Ad*_{g_k⁻¹}Δ⁻ + Ad*_{g_{k+1}⁻¹}Δ⁺ ∈ 𝔤*, by which the step changes the spatial momentum (Theorem 7)."""
+        group = system.group
+        ahead, behind = self.sources(system, record, h)
+        return group.Ad_dual(group.inverse(record.g), ahead) + group.Ad_dual(group.inverse(after.g), behind)
+
     def balance(self, system: System, record: State, h: Array, after: State) -> Array:
         """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|: Theorem 7 as one vector identity."""
         ahead, behind = self.sources(system, record, h)

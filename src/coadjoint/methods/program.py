@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.ledger import entered
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method, Step
@@ -90,7 +91,13 @@ class StepStage:
         return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
 
     def advance(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
-        return self.step.advance(self._system(parameters), self.record(parameters, state, h, z), h)
+        """The next state; a ledger, if there is one, takes up what forces do in this stage."""
+        system, record = self._system(parameters), self.record(parameters, state, h, z)
+        after = self.step.advance(system, record, h)
+        if state.ledger is None:
+            return after
+        done = self.step.work(system, record, h), self.step.impulse(system, record, h, after)
+        return after.replace(ledger=entered(state.ledger, *done))
 
     def certificate(
         self, parameters: Constants, before: State, h: Array, z: Array, after: State

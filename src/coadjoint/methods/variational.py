@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array, Element
+from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step
@@ -82,6 +83,18 @@ class Variational(Method, Step):
         _, _, gradients, (torque, force) = self._slopes(system, record, h)
         source = V.diamond(group, gradients[3], record.a) + torque - Q.diamond(group, force, record.n)
         return source, jnp.zeros_like(source)
+
+    def work(self, system: System, record: State, h: Array) -> Array:
+        """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the left node, then −∂_tΛ."""
+        xi, nu = record.xi, record.nu
+        s = record.n + h * nu
+        motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.internal)
+
+        def discrete(t):
+            return system.reduced_discrete_lagrangian(xi, record.n, s, record.a, h, t, record.inputs) / h
+
+        along_t = [jax.grad(discrete)(jnp.asarray(record.t))] if system.depends_on_time else []
+        return h * power(system.body_forces(motion), xi, nu, along_t)
 
     def energy(self, system: System, record: State, h: Array) -> Array:
         """E_k = −∂_hΛ at fixed F and s: −∂_hΛ + ⟨∂_ξΛ, ξ⟩/h in algebra form."""

@@ -44,6 +44,12 @@ class Plots:
 
         return self._draw(conservation.kelvin_noether, others, labels, path)
 
+    def budget(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+        """The energy stored, and what each force has put in since the start; below, how well this closes."""
+        from coadjoint.plotting import budget
+
+        return self._draw(budget.budget, others, labels, path)
+
     def trajectory(
         self,
         *others: Any,
@@ -108,7 +114,7 @@ class Plots:
         return figure
 
 
-FIGURES = ("energy", "kelvin_noether", "trajectory", "attitude", "velocities", "momenta", "group_defect")
+FIGURES = ("energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect")
 """The figures that a dataset can have, by the names of their methods."""
 
 
@@ -118,6 +124,7 @@ def available(dataset: Any) -> list[str]:
     needs = {
         "energy": {"energy", "discrete_energy"},
         "kelvin_noether": {"kelvin_noether"},
+        "budget": {"energy_budget"},
         "trajectory": {"x"} | {name for name in held if name == "q" or name.startswith("q_")},
         "attitude": {"euler_angles"},
         "velocities": {"xi"},

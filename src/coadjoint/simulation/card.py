@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.simulation.budget import budget, sentence
+
 if TYPE_CHECKING:
     from coadjoint.methods.method import Method
     from coadjoint.simulation.ensemble import Ensemble
@@ -32,6 +34,9 @@ def certificate(run: Run) -> dict[str, Any]:
             found[f"{name}_initial"] = first.tolist()
             found[f"{name}_error_max"] = run.relative_change(name)
             found[f"{name}_error_final"] = float(np.linalg.norm(last - first)) / (run.size(name) or 1.0)
+    found |= budget(run)
+    if "kelvin_noether_budget" in run.ends:
+        found["kelvin_noether_budget_error_max"] = run.relative_change("kelvin_noether_budget")
     for name in ("balance", "newton_residual", "group_defect"):
         if name in run.extrema:
             found[f"{name}_max"] = run.largest(name)
@@ -62,7 +67,10 @@ def card(run: Run) -> str:
     ):
         if f"{name}_initial" in c:
             lines.append((title, _change(c, name, run.size(name) > 0)))
+    if "energy_budget_error_max" in c:
+        lines.append(("energy budget", sentence(run)))
     for key, title, what in (
+        ("kelvin_noether_budget_error_max", "momentum budget", "Kelvin–Noether less what was put in, largest change"),
         ("balance_max", "balance", "Kelvin–Noether balance, largest residual, relative"),
         ("newton_residual_max", "Newton", "largest residual, relative"),
         ("group_defect_max", "group defect", "largest distance from the group"),
@@ -96,7 +104,12 @@ def ensemble_card(ensemble: Ensemble) -> str:
         ("finished", f"{count - len(failed):,} of {count:,}"),
     ]
     lines += [("failed", f"member {index}: {what}") for index, what in list(failed.items())[:5]]
-    for name, title in (("energy", "energy"), ("kelvin_noether", "Kelvin–Noether")):
+    for name, title in (
+        ("energy", "energy"),
+        ("kelvin_noether", "Kelvin–Noether"),
+        ("energy_budget", "energy budget"),
+        ("kelvin_noether_budget", "momentum budget"),
+    ):
         if name in ensemble.ends:
             change = ensemble.relative_changes(name)[ensemble.codes == 0]
             if len(change):

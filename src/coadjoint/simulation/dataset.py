@@ -32,6 +32,9 @@ _MEANINGS = {
     "energy": "Legendre energy of (μ, π)",
     "discrete_energy": "E = −∂Λ/∂h of the first stage of the step, with the discrete velocities",
     "kelvin_noether": "Kelvin–Noether quantities",
+    "work": "energy that this has put in since the start",
+    "energy_budget": "Legendre energy less what was put in",
+    "kelvin_noether_budget": "Kelvin–Noether quantities less the momentum that was put in",
     "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",
 }
@@ -148,6 +151,8 @@ def derived(records: State) -> dict[str, Any]:
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, str]]:
     """Unit and meaning of each variable, where known."""
     units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
+    if "energy" in units:
+        units = {"work": units["energy"], "energy_budget": units["energy"], **units}
     found: dict[str, dict[str, str]] = {}
     for name in (*map(str, made), "time"):
         base = name if name in _MEANINGS else name.split("_")[0]

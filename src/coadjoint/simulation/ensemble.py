@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members, member_of, stacked
+from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import isotropy_algebras
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -58,13 +59,14 @@ class Members:
     count: int
 
 
-def begin_members(system: System, start: State, method: Method, h: float, count: int) -> Members:
+def begin_members(system: System, start: State, method: Method, h: float, count: int, monitors: bool) -> Members:
     """Every member's state as the method begins it."""
     parameters, axes = stacked(system.parameters)
     start_axis = 0 if np.ndim(start.t) else None
 
     def begin(parameters, state):
-        return method.begin(replace_parameters(system, parameters), state, h)
+        here = replace_parameters(system, parameters)
+        return with_ledger(here, method.begin(here, state, h), monitors)
 
     if all(axis is None for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)) and start_axis is None:
         raise ArgumentError("An ensemble needs co.each on a parameter or on the start.")

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous
-from coadjoint.mechanics.noether import KelvinNoether, total_momentum
+from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
+from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Step
@@ -25,11 +26,17 @@ def legendre_energy(system: System, step: Step, record: State, h: Array, constan
     return {"energy": continuous.energy(system, record)}
 
 
+def energy_budget(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+    """The energy that each force has put in, W, and E − ΣW, which is constant to the method's order."""
+    put_in = energy_put_in(system, record)
+    now = step.energy(system, record, h) if system.lagrangian is None else continuous.energy(system, record)
+    return {**{f"work_{name}": work for name, work in put_in.items()}, "energy_budget": now - sum(put_in.values())}
+
+
 def kelvin_noether(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """⟨Ad_{g⁻¹}c₀, m⟩ for every row c₀ of constants["c0"]: conserved where c₀·a₀ = 0 and nothing forces."""
-    group = system.group
-    spatial = group.Ad_dual(group.inverse(record.g), total_momentum(system, record))
-    return {"kelvin_noether": constants["c0"] @ spatial}
+    c0 = constants["c0"]
+    return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,16 @@ class Chosen:
     quantities: tuple[KelvinNoether, ...]
 
     def __call__(self, system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-        return {"kelvin_noether": jnp.stack([quantity.quantity(system, record) for quantity in self.quantities])}
+        now = jnp.stack([quantity.quantity(system, record) for quantity in self.quantities])
+        c0 = [system.group.Ad(record.g, quantity.momentum_map(system, record)) for quantity in self.quantities]
+        return _with_budget(system, record, now, jnp.stack(c0))
+
+
+def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[str, Array]:
+    """I, and with a ledger I − Σ⟨c₀, Ad*_{g⁻¹}Δ⟩ with the rows c₀ = Ad_g 𝒦, which is constant to round-off."""
+    if record.ledger is None:
+        return {"kelvin_noether": now}
+    return {"kelvin_noether": now, "kelvin_noether_budget": now - c0 @ momentum_put_in(system, record)}
 
 
 def group_defect(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:

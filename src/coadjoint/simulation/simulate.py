@@ -17,6 +17,7 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.check import require_float64
+from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -24,6 +25,7 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation import budget
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import grid, require_kinds, whole
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
@@ -102,7 +104,7 @@ def prepare(
         return _prepare_members(system, start, method, *whole)
     start = _with_inputs(system, start, inputs)
     warnings = system.check(start) + _backwards(system, method)
-    state = method.begin(system, start, h)
+    state = with_ledger(system, method.begin(system, start, h), monitors)
     _require_chart(system, method, state, h)
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
     chosen = kernels.choose(program, constants, state, monitors, backend)
@@ -128,13 +130,13 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | 
         return run
     if run.position.code:
         raise StepError(_sentence(run), run)
-    run.warnings += _lost_energy(run)
+    run.warnings += _lost_energy(run) + budget.gap(run)
     return run
 
 
 def _lost_energy(run: Run) -> list[str]:
     """A warning where energy, which nothing may change, changed much: the step does not resolve the motion."""
-    changed = run.system.forces is not None or run.system.takes("t") or run.system.takes("inputs")
+    changed = energy_lines(run.system) or run.system.takes("inputs")
     if changed or "energy" not in run.extrema or run.relative_change("energy") < TOO_MUCH_ENERGY:
         return []
     much = run.relative_change("energy")
@@ -158,6 +160,8 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
             watching["c0"] = isotropy_algebra(system, state)
             if len(watching["c0"]):
                 observed.append(observe.kelvin_noether)
+        if energy_lines(system):
+            observed.append(observe.energy_budget)
         if system.group.constrained:
             observed.append(observe.group_defect)
     functions = [partial(quantity.quantity, system) for quantity in chosen]
@@ -180,7 +184,7 @@ def _prepare_members(
         )
         start = start.replace(inputs=held)
     warnings = first_member(system, start)[0].check(first_member(system, start)[1]) + _backwards(system, method)
-    members = begin_members(system, start, method, h, count)
+    members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)
     _require_chart(first, method, state, h)
     program, constants = _program(first, method, state, kelvin_noether, inputs, monitors)

@@ -17,6 +17,7 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members
+from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -69,7 +70,7 @@ def trajectory(
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
     digest = version(system, start)
-    begun = method.begin(system, start, h)
+    begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)
     inside = traced(system.parameters, begun, h)

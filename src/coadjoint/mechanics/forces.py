@@ -1,0 +1,106 @@
+"""Forces that a system names one by one, and what they must return."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import CoadjointError, LagrangianError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.signatures import require_signature
+from coadjoint.mechanics.state import Force, Places
+from coadjoint.spaces import Several, Space
+from coadjoint.spaces.named import Named
+
+UNNAMED = "forces"
+TIME = "time"
+"""The line of an energy budget that explicit time has; no force may have its name."""
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Functions (motion [, p]) → Force(torque, force) under names; the system's force is their sum."""
+
+    names: tuple[str, ...]
+    functions: tuple[Callable[..., Force], ...]
+
+    def __iter__(self):
+        return iter(zip(self.names, self.functions, strict=True))
+
+    def each(self, places: Places, *arguments: Any) -> list[tuple[Array, Array]]:
+        """(T, f) of every function; raises LagrangianError for what is no force."""
+        return [_checked(places, name, function(*arguments)) for name, function in self]
+
+
+def forces_from(given: Any, parameters: bool) -> Forces | None:
+    """The `forces` of a system: one function, or a dictionary of them; raises LagrangianError."""
+    if given is None or isinstance(given, Forces):
+        return given
+    functions = dict(given) if isinstance(given, Mapping) else {UNNAMED: given}
+    if not functions:
+        raise LagrangianError("The dictionary `forces` is empty: leave it out, or name at least one force.")
+    for name, function in functions.items():
+        if not isinstance(name, str) or not name.isidentifier() or name == TIME:
+            raise LagrangianError(
+                f"The name of a force must be a word other than `{TIME}`, such as 'drag', but is {name!r}."
+            )
+        what = "The forces" if function is given else f"The force `{name}`"
+        require_signature(function, what, ["motion", *(["p"] if parameters else [])])
+    return Forces(tuple(functions), tuple(functions.values()))
+
+
+def _checked(places: Places, name: str, returned: Any) -> tuple[Array, Array]:
+    whose = "`forces`" if name == UNNAMED else f"The force `{name}`"
+    if not isinstance(returned, Force):
+        raise LagrangianError(
+            f"{whose} must return co.Force(torque=…, force=…), but returned {type(returned).__name__}."
+        )
+    group, Q, _ = places
+    of = "" if name == UNNAMED else f" of `{name}`"
+    torque = _covector(group, "torque", returned.torque, group.dim, None, of)
+    return torque, _covector(group, "force", returned.force, Q.ambient(group), Q, of)
+
+
+def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | None, of: str) -> Array:
+    """A torque, or a force on a space, as a flat array; on several spaces from the parts by their names."""
+    if value is None:
+        return jnp.zeros(size)
+    what = f"The {name} of co.Force{of}"
+    if isinstance(value, (Named, Mapping)):
+        parts = value.asdict() if isinstance(value, Named) else value
+        spaces = dict(zip(space.names, space.factors, strict=True)) if isinstance(space, Several) else {}
+        if set(parts) != set(spaces):
+            expected = f"the parts {', '.join(spaces)}" if spaces else f"one array of shape ({size},)"
+            raise LagrangianError(f"{what} must have {expected}, but has the parts {', '.join(map(str, parts))}.")
+        return jnp.concatenate(
+            [_covector(group, f"{name}.{key}", parts[key], s.ambient(group), s, of) for key, s in spaces.items()]
+        )
+    array = _array(what, value)
+    if np.shape(array) != (size,):
+        where = "; this system has no additional dynamics that a force could act on" if size == 0 else ""
+        raise LagrangianError(f"{what} must have shape ({size},), but has shape {np.shape(array)}{where}.")
+    return array
+
+
+def _array(what: str, value: Any) -> Array:
+    """A covector as an array of real numbers."""
+    try:
+        if isinstance(value, (list, tuple)):
+            value = jnp.stack([jnp.asarray(part) for part in value]) if value else np.zeros(0)
+        array = jnp.asarray(value)
+    except CoadjointError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise LagrangianError(f"{what} must be an array of numbers, but is {_shown(value)}.") from error
+    if array.dtype.kind not in "fiu" and not jnp.issubdtype(array.dtype, jnp.floating):
+        raise LagrangianError(f"{what} must be an array of real numbers, but is one of {array.dtype}.")
+    return array
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"

@@ -1,0 +1,41 @@
+"""How the user's functions must be called."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from coadjoint.errors import LagrangianError
+
+
+def keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:
+    """Whether a function of these parameters takes `key` by keyword only."""
+    return key in known and known[key].kind is inspect.Parameter.KEYWORD_ONLY
+
+
+def require_signature(function: Callable[..., Any], what: str, expected: list[str]) -> None:
+    """Raise LagrangianError unless the function can be called with the expected positional arguments."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError) as error:
+        raise LagrangianError(f"{what} must be a Python function, but is {function!r}.") from error
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    takes = [p.name for p in signature.parameters.values() if p.kind in kinds]
+    extra = [
+        p.name
+        for p in signature.parameters.values()
+        if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name not in ("t", "inputs") and p.default is p.empty
+    ]
+    moved = [name for name, place in zip(takes, expected, strict=False) if name in expected and name != place]
+    if moved:
+        raise LagrangianError(
+            f"{what} must take ({', '.join(expected)}) in this order, but takes ({', '.join(takes)}): "
+            "arguments are passed by position."
+        )
+    open_ended = any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in signature.parameters.values())
+    if extra or (len(takes) != len(expected) and not open_ended):
+        raise LagrangianError(
+            f"{what} of this system must take ({', '.join(expected)}), but takes ({', '.join(takes + extra)}): "
+            "n and nu come with `additional`, a with `advected`, p with `parameters`."
+        )
