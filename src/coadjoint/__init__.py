@@ -28,6 +28,7 @@ _HOMES = {
     "coadjoint.mechanics.state": ("Force", "Motion", "State"),
     "coadjoint.mechanics.system": ("System",),
     "coadjoint.methods": (
+        "EnergyMomentum",
         "LeftRectangle",
         "LeftRight",
         "Method",

@@ -108,3 +108,10 @@ def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():
     problem = Problem(system, start, co.Cayley())
     assert problem.order(co.Suzuki4(Claimed(co.Squared(co.Cayley()))), 12, 1.5) == pytest.approx(4, abs=0.2)
     assert problem.order(co.Suzuki4(Claimed(co.Cayley())), 12, 1.5) == pytest.approx(3, abs=0.2)
+
+
+def test_the_energy_momentum_method_has_order_2(problem):
+    tau = co.Exponential() if problem.tau == co.Exponential() else co.Cayley()
+    method = co.EnergyMomentum(tau, points=1)
+    assert method.order == 2
+    assert problem.order(method, 40, 2) == pytest.approx(2, abs=0.1)

@@ -1,6 +1,7 @@
 """Variational methods, a class a file; the default is `Midpoint(Cayley())` (mathematics: sections 6 and 7)."""
 
 from coadjoint.methods.composition import LeftRight, Suzuki4
+from coadjoint.methods.energy_momentum import EnergyMomentum
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
@@ -10,6 +11,7 @@ from coadjoint.methods.variational import Variational
 
 __all__ = [
     "Claims",
+    "EnergyMomentum",
     "LeftRectangle",
     "LeftRight",
     "Method",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Literal, NamedTuple
 
 import jax
@@ -51,6 +52,14 @@ class Step:
     def groups(self, system: System) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: Newton stops by each kind's own scale."""
         return system.group.dim, system.additional.dim(system.group)
+
+    def require_fit(self, system: System) -> None:
+        """Raise GroupError or ArgumentError where the step does not fit the system."""
+        self.difference_map.require_fit(system.group)
+
+    def remember(self, system: System, state: State) -> State:
+        """The state with the memory that a run of this step starts with."""
+        return state
 
     def turn(self, system: System, h: Array, xi: Array) -> Element | None:
         """X with which ν of the rule's own node stands in the frame X⁻¹; None for e."""
@@ -146,7 +155,7 @@ class Step:
         The torques in the rows of μ carry the round-off of π times a lever; what is above it counts against |μ|, and
         all of it against |μ| and those torques: so a body that does not turn is solved to round-off, too.
         """
-        rows, dim = jnp.abs(self.equations(system, record, h)), system.group.dim
+        rows, dim = jnp.abs(self.equations(system, record, h)), self.groups(system)[0]
         of_mu, of_pi = jnp.max(rows[:dim]), jnp.max(rows[dim:], initial=0.0)
         mu, pi = _largest(record.mu, after.mu), _largest(record.pi, after.pi)
         torque = sum(_largest(part) for part in self.sources(system, record, h))
@@ -213,11 +222,12 @@ class Method:
 
     def begin(self, system: System, state: State, h: float) -> State:
         """The state with the momenta and memory that the method starts from."""
-        for step, _ in self.stages:
-            step.difference_map.require_fit(system.group)
-        if self.start == "velocity" and state.from_velocities:
-            return velocity_start(system, state, *self.stages[0], h)
-        return momentum_start(system, state)
+        steps = [step for step, _ in self.stages]
+        for step in steps:
+            step.require_fit(system)
+        velocities = self.start == "velocity" and state.from_velocities
+        begun = velocity_start(system, state, *self.stages[0], h) if velocities else momentum_start(system, state)
+        return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))
 
 
 def velocity_start(system: System, state: State, step: Step, fraction: float, h: float) -> State:

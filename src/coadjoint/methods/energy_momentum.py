@@ -1,0 +1,217 @@
+"""The energy–momentum method: a discrete gradient on 𝔤* × T*Q × V*."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.difference_maps.secant import require_secant, secant, secant_dual
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array, Element
+from coadjoint.mechanics.continuous import energy
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Claims, Method, Step
+
+MAX_POINTS = 8
+
+
+class _Slopes(NamedTuple):
+    """The gradient of ℓ at a point."""
+
+    mu: Array
+    along_n: Array
+    pi: Array
+    along_a: Array
+
+
+class _Leap(NamedTuple):
+    """One step: H, hΔ in the middle of it, ℓ's gradients at the points, and the state at its end."""
+
+    half: Element
+    source: Array
+    slopes: list[_Slopes]
+    n: Array
+    a: Array
+    mu: Array
+    pi: Array
+
+
+@dataclass(frozen=True)
+class EnergyMomentum(Method, Step):
+    """A discrete gradient of the reduced Hamiltonian ℋ(μ, π, n, a), order 2, symmetric: keeps ℋ and the momenta.
+
+    Between nodes x₀ and x₁, x = (μ, π, n, a), the mean ∇̄ℋ = ∫₀¹ ∇ℋ(x₀ + s(x₁ − x₀)) ds has ⟨∇̄ℋ, x₁ − x₀⟩ = ℋ₁ − ℋ₀.
+    With (ξ, ρ, −φ, −β) := ∇̄ℋ in the order (μ, π, n, a), H = τ(hξ/2) and H·v − H⁻¹·v = hξ·(Av) (`secant`) the step is
+
+        n₁ = H⁻¹(H⁻¹n₀ + hν), a₁ = H⁻¹ā, ā = H⁻¹a₀, π₁ = H*(H*π₀ + hκ), μ₁ = Ad*_H(Ad*_H μ₀ + hD), g₁ = gH²,
+        ν = Aρ, κ = A*φ + f, D = A*β⋄ā + A*φ⋄n̄ + π̄⋄ν + T,
+
+    n̄, π̄ halfway between H⁻¹n₀, H*π₀ and H·n₁, H⁻*π₁. So m₁ = Ad*_F m₀ + Ad*_H h(A*β⋄ā + T − f⋄n̄), and
+    ℋ₁ − ℋ₀ = h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩ − ∂_tℓ): both are exact, the price is the symplectic form.
+    `points`: Gauss points for the mean. ℋ is kept to round-off where it is a polynomial of degree ≤ 2·points in
+    (μ, π, n, a), as it is with one point for bodies, tops and vehicles; else up to O(h^{2·points}).
+    The unknowns are the velocities at the points, ∂_{(ξ,ν)}ℓ = (μ, π) there: ℋ itself is never formed.
+    Source: Gonzalez 1996; McLachlan, Quispel, Robidoux 1999 for ∇̄; the form on G is this library's own.
+    """
+
+    points: int = 1
+
+    def __post_init__(self):
+        super().__post_init__()
+        if isinstance(self.points, bool) or not isinstance(self.points, int) or not 1 <= self.points <= MAX_POINTS:
+            raise ArgumentError(
+                f"Argument `points` must be a whole number from 1 to {MAX_POINTS}, but is {self.points!r}."
+            )
+        if self.start != "momentum":
+            raise ArgumentError('EnergyMomentum starts from momenta: leave out start="velocity".')
+
+    @property
+    def order(self) -> int:
+        return 2
+
+    @property
+    def symmetric(self) -> bool:
+        return True
+
+    @property
+    def claims(self) -> Claims:
+        """Of every smooth system; of quadratic ℋ one point keeps the energy exactly."""
+        return Claims(2, True, symplectic=False, energy="exact" if self.points >= 4 else "bounded")
+
+    @property
+    def title(self) -> str:
+        several = f", points={self.points}" if self.points > 1 else ""
+        return f"EnergyMomentum({self.difference_map!r}{several})"
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        return ((self, 1.0),)
+
+    def require_fit(self, system: System) -> None:
+        """Raise where the straight line between nodes leaves the space, or the map's secant is not known."""
+        super().require_fit(system)
+        for space in (system.additional, system.advected):
+            if not space.flat:
+                raise ArgumentError(
+                    f"EnergyMomentum needs flat spaces, because it draws straight lines in them, but got {space!r}: "
+                    "use co.Defining() with a constant length, or co.Midpoint()."
+                )
+            require_secant(self.difference_map, system.group, space)
+
+    def groups(self, system: System) -> tuple[int, ...]:
+        return self.points * system.group.dim, self.points * system.additional.dim(system.group)
+
+    def _means(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss's places in (0, 1) and weights."""
+        x, weights = np.polynomial.legendre.leggauss(self.points)
+        return 0.5 * (1 + x), 0.5 * weights
+
+    def remember(self, system: System, state: State) -> State:
+        return state if self.points == 1 else state.replace(memory=self._spread(state.xi, state.nu))
+
+    def _spread(self, xi: Array, nu: Array) -> Array:
+        """The same velocities at every point."""
+        return jnp.concatenate([jnp.tile(xi, self.points), jnp.tile(nu, self.points)])
+
+    def guess(self, system: System, state: State, h: Array) -> Array:
+        return jnp.concatenate([state.xi, state.nu]) if self.points == 1 else state.memory
+
+    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+        """ξ and ρ, the means over the points; all of z stays in the memory where there are several."""
+        _, weights = self._means()
+        xi, nu = (jnp.asarray(weights) @ part for part in self._velocities(system, z))
+        return state.replace(xi=xi, nu=nu, memory=state.memory if self.points == 1 else z)
+
+    def _velocities(self, system: System, z: Array) -> tuple[Array, Array]:
+        """(ξ, ν) at the points, a row each."""
+        end = self.groups(system)[0]
+        return z[:end].reshape(self.points, -1), z[end:].reshape(self.points, -1)
+
+    def increment(self, system: System, h: Array, xi: Array) -> Element:
+        half = self.difference_map.tau(system.group, 0.5 * h * xi)
+        return system.group.compose(half, half)
+
+    def chart(self, system: System, record: State, h: Array) -> Array | float:
+        return self.difference_map.chart(system.group, 0.5 * h * record.xi)
+
+    def _leap(self, system: System, record: State, h: Array) -> _Leap:
+        group, Q, V = system.places
+        places, weights = self._means()
+        xi, map_ = record.xi, self.difference_map
+        half = map_.tau(group, 0.5 * h * xi)
+        back = group.inverse(half)
+        start, a = Q.act(group, back, record.n), V.act(group, back, record.a)
+        nu = secant(map_, group, Q, h * xi, start, record.nu)
+        n_next, a_next = Q.act(group, back, start + h * nu), V.act(group, back, a)
+
+        slopes = []
+        for c, velocities in zip(
+            places, zip(*self._velocities(system, self._unknowns(record)), strict=True), strict=True
+        ):
+            n, advected = record.n + c * (n_next - record.n), record.a + c * (a_next - record.a)
+            slopes.append(self._slopes(system, record, (velocities[0], n, velocities[1], advected), record.t + c * h))
+        phi = sum(w * at.along_n for w, at in zip(weights, slopes, strict=True))
+        beta = sum(w * at.along_a for w, at in zip(weights, slopes, strict=True))
+
+        n = start + 0.5 * h * nu
+        torque, force = self._forces(system, record, half, n, a, h)
+        pushed = secant_dual(map_, group, Q, h * xi, n, phi)
+        from_advected = V.diamond(group, secant_dual(map_, group, V, h * xi, a, beta), a)
+        pi = Q.pull(group, half, start, record.pi)
+        kappa = pushed + force
+        turning = Q.diamond(group, pushed, n) + Q.lifted_diamond(group, pi + 0.5 * h * kappa, n, nu)
+        mu = group.Ad_dual(half, record.mu) + h * (from_advected + turning + torque)
+        return _Leap(
+            half=half,
+            source=h * (from_advected + torque - Q.diamond(group, force, n)),
+            slopes=slopes,
+            n=n_next,
+            a=a_next,
+            mu=group.Ad_dual(half, mu),
+            pi=Q.pull(group, half, n_next, pi + h * kappa),
+        )
+
+    def _unknowns(self, record: State) -> Array:
+        return jnp.concatenate([record.xi, record.nu]) if self.points == 1 else record.memory
+
+    def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
+        def lagrangian(xi, n, nu, a):
+            return system.reduced_lagrangian(xi, n, nu, a, t, record.inputs)
+
+        return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3))(*at))
+
+    def _forces(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> tuple:
+        """(T, f) in the middle of the step, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
+        group, Q, _ = system.places
+        back = group.inverse(half)
+        nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, back, n, record.nu))
+        motion = system.motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.internal)
+        return system.body_force(motion)
+
+    def equations(self, system: System, record: State, h: Array) -> Array:
+        """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""
+        leap, (places, _) = self._leap(system, record, h), self._means()
+        of_mu, of_pi = [], []
+        for c, at in zip(places, leap.slopes, strict=True):
+            of_mu.append(at.mu - record.mu - c * (leap.mu - record.mu))
+            of_pi.append(at.pi - record.pi - c * (leap.pi - record.pi))
+        return jnp.concatenate([*of_mu, *of_pi])
+
+    def advance(self, system: System, record: State, h: Array) -> State:
+        leap = self._leap(system, record, h)
+        g = system.group.compose(record.g, system.group.compose(leap.half, leap.half))
+        return record.later(h, g=g, n=leap.n, a=leap.a, mu=leap.mu, pi=leap.pi)
+
+    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+        leap = self._leap(system, record, h)
+        source = system.group.Ad_dual(system.group.inverse(leap.half), leap.source)
+        return source, jnp.zeros_like(source)
+
+    def energy(self, system: System, record: State, h: Array) -> Array:
+        """ℋ at the node: what this method keeps; it has no Λ."""
+        return energy(system, record)
