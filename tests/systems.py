@@ -70,6 +70,11 @@ GROUPS: dict[str, LieGroup] = {
     "SL2": SL2,
     "Heisenberg": HEISENBERG,
     "SO4": SO4,
+    "SO3_R3": co.SemidirectProduct(co.SO3(), co.Defining()),
+    "SL2_dual": co.SemidirectProduct(SL2, co.Dual()),
+    "nested": co.DirectProduct(
+        co.SemidirectProduct(co.SemidirectProduct(co.SO2(), co.Defining()), co.Adjoint()), co.Translation(1)
+    ),
 }
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import singledispatch
+from functools import lru_cache, singledispatch
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.groups import SE2, SE3, SO2, SO3, LieGroup, Translation
+from coadjoint.groups import SE2, SE3, SO2, SO3, LieGroup, SemidirectProduct, Translation
 from coadjoint.groups.group import Array, Element, transpose
 from coadjoint.groups.rotations import skew
+from coadjoint.kernels.evaluate import evaluate
 
 
 @dataclass(frozen=True)
@@ -18,8 +21,10 @@ class Cayley(DifferenceMap):
     """τ(ξ) = (I − ξ̂/2)⁻¹(I + ξ̂/2), dτ⁻¹_ξ χ = (I − ξ̂/2) χ̂ (I + ξ̂/2) (P79, P80).
 
     It fits quadratic groups and their homogeneous extensions (SO(n), Sp(2n), SE(n)), GL(n), SL(2) and unipotent
-    groups. A rotation by π is out of reach. A step counts as beyond the chart from |hω| = π on, where the transform
-    turns by 2 atan(π/2), 115°: a guard against steps that no longer follow the motion.
+    groups. On a semidirect product G ⋉ V it is (F, ½(u + Fu)) with F = τ(ξ) that of G: the same formula where ρ(g)
+    is g, and a difference map in every representation. A rotation by π is out of reach. A step counts as beyond the
+    chart from |hω| = π on, where the transform turns by 2 atan(π/2), 115°: a guard against steps that no longer follow
+    the motion.
     """
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
@@ -94,3 +99,38 @@ def _(group: SE3, xi: Array) -> Element:
     omega, v = xi[:3], xi[3:]
     x = (v + 0.5 * jnp.cross(omega, v) + 0.25 * omega * (omega @ v)) / (1 + 0.25 * (omega @ omega))
     return _tau(SO3(), omega), x
+
+
+@_tau.register
+def _(group: SemidirectProduct, xi: Array) -> Element:
+    turn, u = group.split(xi)
+    F = Cayley().tau(group.group, turn)
+    return F, 0.5 * (u + group.representation.act(group.group, F, u))
+
+
+@_dtau_inverse_dual.register
+def _(group: SemidirectProduct, xi: Array, mu: Array) -> Array:
+    """((dτ⁻¹_ξ)*μ − ½ γ⋄u, γ) with ½(1 + F*)γ = β; γ = β − ½ L*_ξβ where V is of matrices that F transforms."""
+    (turn, u), (m, beta) = group.split(xi), group.split(mu)
+    if _transforms(group):
+        gamma = beta - 0.5 * group.lifted_dual(turn, beta)
+    else:
+        F = Cayley().tau(group.group, turn)
+        half = jax.vmap(lambda b: 0.5 * (b + group.representation.pull(group.group, F, u, b)), out_axes=1)
+        gamma = jnp.linalg.solve(half(jnp.eye(beta.shape[0])), beta)
+    moved = Cayley().dtau_inverse_dual(group.group, turn, m) - 0.5 * group.representation.diamond(group.group, gamma, u)
+    return jnp.concatenate([moved, gamma])
+
+
+@lru_cache(maxsize=256)
+def _transforms(S: SemidirectProduct) -> bool:
+    """Whether ½(1 + ρ(τ(ξ))) inverts v ↦ v − ½ξ·v: the Cayley transform of V is that of G."""
+    V, group = S.representation, S.group
+    xi, v = np.random.default_rng(1846).normal(scale=0.5, size=(2, max(group.dim, V.ambient(group))))
+
+    def back(xi, v):
+        u = v - 0.5 * V.infinitesimal(group, xi, v)
+        return 0.5 * (u + V.act(group, Cayley().tau(group, xi), u)) - v
+
+    xi, v = xi[: group.dim], v[: V.ambient(group)]
+    return bool(np.max(np.abs(evaluate(back, xi, v))) <= 1e-12)

@@ -5,6 +5,7 @@ from coadjoint.groups.group import LieGroup
 from coadjoint.groups.matrix_group import MatrixGroup
 from coadjoint.groups.rigid_motions import SE2, SE3
 from coadjoint.groups.rotations import SO2, SO3
+from coadjoint.groups.semidirect_product import SemidirectProduct
 from coadjoint.groups.translation import Translation
 
-__all__ = ["SE2", "SE3", "SO2", "SO3", "DirectProduct", "LieGroup", "MatrixGroup", "Translation"]
+__all__ = ["SE2", "SE3", "SO2", "SO3", "DirectProduct", "LieGroup", "MatrixGroup", "SemidirectProduct", "Translation"]

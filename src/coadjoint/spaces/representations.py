@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 
 from coadjoint.errors import GroupError
-from coadjoint.groups import SE2, SE3, SO3, LieGroup
+from coadjoint.groups import SE2, SE3, SO3, LieGroup, SemidirectProduct
 from coadjoint.groups.group import Array, Element
 from coadjoint.spaces.space import Space
 
@@ -112,22 +112,26 @@ class Trivial(Representation):
 
 @dataclass(frozen=True)
 class Points(Space):
-    """Points of ℝⁿ moved by SE(n): x ↦ Rx + p; velocities by v ↦ Rv."""
-
-    def _require_rigid(self, group: LieGroup) -> None:
-        if not isinstance(group, (SE2, SE3)):
-            raise GroupError(f"Points() needs a group of rigid motions, SE2() or SE3(), but got {group!r}.")
+    """Points of V moved by G ⋉ V: x ↦ gx + v; velocities by u ↦ gu. Under SE(n): x ↦ Rx + p."""
 
     def ambient(self, group: LieGroup) -> int:
-        self._require_rigid(group)
+        if isinstance(group, SemidirectProduct):
+            return group.representation.ambient(group.group)
+        if not isinstance(group, (SE2, SE3)):
+            raise GroupError(
+                f"Points() needs a group of rigid motions, SE2() or SE3(), or a semidirect product, but got {group!r}."
+            )
         return group.matrix_size - 1
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
-        return g[0] @ x + g[1]
+        return self.push(group, g, x, x) + g[1]
 
     def push(self, group: LieGroup, g: Element, x: Array, v: Array) -> Array:
-        return g[0] @ v
+        return group.representation.act(group.group, g[0], v) if isinstance(group, SemidirectProduct) else g[0] @ v
 
     def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
+        if isinstance(group, SemidirectProduct):
+            turn, velocity = group.split(xi)
+            return group.representation.infinitesimal(group.group, turn, x) + velocity
         rotation, velocity = group.tangent(xi)
         return rotation @ x + velocity

@@ -35,10 +35,13 @@ class Space:
         raise NotImplementedError
 
     def require_fit(self, group: LieGroup) -> None:
-        """Raise GroupError unless the action is affine: act(g, x + v) − act(g, x) = push(g, x, v) at random g, x, v.
+        """Raise GroupError unless `act` is an affine left action: at random g, h, x, v it must satisfy
+
+        act(gh, x) = act(g, act(h, x)) and act(g, x + v) − act(g, x) = push(g, x, v).
 
         The discrete equations in node form hold for such actions only.
         """
+        require_action(self, group)
         _require_affine(self, group)
 
     def dim(self, group: LieGroup) -> int:
@@ -115,6 +118,28 @@ def random_motion(space: Space, group: LieGroup) -> tuple[Element, np.ndarray, n
     random = np.random.default_rng(1687)
     x, v = random.normal(size=(2, space.ambient(group)))
     return evaluate(group.exp, random.normal(scale=0.5, size=group.dim)), x, v
+
+
+@lru_cache(maxsize=256)
+def require_action(space: Space, group: LieGroup) -> None:
+    """Raise GroupError unless act(gh, x) = act(g, act(h, x)) and act(e, x) = x at random g, h, x."""
+    g, x, _ = random_motion(space, group)
+    eta = np.random.default_rng(1872).normal(scale=0.5, size=group.dim)
+
+    def measure(g, eta, x):
+        h = group.exp(eta)
+        turn = space.act(group, g, space.act(group, h, x))
+        wrong = space.act(group, group.compose(g, h), x) - turn
+        still = space.act(group, group.identity(), x) - x
+        sizes = [jnp.max(jnp.abs(part), initial=0.0) for part in (wrong, still, turn, x)]
+        return jnp.maximum(sizes[0], sizes[1]), jnp.maximum(sizes[2], sizes[3])
+
+    wrong, size = map(float, evaluate(measure, g, eta, x))
+    if not wrong <= 1e-9 * max(size, 1e-300):
+        raise GroupError(
+            f"{space!r} must carry a left action of {group!r}, act(gh, x) = act(g, act(h, x)), but these differ by "
+            f"{wrong:.1e}: a right action becomes a left one with g⁻¹."
+        )
 
 
 @lru_cache(maxsize=256)

@@ -34,6 +34,7 @@ class Sphere(Representation):
 
     def require_fit(self, group: LieGroup) -> None:
         """Raise GroupError unless the group acts by orthogonal matrices, so that the sphere stays the sphere."""
+        self.inside.require_fit(group)
         g, x, _ = random_motion(self, group)
         moved = np.asarray(evaluate(lambda g, x: self.act(group, g, x), g, x))
         if not abs(np.linalg.norm(moved) - np.linalg.norm(x)) <= 1e-9 * np.linalg.norm(x):
