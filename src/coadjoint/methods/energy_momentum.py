@@ -13,8 +13,9 @@ from coadjoint.difference_maps.secant import require_secant, secant, secant_dual
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.continuous import energy
-from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System
+from coadjoint.mechanics.discrete import power
+from coadjoint.mechanics.state import Motion, State
+from coadjoint.mechanics.system import System, added
 from coadjoint.methods.method import Claims, Method, Step
 
 MAX_POINTS = 8
@@ -27,12 +28,14 @@ class _Slopes(NamedTuple):
     along_n: Array
     pi: Array
     along_a: Array
+    along_t: Array
 
 
 class _Leap(NamedTuple):
-    """One step: H, hΔ in the middle of it, ℓ's gradients at the points, and the state at its end."""
+    """One step: H, the middle of it with hΔ there, ℓ's gradients at the points, and the state at its end."""
 
     half: Element
+    middle: Motion
     source: Array
     slopes: list[_Slopes]
     n: Array
@@ -159,7 +162,8 @@ class EnergyMomentum(Method, Step):
         beta = sum(w * at.along_a for w, at in zip(weights, slopes, strict=True))
 
         n = start + 0.5 * h * nu
-        torque, force = self._forces(system, record, half, n, a, h)
+        middle = self._middle(system, record, half, n, a, h)
+        torque, force = added(system, system.body_forces(system.motion(*middle)))
         pushed = secant_dual(map_, group, Q, h * xi, n, phi)
         from_advected = V.diamond(group, secant_dual(map_, group, V, h * xi, a, beta), a)
         pi = Q.pull(group, half, start, record.pi)
@@ -168,6 +172,7 @@ class EnergyMomentum(Method, Step):
         mu = group.Ad_dual(half, record.mu) + h * (from_advected + turning + torque)
         return _Leap(
             half=half,
+            middle=middle,
             source=h * (from_advected + torque - Q.diamond(group, force, n)),
             slopes=slopes,
             n=n_next,
@@ -180,18 +185,16 @@ class EnergyMomentum(Method, Step):
         return jnp.concatenate([record.xi, record.nu]) if self.points == 1 else record.memory
 
     def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
-        def lagrangian(xi, n, nu, a):
+        def lagrangian(xi, n, nu, a, t):
             return system.reduced_lagrangian(xi, n, nu, a, t, record.inputs)
 
-        return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3))(*at))
+        return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
-    def _forces(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> tuple:
-        """(T, f) in the middle of the step, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
+    def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> Motion:
+        """What forces see in the middle of the step, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
         group, Q, _ = system.places
-        back = group.inverse(half)
-        nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, back, n, record.nu))
-        motion = system.motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.internal)
-        return system.body_force(motion)
+        nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
+        return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.internal)
 
     def equations(self, system: System, record: State, h: Array) -> Array:
         """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""
@@ -211,6 +214,13 @@ class EnergyMomentum(Method, Step):
         leap = self._leap(system, record, h)
         source = system.group.Ad_dual(system.group.inverse(leap.half), leap.source)
         return source, jnp.zeros_like(source)
+
+    def work(self, system: System, record: State, h: Array) -> Array:
+        """h(⟨T, ξ⟩ + ⟨f, ½(H + H⁻¹)ρ⟩) of each force, then −h mean ∂_tℓ: what ℋ changes by, to round-off."""
+        leap, (_, weights) = self._leap(system, record, h), self._means()
+        forces = system.body_forces(system.motion(*leap.middle))
+        along_t = sum(w * at.along_t for w, at in zip(weights, leap.slopes, strict=True))
+        return h * power(forces, record.xi, leap.middle.nu, [along_t] if system.depends_on_time else [])
 
     def energy(self, system: System, record: State, h: Array) -> Array:
         """ℋ at the node: what this method keeps; it has no Λ."""
