@@ -39,6 +39,7 @@ _HOMES = {
     "coadjoint.mechanics.system": ("System",),
     "coadjoint.methods": (
         "EnergyMomentum",
+        "GroupVariational",
         "LeftRectangle",
         "LeftRight",
         "Method",

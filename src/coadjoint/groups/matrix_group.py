@@ -102,7 +102,13 @@ class MatrixGroup(LieGroup):
         return jnp.max(jnp.abs(self._equations(g)))
 
     def project(self, g: Array) -> Array:
-        """One Gauss–Newton step of least norm onto the constraint: removes round-off quadratically."""
-        jacobian = jax.jacfwd(self._equations)(g).reshape(-1, g.size)
-        step = jnp.linalg.pinv(jacobian) @ self._equations(g)
+        """One Gauss–Newton step of least norm onto the constraint: removes round-off quadratically.
+
+        The step is Jᵀ(JJᵀ + ε)⁻¹ r with rows of unit length; ε = 1e-10 lets equations be redundant.
+        """
+        jacobian, defect = jax.jacfwd(self._equations)(g).reshape(-1, g.size), self._equations(g)
+        squares = jnp.sum(jacobian * jacobian, axis=1)
+        lengths = jnp.sqrt(jnp.where(squares > 0, squares, 1.0))
+        rows = jacobian / lengths[:, None]
+        step = rows.T @ jnp.linalg.solve(rows @ rows.T + 1e-10 * jnp.eye(len(lengths)), defect / lengths)
         return g - step.reshape(g.shape)

@@ -24,7 +24,7 @@ def check(system: System, start: State) -> list[str]:
     ℓ must return one float64 number that is finite with finite gradient, hold no float32 constants, and have a
     regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible. Inside the user's own transformations only shapes are seen.
     """
-    if system.discrete_lagrangian is not None:
+    if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
     if system.forces is not None:
         motion = system.motion(start.xi, start.n, start.nu, start.a, start.t, start.inputs, start.internal)
@@ -45,10 +45,18 @@ def check(system: System, start: State) -> list[str]:
 
 
 def _check_discrete(system: System, start: State) -> None:
-    def discrete(xi, n, s, a, h):
+    rest = (start.n, start.n, start.a, np.float64(1.0))
+
+    def in_algebra(xi, n, s, a, h):
         return system.reduced_discrete_lagrangian(xi, n, s, a, h, start.t, start.inputs)
 
-    require_scalar(discrete, "The discrete Lagrangian", (start.xi, start.n, start.n, start.a, np.float64(1.0)))
+    def in_group(F, n, s, a, h):
+        return system.reduced_group_lagrangian(F, n, s, a, h, start.t, start.inputs)
+
+    if system.discrete_lagrangian is not None:
+        require_scalar(in_algebra, "The discrete Lagrangian", (start.xi, *rest))
+    if system.group_lagrangian is not None:
+        require_scalar(in_group, "The discrete Lagrangian in group form", (start.g, *rest))
 
 
 def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:

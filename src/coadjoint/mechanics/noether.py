@@ -74,7 +74,7 @@ class KelvinNoether:
         On unforced runs (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩ (P52); it is I itself where 𝒦 = a.
         """
         ahead, behind = step.sources(system, record, h)
-        back = system.group.inverse(step.increment(system, h, record.xi))
+        back = system.group.inverse(step.relative(system, record, h))
         source = ahead + system.group.Ad_dual(back, behind)
         return self.quantity(system, record) + self.momentum_map(system, record) @ source
 

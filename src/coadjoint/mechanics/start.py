@@ -122,7 +122,7 @@ def momentum_start(system: System, state: State) -> State:
     if system.lagrangian is None:
         raise ArgumentError(
             'A system with only a discrete Lagrangian has no continuous Legendre transform: use start="velocity", '
-            'as in co.Variational(co.Cayley(), start="velocity").'
+            'as in co.Variational(co.Cayley(), start="velocity"), or give the state its momenta.'
         )
 
     def momenta(state, parameters):

@@ -30,6 +30,7 @@ class System:
     `lagrangian`: a function of xi [, n, nu] [, a] [, p] that returns a number in terms of jax.numpy; n, ν come with
     `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t` and `inputs`.
     `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
+    `group_lagrangian`: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1}.
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
     `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
     up, and the energy budget of a run has a line for each.
@@ -43,6 +44,7 @@ class System:
     advected: Space = field(metadata={"static": True})
     forces: Forces | None = field(metadata={"static": True})
     discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
+    group_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
     units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
     parameters: Parameters | None
@@ -57,6 +59,7 @@ class System:
         parameters: Parameters | Mapping[str, Any] | None = None,
         forces: Callable[..., Force] | Mapping[str, Callable[..., Force]] | Forces | None = None,
         discrete_lagrangian: Callable[..., Any] | None = None,
+        group_lagrangian: Callable[..., Any] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
     ):
@@ -73,7 +76,8 @@ class System:
             "advected": _space(advected, "advected"),
             "forces": forces_from(forces, parameters is not None),
             "discrete_lagrangian": discrete_lagrangian,
-            "name": name or getattr(lagrangian or discrete_lagrangian, "__name__", "system"),
+            "group_lagrangian": group_lagrangian,
+            "name": name or getattr(lagrangian or discrete_lagrangian or group_lagrangian, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "parameters": parameters,
         }
@@ -103,7 +107,8 @@ class System:
         """ℓ(ξ, n, ν, a) with this system's parameters."""
         if self.lagrangian is None:
             raise LagrangianError(
-                "This system has a discrete Lagrangian only; use the method co.Variational(difference_map)."
+                "This system has a discrete Lagrangian only; use the method co.Variational(difference_map), or "
+                "co.GroupVariational(difference_map) where it is in group form."
             )
         arguments = self._views(xi, (n, nu), a)
         return self.lagrangian(*arguments, **self._keywords(self.lagrangian, t, inputs))
@@ -111,13 +116,24 @@ class System:
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None) -> Array:
         """Λ(ξ, n, s, a; h) with this system's parameters."""
         if self.discrete_lagrangian is None:
-            raise LagrangianError("This system has no discrete Lagrangian; pass `discrete_lagrangian` to co.System.")
+            raise LagrangianError(
+                "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
+            )
         arguments = self._views(xi, (n, s), a)
         return self.discrete_lagrangian(*arguments, h, **self._keywords(self.discrete_lagrangian, t, inputs))
 
-    def _views(self, xi, pair: tuple[Array, Array], a) -> list[Any]:
-        """xi [, n, nu] [, a] [, p]: what this system's functions take."""
-        arguments = [xi]
+    def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None) -> Array:
+        """Λ(F, n, s, a; h) with this system's parameters."""
+        if self.group_lagrangian is None:
+            raise LagrangianError(
+                "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
+            )
+        arguments = self._views(F, (n, s), a)
+        return self.group_lagrangian(*arguments, h, **self._keywords(self.group_lagrangian, t, inputs))
+
+    def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
+        """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
+        arguments = [first]
         if self.additional != _NOWHERE:
             arguments += [self.additional.view(self.group, x) for x in pair]
         if self.advected != _NOWHERE:
@@ -131,7 +147,7 @@ class System:
 
     def takes(self, key: str) -> bool:
         """Whether ℓ or Λ takes the keyword `t` or `inputs`."""
-        functions = (self.lagrangian, self.discrete_lagrangian)
+        functions = (self.lagrangian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
     @staticmethod
@@ -176,15 +192,17 @@ class System:
         return check(self, start)
 
     def _check_signatures(self) -> None:
-        if self.lagrangian is None and self.discrete_lagrangian is None:
-            raise LagrangianError("A system needs a `lagrangian` or a `discrete_lagrangian`.")
-        middle = ["n", "nu"] if self.additional != _NOWHERE else []
+        if self.lagrangian is None and self.discrete_lagrangian is None and self.group_lagrangian is None:
+            raise LagrangianError("A system needs a `lagrangian`, a `discrete_lagrangian` or a `group_lagrangian`.")
+        dynamic = self.additional != _NOWHERE
         last = (["a"] if self.advected != _NOWHERE else []) + (["p"] if self.parameters is not None else [])
         if self.lagrangian is not None:
-            require_signature(self.lagrangian, "The Lagrangian", ["xi", *middle, *last])
+            require_signature(self.lagrangian, "The Lagrangian", ["xi", *(["n", "nu"] if dynamic else []), *last])
+        last = [*(["n", "s"] if dynamic else []), *last, "h"]
         if self.discrete_lagrangian is not None:
-            middle = [name.replace("nu", "s") for name in middle]
-            require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *middle, *last, "h"])
+            require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *last])
+        if self.group_lagrangian is not None:
+            require_signature(self.group_lagrangian, "The discrete Lagrangian in group form", ["F", *last])
 
 
 def replace_parameters(system: System, parameters: Parameters | None) -> System:

@@ -26,10 +26,13 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
                 return here.body_force(here.motion(xi, n, nu, a, t, inputs, state.internal))
             if name == "lagrangian":
                 return here.reduced_lagrangian(xi, n, nu, a, t, inputs)
+            if name == "group_lagrangian":
+                return here.reduced_group_lagrangian(state.g, n, nu, a, t, t, inputs)
             return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs)
 
         return function
 
     others = [jaxpr_of(function, state)[0] for function in more]
-    given = [name for name in ("lagrangian", "discrete_lagrangian", "forces") if getattr(system, name) is not None]
+    functions = ("lagrangian", "discrete_lagrangian", "group_lagrangian", "forces")
+    given = [name for name in functions if getattr(system, name) is not None]
     return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)

@@ -2,6 +2,7 @@
 
 from coadjoint.methods.composition import LeftRight, Suzuki4
 from coadjoint.methods.energy_momentum import EnergyMomentum
+from coadjoint.methods.group_variational import GroupVariational
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
@@ -12,6 +13,7 @@ from coadjoint.methods.variational import Variational
 __all__ = [
     "Claims",
     "EnergyMomentum",
+    "GroupVariational",
     "LeftRectangle",
     "LeftRight",
     "Method",

@@ -89,6 +89,10 @@ class Step:
         """F = g_k⁻¹g_{k+1}."""
         raise NotImplementedError
 
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        """F of the step that starts at the record."""
+        return self.increment(system, h, record.xi)
+
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         """`state` with the unknowns of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
@@ -144,7 +148,7 @@ class Step:
     def balance(self, system: System, record: State, h: Array, after: State) -> Array:
         """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|: Theorem 7 as one vector identity."""
         ahead, behind = self.sources(system, record, h)
-        F = self.increment(system, h, record.xi)
+        F = self.relative(system, record, h)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
         error = jnp.max(jnp.abs(total_momentum(system, after) - expected))
         return _relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
@@ -214,6 +218,11 @@ class Method:
     def stages(self) -> tuple[tuple[Step, float], ...]:
         """The implicit stages of a step with their fractions of h."""
         raise NotImplementedError
+
+    @property
+    def remedies(self) -> tuple[str, str]:
+        """What to do about a step that Newton could not solve, and about one that left the chart."""
+        return "take a smaller dt", "take a smaller dt, or co.Exponential()"
 
     @property
     def title(self) -> str:

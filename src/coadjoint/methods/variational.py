@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +14,21 @@ from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step
+
+
+class Slopes(NamedTuple):
+    """What a step takes from Λ and the forces.
+
+    `momentum` is D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h; then s, ∂_nΛ, ∂_sΛ, ∂_aΛ; T⁻ and φ⁻.
+    """
+
+    momentum: Array
+    s: Array
+    along_n: Array
+    along_s: Array
+    along_a: Array
+    torque: Array
+    force: Array
 
 
 @dataclass(frozen=True)
@@ -34,73 +51,75 @@ class Variational(Method, Step):
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
-    def _slopes(self, system: System, record: State, h: Array):
-        """ξ, s, and the gradients of Λ in ξ, n, s, a with the forces (T⁻, φ⁻)."""
-        xi = record.xi
-        nu = record.nu
-        s = record.n + h * nu
+    def _slopes(self, system: System, record: State, h: Array) -> Slopes:
+        s = record.n + h * record.nu
 
         def discrete(xi, n, s, a):
             return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs)
 
-        gradients = jax.grad(discrete, argnums=(0, 1, 2, 3))(xi, record.n, s, record.a)
-        motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.internal)
-        torque, force = system.body_force(motion)
-        return xi, s, gradients, (h * torque, h * force)
+        along_xi, *rest = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
+        momentum = self.difference_map.dtau_inverse_dual(system.group, h * record.xi, along_xi / h)
+        return Slopes(momentum, s, *rest, *self._impulse(system, record, h))
 
-    def _torque(self, system: System, state: State, s: Array, gradients, torque: Array) -> Array:
+    def _impulse(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
+        """(T⁻, φ⁻) = (hT, hf) at the left node."""
+        motion = system.motion(record.xi, record.n, record.nu, record.a, record.t, record.inputs, record.internal)
+        torque, force = system.body_force(motion)
+        return h * torque, h * force
+
+    def _torque(self, system: System, state: State, at: Slopes) -> Array:
+        """∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s + T⁻."""
         group, Q, V = system.places
-        _, along_n, along_s, along_a = gradients
-        from_q = Q.diamond(group, along_n, state.n) + Q.diamond(group, along_s, s)
-        return V.diamond(group, along_a, state.a) + from_q + torque
+        from_q = Q.diamond(group, at.along_n, state.n) + Q.diamond(group, at.along_s, at.s)
+        return V.diamond(group, at.along_a, state.a) + from_q + at.torque
 
     def equations(self, system: System, record: State, h: Array) -> Array:
-        group = system.group
-        xi, s, gradients, (torque, force) = self._slopes(system, record, h)
-        momentum = self.difference_map.dtau_inverse_dual(group, h * xi, gradients[0] / h)
-        rest = self.coordinates(system, record, None, record.pi + force + gradients[1])
-        return jnp.concatenate([momentum - self._torque(system, record, s, gradients, torque) - record.mu, rest])
+        at = self._slopes(system, record, h)
+        rest = self.coordinates(system, record, None, record.pi + at.force + at.along_n)
+        return jnp.concatenate([at.momentum - self._torque(system, record, at) - record.mu, rest])
 
     def advance(self, system: System, record: State, h: Array) -> State:
         group, Q, V = system.places
-        xi, s, gradients, (torque, force) = self._slopes(system, record, h)
-        F = self.increment(system, h, xi)
+        at = self._slopes(system, record, h)
+        F = self.relative(system, record, h)
         back = group.inverse(F)
-        n = Q.act(group, back, s)
-        legendre = Q.pull(group, F, n, gradients[2])
-        transported = Q.pull(group, F, n, record.pi + force + gradients[1] + gradients[2])
+        n = Q.act(group, back, at.s)
+        legendre = Q.pull(group, F, n, at.along_s)
+        transported = Q.pull(group, F, n, record.pi + at.force + at.along_n + at.along_s)
         return record.later(
             h,
             g=group.compose(record.g, F),
             n=n,
             a=V.act(group, back, record.a),
-            mu=group.Ad_dual(F, record.mu + self._torque(system, record, s, gradients, torque)),
+            mu=group.Ad_dual(F, record.mu + self._torque(system, record, at)),
             pi=Q.momentum(group, n, transported, legendre),
         )
 
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         group, Q, V = system.places
-        _, _, gradients, (torque, force) = self._slopes(system, record, h)
-        source = V.diamond(group, gradients[3], record.a) + torque - Q.diamond(group, force, record.n)
+        at = self._slopes(system, record, h)
+        source = V.diamond(group, at.along_a, record.a) + at.torque - Q.diamond(group, at.force, record.n)
         return source, jnp.zeros_like(source)
 
     def work(self, system: System, record: State, h: Array) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the left node, then −∂_tΛ."""
         xi, nu = record.xi, record.nu
-        s = record.n + h * nu
         motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.internal)
-
-        def discrete(t):
-            return system.reduced_discrete_lagrangian(xi, record.n, s, record.a, h, t, record.inputs) / h
-
-        along_t = [jax.grad(discrete)(jnp.asarray(record.t))] if system.depends_on_time else []
+        value = partial(self._value, system, record, h)
+        along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), xi, nu, along_t)
+
+    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+        """Λ at the record, with another time."""
+        s = record.n + h * record.nu
+        return system.reduced_discrete_lagrangian(record.xi, record.n, s, record.a, h, t, record.inputs)
 
     def energy(self, system: System, record: State, h: Array) -> Array:
         """E_k = −∂_hΛ at fixed F and s: −∂_hΛ + ⟨∂_ξΛ, ξ⟩/h in algebra form."""
-        xi, s, gradients, _ = self._slopes(system, record, h)
+        s = record.n + h * record.nu
 
-        def discrete(h):
+        def discrete(xi, h):
             return system.reduced_discrete_lagrangian(xi, record.n, s, record.a, h, record.t, record.inputs)
 
-        return gradients[0] @ xi / h - jax.grad(discrete)(h)
+        along_xi, along_h = jax.grad(discrete, argnums=(0, 1))(record.xi, h)
+        return along_xi @ record.xi / h - along_h

@@ -230,10 +230,11 @@ def _require_chart(system: System, method: Method, state: State, h: float) -> No
 def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
+    unsolved, beyond = run.method.remedies
     where = f"Step {index} of {run.steps} (t = {run.start.t + index * run.dt:.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = f"{MAX_ITERATIONS} Newton iterations"
-        return f"{where} did not converge in {many} with dt = {run.dt:g}; take a smaller dt."
+        return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."
     if code is Code.BEYOND_CHART:
-        return f"{where} left the chart of the difference map: take a smaller dt, or co.Exponential()."
-    return f"{where} gave numbers that are not finite; take a smaller dt or check the Lagrangian and forces there."
+        return f"{where} left the chart of the difference map: {beyond}."
+    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."

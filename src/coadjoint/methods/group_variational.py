@@ -1,0 +1,146 @@
+"""The method of a discrete Lagrangian in group form, Λ(F, n, s, a; h) (mathematics: section 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.groups.derivative import right_derivative
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Step
+from coadjoint.methods.variational import Slopes, Variational
+
+SINGULAR = 1e-10
+"""The smallest singular value of the Legendre transform's derivative, relative to the largest, that counts as one."""
+
+
+class LastIncrement(NamedTuple):
+    """The memory of the method: F of the last step, and χ with which it followed the one before, F = F_before τ(χ)."""
+
+    F: Element
+    change: Array
+
+
+@dataclass(frozen=True)
+class GroupVariational(Variational):
+    """Λ(F, n, s, a; h) of `System(group_lagrangian=…)`, differentiated on the group; τ is only Newton's chart.
+
+    μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻ with ⟨D^R_FΛ, χ⟩ = d/dε Λ(e^{εχ}F), μ_{k+1} = D^L_FΛ; the rest as in
+    `Variational`. Newton's unknown is ξ with F = F_last τ(h(ξ − ξ_last)): the chart is centred at the last increment,
+    so that relative motions may be as large as the group has them, and of several solutions the one next to the last
+    is taken. A step whose increment differs from the last by more than the chart fails with BEYOND_CHART.
+    The records' ξ is (F − F⁻¹)ᵛ/2h. The first increment is τ(hξ₀) of the start, which `start="velocity"` keeps;
+    with momenta it is Newton's first guess.
+    Raises LagrangianError where F ↦ D^R_FΛ is not invertible at the first increment.
+    """
+
+    @property
+    def remedies(self) -> tuple[str, str]:
+        unsolved = (
+            "the increment F has come to where the Legendre transform F ↦ D^R_FΛ is not invertible, or is too large: "
+            "take a smaller dt or a slower start"
+        )
+        return unsolved, "F differs too much from the last increment; take a smaller dt or a slower start"
+
+    def begin(self, system: System, state: State, h: float) -> State:
+        self.require_fit(system)
+        first = self._first(system, state, h)
+        begun = super().begin(system, state.replace(memory=first), h).replace(memory=first)
+        if not traced(begun, system.parameters, h):
+            _require_regular(self, system, begun, h)
+        return begun
+
+    def _first(self, system: System, state: State, h: float) -> LastIncrement:
+        """F₀ = τ(hξ₀); the last increment where a run of this method goes on."""
+        if isinstance(state.memory, LastIncrement) and not state.from_velocities:
+            return state.memory
+        group, tau = system.group, self.difference_map
+
+        def first(xi, h):
+            return tau.tau(group, h * xi), tau.chart(group, h * xi)
+
+        F, reach = evaluate(first, state.xi, h)
+        if not traced(reach) and reach >= 1:
+            raise ArgumentError(
+                f"The first increment τ(hξ₀) must lie inside the chart of {tau!r}, but leaves it by a factor "
+                f"{float(reach):.3g}: take a smaller dt or ξ₀, or co.Exponential()."
+            )
+        return LastIncrement(F, evaluate(jnp.zeros_like, state.xi))
+
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        return record.memory.F
+
+    def record(self, system: System, state: State, h: Array, z: Array) -> State:
+        group = system.group
+        xi, y = z[: group.dim], z[group.dim :]
+        change = h * (xi - state.xi)
+        F = group.compose(state.memory.F, self.difference_map.tau(group, change))
+        return state.replace(
+            xi=_velocity(system, F, h),
+            nu=self.velocity(system, state, h, xi, y),
+            memory=LastIncrement(F, change),
+        )
+
+    def chart(self, system: System, record: State, h: Array) -> Array | float:
+        return self.difference_map.chart(system.group, record.memory.change)
+
+    def _slopes(self, system: System, record: State, h: Array) -> Slopes:
+        s, F = record.n + h * record.nu, record.memory.F
+
+        def discrete(F, n, s, a):
+            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs)
+
+        momentum = right_derivative(system.group, lambda F: discrete(F, record.n, s, record.a), F)
+        rest = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
+        return Slopes(momentum, s, *rest, *self._impulse(system, record, h))
+
+    def advance(self, system: System, record: State, h: Array) -> State:
+        after, group = super().advance(system, record, h), system.group
+        F = group.project(record.memory.F) if group.constrained else record.memory.F
+        return after.replace(memory=LastIncrement(F, record.memory.change))
+
+    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+        s = record.n + h * record.nu
+        return system.reduced_group_lagrangian(record.memory.F, record.n, s, record.a, h, t, record.inputs)
+
+    def energy(self, system: System, record: State, h: Array) -> Array:
+        """E_k = −∂_hΛ at fixed F and s."""
+        s = record.n + h * record.nu
+
+        def discrete(h):
+            return system.reduced_group_lagrangian(record.memory.F, record.n, s, record.a, h, record.t, record.inputs)
+
+        return -jax.grad(discrete)(h)
+
+
+def _velocity(system: System, F: Element, h: Array) -> Array:
+    """(F − F⁻¹)ᵛ/2h, the velocity of an increment without a logarithm: ξ + O(h²)."""
+    group = system.group
+    return group.vee(group.matrix(F) - group.matrix(group.inverse(F))) / (2 * h)
+
+
+def _require_regular(step: Step, system: System, state: State, h: float) -> None:
+    """Raise LagrangianError where the derivative of (ξ, y) ↦ (μ_k, π_k) is singular at the first increment."""
+
+    def derivative(state, parameters, h):
+        z = step.guess(system, state, h)
+        return jax.jacfwd(lambda z: step.residual(system, state, h, z))(z)
+
+    jacobian = np.asarray(evaluate(derivative, state, system.parameters, np.float64(h)))
+    rows = np.max(np.abs(jacobian), axis=1, keepdims=True)
+    scaled = jacobian / np.where(rows > 0, rows, 1.0)
+    scaled /= np.where((columns := np.max(np.abs(scaled), axis=0)) > 0, columns, 1.0)
+    singular = np.linalg.svd(scaled, compute_uv=False)
+    if not singular[-1] > SINGULAR * singular[0]:
+        raise LagrangianError(
+            "The discrete Legendre transform (F, s) ↦ (μ, π) must be invertible, but is singular at the first "
+            "increment: start from another relative motion, or add what is missing to Λ."
+        )

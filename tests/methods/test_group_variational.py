@@ -1,0 +1,205 @@
+"""Discrete Lagrangians in group form: the step of the algebra form, and the rigid body of Moser and Veselov."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.groups.derivative import left_derivative, right_derivative
+from coadjoint.kernels.evaluate import evaluate
+from discrete import moser_veselov, random_group_system
+from stepping import Stepper
+from systems import GROUPS, MAPS, element, generator
+
+H = 0.15
+ROUND_OFF = 1e-12
+"""Of 1 + the largest entry; both Newton iterations end within 1e-13 of the same solution."""
+
+J = np.diag([1.0, 2.0, 3.5])
+CASES = [
+    ("SO3 alone", "cayley", False),
+    ("SO3", "exponential", True),
+    ("SE3", "cayley", True),
+    ("SE2", "bent", False),
+    ("SL2", "cayley", True),
+    ("Heisenberg", "cayley", True),
+    ("SO3xSE2", "cayley", False),
+    ("SO3 on a sphere", "exponential", True),
+]
+
+
+def close(found, expected, name=""):
+    size = 1 + np.max(np.abs(expected), initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=ROUND_OFF * size, err_msg=name)
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_derivatives_on_a_group_are_those_of_the_chart(name):
+    """(dτ⁻¹_ξ)*∂_ξ f(τ(ξ)) = D^R f and (dτ⁻¹_{−ξ})*∂_ξ f(τ(ξ)) = D^L f = Ad*_F D^R f, for a random cubic f."""
+    import jax
+    import jax.numpy as jnp
+
+    group, random = GROUPS[name], generator("derivatives", name)
+    weights = random.normal(size=(group.matrix_size, group.matrix_size))
+    tau = co.Exponential()
+
+    def f(F):
+        return jnp.sum(weights * group.matrix(F)) ** 3
+
+    def both(xi):
+        F = tau.tau(group, xi)
+        slope = jax.grad(lambda xi: f(tau.tau(group, xi)))(xi)
+        right, left = right_derivative(group, f, F), left_derivative(group, f, F)
+        by_chart = (tau.dtau_inverse_dual(group, xi, slope), tau.dtau_inverse_dual(group, -xi, slope))
+        return (right, left, left), (*by_chart, group.Ad_dual(F, right))
+
+    for found, expected in zip(*evaluate(both, 0.5 * random.normal(size=group.dim)), strict=True):
+        close(found, expected)
+
+
+@pytest.mark.parametrize(("world", "tau", "forced"), CASES)
+def test_steps_in_group_form_are_those_in_algebra_form(world, tau, forced):
+    """Three steps, so that the chart is centred at increments other than the first."""
+    system, start = random_group_system(world, forced)
+    group, Q, V = system.places
+
+    def in_algebra(xi, *rest, t):
+        return system.group_lagrangian(MAPS[tau].tau(group, rest[-1] * xi), *rest, t=t)
+
+    same = co.System(
+        group, discrete_lagrangian=in_algebra, additional=Q, advected=V,
+        forces=None, parameters=system.parameters,
+    )  # fmt: skip
+    unforced = co.System(
+        group, group_lagrangian=system.group_lagrangian, additional=Q, advected=V, parameters=system.parameters
+    )
+    ours = Stepper(unforced, co.GroupVariational(MAPS[tau], start="velocity"), compiled=True).run(start, H, 3)
+    theirs = Stepper(same, co.Variational(MAPS[tau], start="velocity"), compiled=True).run(start, H, 3)
+    for left, right in zip(ours, theirs, strict=True):
+        for name in ("n", "a", "mu", "pi", "t"):
+            close(getattr(left.after, name), getattr(right.after, name), name)
+        g = [evaluate(group.matrix, leap.after.g) for leap in (left, right)]
+        close(*g, name="g")
+    energies = [
+        evaluate(lambda r, s=s, leap=leap: leap.step.energy(s, r, H), leap.record)
+        for s, leap in ((unforced, ours[-1]), (same, theirs[-1]))
+    ]
+    close(*energies, name="energy")
+    if forced:
+        pushed = Stepper(system, co.GroupVariational(MAPS[tau], start="velocity"), compiled=True).run(start, H, 2)
+        last = pushed[-1]
+        assert evaluate(lambda r, a: last.step.balance(system, r, H, a), last.record, last.after) <= 1e-13
+
+
+def body_momenta(system, run):
+    """μ̂ = FD − DFᵀ of every record, as in the factorisation of Moser and Veselov."""
+    return np.array([evaluate(system.group.hat, mu) for mu in run.records.mu])
+
+
+@pytest.mark.parametrize("speed", [0.4, 1.2, 2.6])
+def test_the_rigid_body_of_moser_and_veselov_keeps_its_integrals_at_large_rotations(speed):
+    """μ̂ = (FD − DFᵀ)/h up to the sign of the basis; Ad*_{g⁻¹}μ, |μ|², tr(μ̂²D²) and tr(FD) are integrals."""
+    system = moser_veselov(J)
+    D = np.asarray(system.parameters.D)
+    start = system.state(xi=[0.1, 0.2, speed])
+    run = co.simulate(system, start, dt=1.0, steps=2000, method=co.GroupVariational(co.Exponential(), "velocity"))
+    F, M = run.records.memory.F, body_momenta(system, run)
+    np.testing.assert_allclose(M, F @ D - D @ F.transpose(0, 2, 1), rtol=0, atol=2e-14)
+    for integral in (
+        np.einsum("kij,kj->ki", run.records.g, run.records.mu),
+        np.trace(M @ M @ D @ D, axis1=1, axis2=2),
+        np.trace(F @ D, axis1=1, axis2=2),
+    ):
+        assert np.max(np.abs(integral - integral[0])) < 1e-12 * np.max(np.abs(integral))
+    angles = np.arccos(np.clip(0.5 * (np.trace(F, axis1=1, axis2=2) - 1), -1, 1))
+    assert np.max(angles) > 0.9 * speed
+    assert np.ptp(run.records.mu[:, 0]) > 0.05 * np.linalg.norm(run.records.mu[0]), "the motion is no fixed point"
+
+
+def test_of_several_increments_with_one_momentum_the_continuation_keeps_to_its_own():
+    """About a principal axis μ = J sin θ, so θ and π − θ have one momentum: both runs stay at their own angle."""
+    system = moser_veselov(J)
+    angle = 0.7
+    found = []
+    for theta in (angle, np.pi - angle):
+        start = system.state(xi=[0.0, 0.0, theta])
+        run = co.simulate(system, start, dt=1.0, steps=50, method=co.GroupVariational(co.Exponential(), "velocity"))
+        F = run.records.memory.F
+        np.testing.assert_allclose(np.arctan2(F[:, 1, 0], F[:, 0, 0]), theta, rtol=0, atol=1e-12)
+        found.append(run.records.mu[0])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-14)
+
+
+def test_the_chart_does_not_change_the_motion():
+    system = moser_veselov(J)
+    runs = [
+        co.simulate(
+            system, system.state(xi=[0.2, 0.3, 1.5]), dt=1.0, steps=200, method=co.GroupVariational(tau, "velocity")
+        )
+        for tau in (co.Exponential(), co.Squared(co.Exponential()))
+    ]
+    np.testing.assert_allclose(runs[0].records.g, runs[1].records.g, rtol=0, atol=1e-11)
+
+
+def test_momenta_may_start_a_run_and_the_velocity_is_newtons_first_guess():
+    system = moser_veselov(J)
+    method = co.GroupVariational(co.Exponential(), "velocity")
+    first = co.simulate(system, system.state(xi=[0.2, 0.3, 0.8]), dt=1.0, steps=3, method=method)
+    given = system.state(xi=[0.25, 0.2, 0.9]).replace(mu=first.records.mu[0], from_velocities=False)
+    again = co.simulate(system, given, dt=1.0, steps=3, method=co.GroupVariational(co.Exponential()))
+    np.testing.assert_allclose(again.records.g, first.records.g, rtol=0, atol=1e-13)
+
+
+def test_a_rotation_where_the_legendre_transform_is_singular_is_refused():
+    """About a principal axis dμ/dθ = J cos θ vanishes at θ = π/2."""
+    system = moser_veselov(J)
+    with pytest.raises(co.LagrangianError, match="Legendre transform"):
+        co.simulate(
+            system, system.state(xi=[0, 0, np.pi / 2]), dt=1.0, steps=3,
+            method=co.GroupVariational(co.Exponential(), "velocity"),
+        )  # fmt: skip
+
+
+def test_increments_that_jump_end_the_run_in_a_sentence():
+    system = moser_veselov(J)
+    method = co.GroupVariational(co.Exponential(), "velocity")
+    with pytest.raises(co.StepError, match="increment"):
+        co.simulate(system, system.state(xi=[0.1, 2.0, 0.2]), dt=1.0, steps=200, method=method)
+
+
+def test_a_first_increment_outside_the_chart_is_refused():
+    system = moser_veselov(J)
+    with pytest.raises(co.ArgumentError, match="first increment"):
+        co.simulate(
+            system, system.state(xi=[0, 0, 4.0]), dt=1.0, steps=3, method=co.GroupVariational(co.Cayley(), "velocity")
+        )
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: co.System(co.SO3(), group_lagrangian=lambda F, n, s, h: 0.0), r"must take \(F, h\)"),
+        (lambda: co.System(co.SO3(), group_lagrangian=lambda h, F: 0.0), "in this order"),
+        (lambda: co.System(co.SO3()), "needs a `lagrangian`"),
+    ],
+)
+def test_a_function_of_other_arguments_is_refused(make, says):
+    with pytest.raises(co.LagrangianError, match=says):
+        make()
+
+
+def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
+    system = moser_veselov(J)
+    start = system.state(xi=[0.1, 0.2, 0.3])
+    with pytest.raises(co.LagrangianError, match="co.GroupVariational"):
+        co.simulate(system, start, dt=1.0, steps=3, method=co.Midpoint(start="velocity"))
+    with pytest.raises(co.LagrangianError, match="discrete_lagrangian"):
+        co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))
+
+
+def test_native_code_and_xla_take_the_same_steps():
+    system, start = random_group_system("SO3 alone")
+    method = co.GroupVariational(co.Cayley(), "velocity")
+    runs = [co.simulate(system, start, dt=H, steps=20, method=method, backend=b) for b in ("native", "xla")]
+    np.testing.assert_allclose(runs[0].records.g, runs[1].records.g, rtol=0, atol=1e-12)
