@@ -10,7 +10,7 @@ from coadjoint.groups.derivative import left_derivative, right_derivative
 from coadjoint.kernels.evaluate import evaluate
 from discrete import moser_veselov, random_group_system
 from stepping import Stepper
-from systems import GROUPS, MAPS, element, generator
+from systems import GROUPS, MAPS, generator
 
 H = 0.15
 ROUND_OFF = 1e-12
@@ -23,8 +23,6 @@ CASES = [
     ("SE3", "cayley", True),
     ("SE2", "bent", False),
     ("SL2", "cayley", True),
-    ("Heisenberg", "cayley", True),
-    ("SO3xSE2", "cayley", False),
     ("SO3 on a sphere", "exponential", True),
 ]
 
@@ -34,7 +32,7 @@ def close(found, expected, name=""):
     np.testing.assert_allclose(found, expected, rtol=0, atol=ROUND_OFF * size, err_msg=name)
 
 
-@pytest.mark.parametrize("name", GROUPS)
+@pytest.mark.parametrize("name", ["SO3", "SE3", "SL2", "SO3xSE2"])
 def test_derivatives_on_a_group_are_those_of_the_chart(name):
     """(dτ⁻¹_ξ)*∂_ξ f(τ(ξ)) = D^R f and (dτ⁻¹_{−ξ})*∂_ξ f(τ(ξ)) = D^L f = Ad*_F D^R f, for a random cubic f."""
     import jax
@@ -42,7 +40,7 @@ def test_derivatives_on_a_group_are_those_of_the_chart(name):
 
     group, random = GROUPS[name], generator("derivatives", name)
     weights = random.normal(size=(group.matrix_size, group.matrix_size))
-    tau = co.Exponential()
+    tau = co.Cayley()
 
     def f(F):
         return jnp.sum(weights * group.matrix(F)) ** 3
@@ -192,7 +190,7 @@ def test_a_function_of_other_arguments_is_refused(make, says):
 def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
     system = moser_veselov(J)
     start = system.state(xi=[0.1, 0.2, 0.3])
-    with pytest.raises(co.LagrangianError, match="co.GroupVariational"):
+    with pytest.raises(co.LagrangianError, match=r"co\.GroupVariational"):
         co.simulate(system, start, dt=1.0, steps=3, method=co.Midpoint(start="velocity"))
     with pytest.raises(co.LagrangianError, match="discrete_lagrangian"):
         co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))

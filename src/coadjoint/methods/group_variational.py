@@ -99,8 +99,8 @@ class GroupVariational(Variational):
             return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs)
 
         momentum = right_derivative(system.group, lambda F: discrete(F, record.n, s, record.a), F)
-        rest = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
-        return Slopes(momentum, s, *rest, *self._impulse(system, record, h))
+        along_n, along_s, along_a = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
+        return Slopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
     def advance(self, system: System, record: State, h: Array) -> State:
         after, group = super().advance(system, record, h), system.group

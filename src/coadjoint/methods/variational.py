@@ -57,9 +57,10 @@ class Variational(Method, Step):
         def discrete(xi, n, s, a):
             return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs)
 
-        along_xi, *rest = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
+        slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
+        along_xi, along_n, along_s, along_a = slopes
         momentum = self.difference_map.dtau_inverse_dual(system.group, h * record.xi, along_xi / h)
-        return Slopes(momentum, s, *rest, *self._impulse(system, record, h))
+        return Slopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
     def _impulse(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         """(T⁻, φ⁻) = (hT, hf) at the left node."""
