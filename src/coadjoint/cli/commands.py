@@ -163,6 +163,44 @@ class Models:
         return OK
 
 
+@dataclass(frozen=True)
+class Audit:
+    """Measure what every method claims: order, symmetry, symplecticity, momentum, energy; status 0 if all is shown."""
+
+    out: Path | None = None
+    """A folder for audit.md, audit.json and figures."""
+    json: bool = False
+    """Print the findings as JSON, and nothing else."""
+    quick: bool = False
+    """Four systems, the Cayley map and shorter runs: less than a minute."""
+    method: tuple[str, ...] = ()
+    """Methods to audit, by name, as in `--method Midpoint Suzuki4`; by default all."""
+    system: tuple[str, ...] = ()
+    """Systems to audit them on, as in `--system "heavy top"`; by default all."""
+
+    def __call__(self) -> int:
+        from coadjoint.audit.page import write
+        from coadjoint.audit.tables import summary
+        from coadjoint.cli.auditing import execute, show
+        from coadjoint.report.summary import to_json
+
+        found = execute(self.method, self.system, self.quick, False if self.json else None)
+        if not self.json:
+            show(found, self.out, self._written())
+        else:
+            print(to_json(summary(found)), end="")
+            if self.out is not None:
+                write(found, self.out, self._written())
+        return OK if found.passed else FAILED
+
+    def _written(self) -> str:
+        """The command that this is."""
+        parts = ["coadjoint audit", "--quick" if self.quick else ""]
+        for flag, names in (("--method", self.method), ("--system", self.system)):
+            parts += [flag, *(f'"{name}"' if " " in name else name for name in names)] if names else []
+        return " ".join(filter(None, [*parts, f"--out {self.out}" if self.out else ""]))
+
+
 def _show_run(written: Written, as_json: bool) -> None:
     from coadjoint.report.summary import to_json
 

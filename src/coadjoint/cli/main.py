@@ -1,4 +1,4 @@
-"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`."""
+"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `audit`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ Command = (
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
+    | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
 )
 
 

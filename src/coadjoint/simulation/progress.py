@@ -11,8 +11,8 @@ _QUIET_SECONDS = 1.0
 class Progress:
     """Steps done, remaining time and speed; shown when the run has taken a second, and gone when it ends."""
 
-    def __init__(self, steps: int, wanted: bool | None, title: str):
-        self.steps, self.title = steps, title
+    def __init__(self, steps: int, wanted: bool | None, title: str, unit: str = "steps"):
+        self.steps, self.title, self.unit = steps, title, unit
         self.wanted = sys.stderr.isatty() if wanted is None else wanted
         self.done = 0
         self._bar: Any = None
@@ -33,7 +33,7 @@ class Progress:
         if self._bar is None:
             self._bar = self._make()
             self._task = self._bar.add_task(self.title, total=self.steps, speed="")
-        self._bar.update(self._task, completed=self.done, speed=f"{self.done / seconds:,.0f} steps/s")
+        self._bar.update(self._task, completed=self.done, speed=f"{self.done / seconds:,.3g} {self.unit}/s")
 
     @staticmethod
     def _make() -> Any:

@@ -60,7 +60,9 @@ class Sphere(Representation):
         return columns - jnp.outer(normal, normal[1:]) / (1 + jnp.abs(x[0]))
 
     def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
-        return self._frame(x) @ y
+        # Without the part along x, |x| − 1 shrinks by 1 + |u|² a step; with it, round-off there may grow like e^t.
+        v = self._frame(x) @ y
+        return v - (x @ v) * x
 
     def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
         return self._frame(x).T @ b

@@ -1,0 +1,1 @@
+"""Every claim of every method, measured: `coadjoint audit`."""

@@ -1,0 +1,74 @@
+"""What an audit finds: a claim, what was measured, and whether the one shows the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from coadjoint.audit.long_run import LongRun
+from coadjoint.audit.order import Convergence
+
+Claim = Literal["order", "symmetric", "symplectic", "momentum", "energy"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim with what was measured: shown if `measured` is within `allowed` (of the claimed order, or of zero).
+
+    `failure`: why nothing could be measured; a claim that cannot be measured is not shown.
+    """
+
+    claim: Claim
+    claimed: int | str
+    measured: float
+    allowed: float
+    failure: str = ""
+
+    @property
+    def shown(self) -> bool:
+        away = self.measured - self.claimed if isinstance(self.claimed, int) else self.measured
+        return not self.failure and abs(away) <= self.allowed
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A method over a map on a system: the order it claims, its findings, and the curves that they come from."""
+
+    method: str
+    map: str
+    system: str
+    order: int
+    findings: tuple[Finding, ...]
+    convergence: Convergence | None = field(default=None, compare=False)
+    long_run: LongRun | None = field(default=None, compare=False)
+
+    @property
+    def shown(self) -> bool:
+        return all(finding.shown for finding in self.findings)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """All cells, with the seconds that they took."""
+
+    cells: tuple[Cell, ...]
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every claim of every cell was shown, and there was one."""
+        return bool(self.cells) and all(cell.shown for cell in self.cells)
+
+    @property
+    def failures(self) -> list[str]:
+        """A sentence for every claim that was not shown."""
+        return [_sentence(cell, found) for cell in self.cells for found in cell.findings if not found.shown]
+
+
+def _sentence(cell: Cell, found: Finding) -> str:
+    where = f"{cell.method} over {cell.map} on {cell.system}"
+    if found.failure:
+        return f"{where}: {found.claim} could not be measured: {found.failure}."
+    if found.claim == "order":
+        return f"{where}: order {found.claimed} is claimed, {found.measured:.2f} was measured."
+    return f"{where}: {found.claim} is off by {found.measured:.1e}, more than {found.allowed:.1e}."

@@ -1,0 +1,71 @@
+"""The measured order of convergence: the slope of log error against log h, by least squares.
+
+    e(h) = C hᵖ (1 + O(h)) + round-off,      p = slope of log e over log h.
+
+Steps are halved, or for orders from 5 on divided by √2, because halving would meet round-off at once. Left out are the
+fine end, where round-off has a share in e, and the coarse end, where O(h) is not small: of the errors that are clear
+of round-off, the finest few are fitted. Nothing in that choice knows the order that is claimed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coadjoint.audit.stepper import Stepper, distance, exact, uncertainty
+from coadjoint.audit.systems import Problem
+from coadjoint.errors import StepError
+
+CLEAR = 50.0
+"""How many times above the round-off of the reference and of the run an error counts."""
+
+FINEST = 1024
+"""The most steps a run has."""
+
+SLOW = 5
+"""From this order on, steps are divided by √2."""
+
+FITTED = {2.0: 4, 2**0.5: 5}
+"""How many errors are fitted: over a factor 8 in h with halvings, 4 with √2."""
+
+
+class Convergence(NamedTuple):
+    """Step sizes with their errors, which of them were fitted, and the slope."""
+
+    h: np.ndarray
+    error: np.ndarray
+    fitted: np.ndarray
+    order: float
+
+
+def convergence(stepper: Stepper, problem: Problem) -> Convergence:
+    """The errors at the end of `problem.duration` over refined steps, and their slope."""
+    ratio = 2.0 if stepper.method.order < SLOW else 2**0.5
+    steps, rows, below = 4.0, [], 0
+    while round(steps) <= FINEST and below < 2:
+        h = problem.duration / round(steps)
+        floor = CLEAR * (uncertainty(problem) + np.finfo(float).eps * np.sqrt(round(steps)))
+        error = error_after(stepper, problem, h, round(steps))
+        rows.append((h, error, error > floor))
+        below += bool(error <= floor)
+        steps *= ratio
+    h, error, clear = (np.array(column) for column in zip(*rows, strict=True))
+    return fit(h, error, clear & np.isfinite(error), FITTED[ratio])
+
+
+def fit(h: np.ndarray, error: np.ndarray, usable: np.ndarray, count: int) -> Convergence:
+    """The slope of the finest `count` usable errors; NaN for fewer than three."""
+    fitted = np.zeros(len(h), bool)
+    fitted[np.flatnonzero(usable)[-count:]] = True
+    slope = np.polyfit(np.log(h[fitted]), np.log(error[fitted]), 1)[0] if fitted.sum() >= 3 else np.nan
+    return Convergence(h, error, fitted, float(slope))
+
+
+def error_after(stepper: Stepper, problem: Problem, h: float, steps: int) -> float:
+    """The distance from the exact motion after the steps; infinite where a step is too large to be solved."""
+    try:
+        end = stepper.end(h, steps)
+    except StepError:
+        return np.inf
+    return distance(end, exact(problem, float(end.t)))

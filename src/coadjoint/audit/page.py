@@ -1,0 +1,107 @@
+"""The page of an audit, with its figures, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from coadjoint.audit.audit import (
+    DRIFT_WITHIN,
+    ORDER_WITHIN,
+    REVERSIBLE_WITHIN,
+    ROUND_OFF,
+    SYMPLECTIC_WITHIN,
+)
+from coadjoint.audit.figures import energy_figure, order_figure
+from coadjoint.audit.findings import Audit
+from coadjoint.audit.systems import PROBLEMS
+from coadjoint.audit.tables import COLUMNS, by_system, markdown, rows, summary
+from coadjoint.errors import FileError
+from coadjoint.plotting.style import save
+from coadjoint.report.summary import to_json, versions
+
+PAGE, NUMBERS = "audit.md", "audit.json"
+ORDERS, ENERGY = "audit_orders.png", "audit_energy.png"
+
+
+def write(audit: Audit, folder: Path, command: str) -> list[Path]:
+    """audit.md, audit.json and figures/*.png in `folder`; raises FileError where that cannot be written."""
+    figures = folder / "figures"
+    try:
+        figures.mkdir(parents=True, exist_ok=True)
+        made = [save(order_figure(audit), figures / ORDERS)]
+        if any(cell.long_run is not None for cell in audit.cells):
+            made.append(save(energy_figure(audit), figures / ENERGY))
+        (folder / NUMBERS).write_text(to_json({**summary(audit), "versions": versions()}), encoding="utf-8")
+        names = [path.name for path in made]
+        (folder / PAGE).write_text(text(audit, command, names), encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
+    return [folder / PAGE, folder / NUMBERS, *made]
+
+
+def text(audit: Audit, command: str, figures: list[str]) -> str:
+    """The page in Markdown."""
+    systems = list(dict.fromkeys(cell.system for cell in audit.cells))
+    described = "\n".join(f"- **{name}**: {_described(name)}" for name in systems)
+    verdict = (
+        "Every claim was shown."
+        if audit.passed
+        else "Not every claim was shown:\n\n" + "\n".join(f"- {failure}" for failure in audit.failures)
+    )
+    shown = "\n\n".join(f"![{_CAPTIONS[name]}](figures/{name})\n\n{_CAPTIONS[name]}" for name in figures)
+    return _PAGE.format(
+        command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
+        orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
+        reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, figures=shown,
+    )  # fmt: skip
+
+
+def _described(name: str) -> str:
+    return (PROBLEMS[name].make.__doc__ or "").strip() if name in PROBLEMS else "a system of your own."
+
+
+_CAPTIONS = {
+    ORDERS: "Error at the end against the step, over the Cayley map where it was audited; filled marks were fitted.",
+    ENERGY: "Largest relative energy error in each fiftieth of the long runs, over the same map.",
+}
+
+_PAGE = """# Audit: what the methods claim, and what was measured
+
+Written by `{command}`; do not edit it by hand. {verdict}
+
+Every method is run over every difference map on every system, by the code that `co.simulate` runs. Columns: the order
+that is claimed, and the least and greatest that were measured; then the worst over the systems of
+
+- *symplectic*: the change of the two-form ω(δ₁, δ₂) over one step, relative to the sizes of its terms; within
+  {symplectic:.0e}. The tangents are differences of order 8 of steps along curves.
+- *reversible*: how far ten steps of h and ten of −h lead from the start, relative to the state; within
+  {reversible:.0e}. Only methods that claim to be symmetric are asked.
+- *momentum*: the largest change of ⟨c₀, Ad*_g⁻¹ m⟩ over the long run, for every c₀ that leaves the advected parameters
+  alone, relative to |μ| + |π||n|; within {round_off:.0e} times the square root of the number of stages.
+- *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms. *drift*: what a line
+  through the means of |E − E₀| over twenty intervals gains, relative to their mean; at most {drift:g}. An error in
+  proportion to time is at 2, one that grows as its square root at 1.2. Where a method claims its energy exact, the band
+  itself is at round-off.
+
+Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, or divided
+by √2 for orders from 5 on. Errors that round-off reaches are left out; of the others the finest few are fitted.
+
+{table}
+
+## Systems
+
+{systems}
+
+On the free rigid body ℓ depends on ξ alone, so that every quadrature rule is its own adjoint: an odd order comes out
+one higher there, and that is what is asked. Where forces act, order and reversibility are measured.
+
+## Order by system
+
+The span over the difference maps.
+
+{orders}
+
+## Figures
+
+{figures}
+"""

@@ -1,0 +1,82 @@
+"""The steps of a method on a system, one kernel for every step size, and the motion that they approach."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import numpy as np
+
+from coadjoint.audit.systems import Problem
+from coadjoint.errors import StepError
+from coadjoint.kernels import backend as kernels
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.version import version
+from coadjoint.methods import LeftRight, Method, Suzuki4
+from coadjoint.methods.program import Constants, StepProgram
+
+REFERENCE_STEP = 2e-3
+"""Of the reference's, in s: its own error is then at round-off, and finer steps would only add to that."""
+
+
+class Stepper:
+    """A method on a system, from a start; raises StepError at a step that fails."""
+
+    def __init__(self, method: Method, system: System, start: State):
+        self.method, self.system, self.start = method, system, start
+        self.program = StepProgram(replace_parameters(system, None), method, version=version(system, start))
+        self.constants = Constants(system.parameters, None)
+
+    def begin(self, h: float) -> State:
+        """The start with the momenta and the memory that the method begins with."""
+        return self.method.begin(self.system, self.start, h)
+
+    def run(self, state: State, h: float, records: int, every: int = 1) -> Chunk:
+        """records·every steps, each every-th of them recorded."""
+        backend = kernels.choose(self.program, self.constants, state, False, "auto")
+        chunk = kernels.run(backend, self.program, self.constants, state, h, records, every, monitors=False)
+        if chunk.code:
+            what = chunk.code.name.lower().replace("_", " ")
+            raise StepError(f"step {chunk.steps} of {h:.3g} s failed: {what}")
+        return chunk
+
+    def end(self, h: float, steps: int) -> State:
+        """The state after `steps` steps from the start."""
+        return self.run(self.begin(h), h, 1, steps).final
+
+
+def coordinates(state: State) -> np.ndarray:
+    """g, n, a, μ, π as one array; all are of order one in the systems of the audit."""
+    parts = [*jax.tree.leaves(state.g), state.n, state.a, state.mu, state.pi]
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def distance(one: State, other: State) -> float:
+    """|one − other| relative to |other|, Euclidean."""
+    return float(np.linalg.norm(coordinates(one) - coordinates(other)) / np.linalg.norm(coordinates(other)))
+
+
+@lru_cache(maxsize=64)
+def exact(problem: Problem, time: float) -> State:
+    """The motion at a time, by a method of order 4 with steps of REFERENCE_STEP."""
+    return _fine(problem, time, REFERENCE_STEP)
+
+
+@lru_cache(maxsize=64)
+def uncertainty(problem: Problem) -> float:
+    """How far `exact` may be off: its distance from the same with other steps."""
+    time = float(problem.start.t) + problem.duration
+    return distance(_fine(problem, time, 0.7 * REFERENCE_STEP), exact(problem, time))
+
+
+def _fine(problem: Problem, time: float, h: float) -> State:
+    span = time - float(problem.start.t)
+    steps = int(np.ceil(span / h))
+    return _reference(problem).end(span / steps, steps)
+
+
+@lru_cache(maxsize=64)
+def _reference(problem: Problem) -> Stepper:
+    return Stepper(Suzuki4(LeftRight()), problem.system, problem.start)

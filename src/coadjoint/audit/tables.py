@@ -1,0 +1,122 @@
+"""An audit as a table, as a page and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from coadjoint.audit.findings import Audit, Cell, Finding
+
+COLUMNS = (
+    "method",
+    "map",
+    "order",
+    "measured",
+    "symplectic",
+    "reversible",
+    "momentum",
+    "energy band",
+    "drift",
+    "shown",
+)
+
+
+def rows(audit: Audit) -> list[tuple[str, ...]]:
+    """A row a method and map: what was measured on all systems, the worst of it."""
+    found: dict[tuple[str, str], list[Cell]] = {}
+    for cell in audit.cells:
+        found.setdefault((cell.method, cell.map), []).append(cell)
+    return [_row(method, tau, cells) for (method, tau), cells in found.items()]
+
+
+def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
+    def of(claim: str) -> list[Finding]:
+        return [finding for cell in cells for finding in cell.findings if finding.claim == claim]
+
+    orders = [finding for finding in of("order") if np.isfinite(finding.measured)]
+    long_runs = [cell.long_run for cell in cells if cell.long_run is not None]
+    exact = any(finding.claimed != "bounded" for finding in of("energy"))
+    return (
+        method,
+        tau,
+        str(cells[0].order),
+        _span([found.measured for found in orders]),
+        *(_worst([found.measured for found in of(claim)]) for claim in ("symplectic", "symmetric", "momentum")),
+        _worst([run.band for run in long_runs]),
+        "exact" if exact else _worst([run.drift for run in long_runs], "{:.2f}"),
+        "yes" if all(cell.shown for cell in cells) else "NO",
+    )
+
+
+def by_system(audit: Audit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Heads and rows of the orders measured on every system, the span over the maps."""
+    systems = list(dict.fromkeys(cell.system for cell in audit.cells))
+    methods = list(dict.fromkeys(cell.method for cell in audit.cells))
+    table = []
+    for method in methods:
+        cells = [cell for cell in audit.cells if cell.method == method]
+        spans = [
+            _span([c.convergence.order for c in cells if c.system == system and c.convergence is not None])
+            for system in systems
+        ]
+        table.append((method, *spans))
+    return ("method", *systems), table
+
+
+def _span(values: Sequence[float]) -> str:
+    values = [value for value in values if np.isfinite(value)]
+    if not values:
+        return "–"
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low}–{high}"
+
+
+def _worst(values: Sequence[float], form: str = "{:.0e}") -> str:
+    return form.format(max(values)) if values else "–"
+
+
+def markdown(heads: Sequence[str], table: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in table)])
+
+
+def summary(audit: Audit) -> dict[str, Any]:
+    """Everything that was measured, as plain values."""
+    return {
+        "passed": audit.passed,
+        "failures": audit.failures,
+        "seconds": audit.seconds,
+        "cells": [_cell(cell) for cell in audit.cells],
+    }
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "method": cell.method,
+        "map": cell.map,
+        "system": cell.system,
+        "shown": cell.shown,
+        "findings": [
+            {
+                "claim": finding.claim,
+                "claimed": finding.claimed,
+                "measured": finding.measured,
+                "allowed": finding.allowed,
+                "shown": finding.shown,
+                "failure": finding.failure,
+            }
+            for finding in cell.findings
+        ],
+    }
+    if cell.convergence is not None:
+        h, error, fitted, order = cell.convergence
+        found["convergence"] = {"h": h, "error": error, "fitted": fitted, "order": order}
+    if cell.long_run is not None:
+        run = cell.long_run
+        found["long_run"] = {
+            "duration": float(run.times[-1] - run.times[0]), "energy_band": run.band, "energy_drift": run.drift,
+        }  # fmt: skip
+    return found

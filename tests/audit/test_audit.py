@@ -1,0 +1,167 @@
+"""What is true passes the audit, and what is false does not."""
+
+from __future__ import annotations
+
+import inspect
+import json
+
+import jax
+import numpy as np
+import pytest
+import wrong
+
+import coadjoint as co
+import coadjoint.methods
+from coadjoint.audit.audit import audit, audit_cell
+from coadjoint.audit.long_run import drift
+from coadjoint.audit.order import fit
+from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
+from coadjoint.audit.stepper import coordinates, exact, uncertainty
+from coadjoint.audit.systems import PROBLEMS
+from coadjoint.cli import auditing
+from coadjoint.cli.main import main
+from coadjoint.mechanics.continuous import reference
+
+STEPS = 5_000
+TOP = PROBLEMS["heavy top"]
+CAYLEY = {"Cayley": co.Cayley()}
+BY_NAME = {shipped.name: shipped for shipped in SHIPPED}
+
+
+def findings(shipped: Shipped, tau: co.DifferenceMap, problem=TOP):
+    cell = audit_cell(shipped, "a map", tau, problem, STEPS)
+    return {found.claim: found for found in cell.findings}
+
+
+def not_shown(found) -> set[str]:
+    return {claim for claim, finding in found.items() if not finding.shown}
+
+
+def test_every_public_method_is_audited():
+    public = {
+        kind
+        for name in coadjoint.methods.__all__
+        if inspect.isclass(kind := getattr(coadjoint.methods, name)) and issubclass(kind, co.Method)
+    } - {co.Method}
+    audited = {type(shipped.make(co.Cayley())) for shipped in SHIPPED}
+    assert public == audited, f"not in coadjoint.audit.shipped: {public - audited}"
+
+
+@pytest.mark.parametrize("name", ["LeftRectangle", "Midpoint", "Variational", "Suzuki4(LeftRight)"])
+def test_a_method_shows_what_it_claims(name):
+    found = findings(BY_NAME[name], co.Exponential())
+    assert not not_shown(found)
+    assert {"order", "symplectic", "momentum", "energy"} <= set(found)
+
+
+def test_forces_leave_the_order_of_a_symmetric_pair():
+    found = findings(BY_NAME["LeftRight"], co.Cayley(), PROBLEMS["driven top"])
+    assert set(found) == {"order", "symmetric"}
+    assert not not_shown(found)
+
+
+def test_a_rule_without_potential_is_its_own_adjoint():
+    found = findings(BY_NAME["LeftRectangle"], co.Cayley(), PROBLEMS["free rigid body"])
+    assert found["order"].claimed == 2
+    assert not not_shown(found)
+
+
+def test_a_false_half_has_order_3_and_no_symmetry():
+    """Mathematics, section 6: "with F = cay(hξ) and H = cay(hξ/2) every composition falls to order 3"."""
+    found = findings(wrong.FALSE_HALF, co.Cayley())
+    assert not_shown(found) == {"order", "symmetric"}
+    assert found["order"].measured == pytest.approx(3, abs=0.2)
+    assert not not_shown(findings(wrong.FALSE_HALF, co.Squared(co.Cayley())))
+
+
+def test_a_step_that_is_not_symplectic_is_found():
+    found = findings(Shipped("losing", wrong.Losing), co.Cayley())
+    assert not_shown(found) == {"symmetric", "symplectic", "momentum", "energy"}
+    assert found["energy"].measured > 1
+
+
+def test_an_approximate_tangent_of_the_map_breaks_momentum_and_two_form():
+    printed = Shipped("as printed", wrong.AsPrinted)
+    assert not not_shown(findings(printed, co.Exponential()))
+    assert {"symplectic", "momentum"} <= not_shown(findings(printed, wrong.Truncated()))
+    # Transport of the momentum does not need dτ⁻¹, so that it stays; the two-form does not.
+    transported = not_shown(findings(BY_NAME["LeftRectangle"], wrong.Truncated()))
+    assert "symplectic" in transported
+    assert "momentum" not in transported
+
+
+def test_what_cannot_be_measured_is_not_shown():
+    class Stuck(co.Midpoint):
+        def equations(self, system, record, h):
+            return super().equations(system, record, h) + 1e3 * record.xi**2 + 1e3
+
+    cell = audit_cell(Shipped("stuck", Stuck), "Cayley", co.Cayley(), TOP, STEPS)
+    assert not cell.shown
+    assert all(found.failure for found in cell.findings)
+    assert not audit([], CAYLEY, [TOP], steps=STEPS).passed, "an audit of nothing shows nothing"
+
+
+@pytest.mark.parametrize("p", [1, 4, 8])
+def test_the_slope_leaves_out_round_off_and_coarse_steps(p):
+    """e = hᵖ(1 + h) + 1e-12 noise, over factors √2 from h = 1."""
+    h = 2.0 ** (-np.arange(20) / 2)
+    error = h**p * (1 + h) + 1e-12 * np.abs(np.sin(np.arange(20)))
+    found = fit(h, error, error > 5e-11, 5)
+    assert found.order == pytest.approx(p, abs=0.2)
+    assert abs(np.polyfit(np.log(h), np.log(error), 1)[0] - p) > 0.2 or p == 1
+    assert np.isnan(fit(h[:2], error[:2], np.ones(2, bool), 6).order)
+
+
+def test_drift_of_errors_that_stay_that_wander_and_that_grow():
+    t = np.arange(1, 10_001) / 10_000
+    wave = np.abs(np.sin(9_000 * t))
+    assert abs(drift(wave)) < 0.02
+    assert drift(np.sqrt(t) * wave) == pytest.approx(1.2, abs=0.1)
+    assert drift(t * wave) == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("name", [name for name, problem in PROBLEMS.items() if problem.system.additional.flat])
+def test_the_fine_composition_is_the_motion_that_dop853_finds(name):
+    problem = PROBLEMS[name]
+    end = problem.start.t + problem.duration
+    found = jax.tree.map(lambda row: row[-1], reference(problem.system, problem.start, [problem.start.t, end]))
+    ours = coordinates(exact(problem, float(end)))
+    assert np.linalg.norm(coordinates(found) - ours) <= 3e-12 * np.linalg.norm(ours)
+    assert uncertainty(problem) <= 3e-12
+
+
+def test_the_command_writes_a_table_a_page_numbers_and_figures(tmp_path, capsys):
+    assert main(["audit", "--quick", "--method", "midpoint", "--system", "heavy top", "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "5 of 5 claims shown" in out
+    page = (tmp_path / "audit.md").read_text()
+    assert "| Midpoint | Cayley | 2 | 2.00 |" in page
+    assert "coadjoint audit --quick --method midpoint" in page
+    numbers = json.loads((tmp_path / "audit.json").read_text())
+    assert numbers["passed"] and len(numbers["cells"]) == 1
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"audit_orders.png", "audit_energy.png"}
+
+
+def test_the_command_fails_where_a_claim_does(monkeypatch, capsys):
+    monkeypatch.setattr(auditing, "SHIPPED", (Shipped("Losing", wrong.Losing),))
+    assert main(["audit", "--quick", "--system", "heavy top"]) == 1
+    shown = capsys.readouterr()
+    assert "NO" in shown.out
+    assert "Losing over Cayley on heavy top: symplectic is off by" in shown.err
+    assert main(["audit", "--quick", "--system", "heavy top", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["passed"] is False
+
+
+@pytest.mark.parametrize(("flag", "name"), [("--method", "Midpiont"), ("--system", "heavy tops")])
+def test_names_that_are_not_known_are_refused(flag, name, capsys):
+    assert main(["audit", flag, name]) == 2
+    err = capsys.readouterr().err
+    assert "did you mean" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.long
+def test_every_claim_of_every_method_is_shown():
+    found = audit(progress=False)
+    assert found.passed, "\n".join(found.failures)
+    assert {cell.map for cell in found.cells} == set(MAPS)
