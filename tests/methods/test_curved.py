@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.noether import spatial_momentum
 from stepping import Stepper
 from systems import RULES
@@ -115,6 +116,18 @@ def test_vertical_momentum_is_kept_at_round_off_over_2000_steps(name, rule):
     scale = np.linalg.norm(start.mu) + np.linalg.norm(start.pi)
     assert worst <= 1e-13 * scale
     assert off <= 1e-12
+
+
+@pytest.mark.parametrize("rule", ["trapezoidal", "pair"])
+def test_the_bob_stays_on_the_sphere_over_40000_steps(rule):
+    """Round-off in |n| − 1 must not grow from step to step: it would go into π, and so into the vertical momentum."""
+    system, start = system_on(co.Sphere(), coupled)
+    records = co.trajectory(
+        system, start, dt=0.05, steps=40_000, method=RULES[rule](co.Cayley()), save_every=10
+    ).records
+    assert np.max(np.abs(np.sum(records.n**2, axis=1) - 1)) <= 1e-13
+    vertical = evaluate(jax.vmap(lambda s: spatial_momentum(system, s)[2]), records)
+    assert np.max(np.abs(vertical - vertical[0])) <= 2e-13 * (np.linalg.norm(start.mu) + np.linalg.norm(start.pi))
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -15,7 +15,7 @@ from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
 from coadjoint.audit.stepper import Stepper
 from coadjoint.audit.systems import PROBLEMS, Problem
 from coadjoint.difference_maps import DifferenceMap
-from coadjoint.errors import StepError
+from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.simulation.progress import Progress
 
 STEPS, QUICK_STEPS = 100_000, 20_000
@@ -50,11 +50,15 @@ def audit(
 
 
 def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, problem: Problem, steps: int) -> Cell:
-    """The findings of one method on one system."""
+    """The findings of one method on one system, or the sentence by which it refuses it."""
     method = shipped.make(difference_map)
     claims = method.claims
     stepper = Stepper(method, shipped.adapt(problem.system), problem.start)
     h = long_step(claims.order)
+    try:
+        stepper.begin(h)
+    except (ArgumentError, GroupError) as refusal:
+        return Cell(shipped.name, tau, problem.name, claims.order, (), refusal=str(refusal))
     curves: dict[str, Convergence | LongRun] = {}
 
     def order() -> list[Finding]:
@@ -78,8 +82,8 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
         if claims.energy == "bounded":
             drift = found.drift if found.band > round_off else 0.0
             findings.append(Finding("energy", "bounded", max(drift, 0.0), DRIFT_WITHIN))
-        else:
-            findings.append(Finding("energy", claims.energy, float(found.energy_error.max()), round_off))
+        elif claims.energy != "quadratic" or problem.quadratic:
+            findings.append(Finding("energy", "exact", found.band, round_off))
         return findings
 
     measurements: list[tuple[Claim, bool, object]] = [

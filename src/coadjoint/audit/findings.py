@@ -32,13 +32,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class Cell:
-    """A method over a map on a system: the order it claims, its findings, and the curves that they come from."""
+    """A method over a map on a system: the order it claims, its findings, and the curves that they come from.
+
+    `refusal`: the sentence of a method that does not take this map or this system. It claims nothing there.
+    """
 
     method: str
     map: str
     system: str
     order: int
     findings: tuple[Finding, ...]
+    refusal: str = ""
     convergence: Convergence | None = field(default=None, compare=False)
     long_run: LongRun | None = field(default=None, compare=False)
 
@@ -56,8 +60,18 @@ class Audit:
 
     @property
     def passed(self) -> bool:
-        """Whether every claim of every cell was shown, and there was one."""
-        return bool(self.cells) and all(cell.shown for cell in self.cells)
+        """Whether every claim was shown, and every method had one to show."""
+        asked = {cell.method for cell in self.cells if not cell.refusal}
+        return bool(asked) and asked == {cell.method for cell in self.cells} and all(c.shown for c in self.cells)
+
+    @property
+    def refusals(self) -> list[str]:
+        """What methods do not take, a line for every method and map."""
+        found: dict[tuple[str, str], dict[str, str]] = {}
+        for cell in self.cells:
+            if cell.refusal:
+                found.setdefault((cell.method, cell.map), {})[cell.system] = cell.refusal
+        return [f"{m} over {tau} on {', '.join(why)}: {next(iter(why.values()))}" for (m, tau), why in found.items()]
 
     @property
     def failures(self) -> list[str]:

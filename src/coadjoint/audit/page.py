@@ -49,7 +49,10 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
         else "Not every claim was shown:\n\n" + "\n".join(f"- {failure}" for failure in audit.failures)
     )
     shown = "\n\n".join(f"![{_CAPTIONS[name]}](figures/{name})\n\n{_CAPTIONS[name]}" for name in figures)
+    refused = "\n".join(f"- {sentence}" for sentence in audit.refusals)
+    refused = f"What methods refuse, and were not asked about:\n\n{refused}\n\n" if refused else ""
     return _PAGE.format(
+        refused=refused,
         command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
         orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
         reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, figures=shown,
@@ -81,14 +84,15 @@ that is claimed, and the least and greatest that were measured; then the worst o
 - *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms. *drift*: what a line
   through the means of |E − E₀| over twenty intervals gains, relative to their mean; at most {drift:g}. An error in
   proportion to time is at 2, one that grows as its square root at 1.2. Where a method claims its energy exact, the band
-  itself is at round-off.
+  itself is held to the same limit as momentum. `EnergyMomentum` with one point claims that where ℋ is quadratic, and
+  nothing on other systems.
 
 Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, or divided
 by √2 for orders from 5 on. Errors that round-off reaches are left out; of the others the finest few are fitted.
 
 {table}
 
-## Systems
+{refused}## Systems
 
 {systems}
 

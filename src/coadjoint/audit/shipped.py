@@ -9,6 +9,7 @@ from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Square
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
+    EnergyMomentum,
     LeftRectangle,
     LeftRight,
     Method,
@@ -65,5 +66,7 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Suzuki4(Midpoint)", lambda tau: Suzuki4(Midpoint(tau))),
     Shipped("Suzuki4(Trapezoidal)", lambda tau: Suzuki4(Trapezoidal(tau))),
     Shipped("Suzuki4(LeftRight)", lambda tau: Suzuki4(LeftRight(tau))),
+    Shipped("EnergyMomentum", EnergyMomentum),
+    Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
 )
 """A method that is not here is not audited: a test holds this list complete."""

@@ -22,14 +22,16 @@ from coadjoint.spaces import Adjoint, Defining, Sphere
 class Problem:
     """A system with a start; `duration` (s) is that of the runs for the order.
 
-    Unless `conservative`, forces act, and order and symmetry alone are measured. `of_velocity`: ℓ depends on ξ alone.
-    Every quadrature rule is then its own adjoint, Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher.
+    Unless `conservative`, forces act, and order and symmetry alone are measured. `quadratic`: ℋ is quadratic in
+    (μ, π, n, a). `of_velocity`: ℓ depends on ξ alone. Every quadrature rule is then its own adjoint,
+    Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher.
     """
 
     name: str
     make: Callable[[], tuple[System, State]]
     duration: float
     conservative: bool = True
+    quadratic: bool = False
     of_velocity: bool = False
 
     @property
@@ -140,9 +142,9 @@ def pendulum_on_body() -> tuple[System, State]:
 PROBLEMS: dict[str, Problem] = {
     problem.name: problem
     for problem in (
-        Problem("heavy top", heavy_top, 2.0),
-        Problem("body in fluid", body_in_fluid, 2.0),
-        Problem("free rigid body", free_rigid_body, 3.0, of_velocity=True),
+        Problem("heavy top", heavy_top, 2.0, quadratic=True),
+        Problem("body in fluid", body_in_fluid, 2.0, quadratic=True),
+        Problem("free rigid body", free_rigid_body, 3.0, quadratic=True, of_velocity=True),
         Problem("rigid motion", rigid_motion, 2.0),
         Problem("plane motion", plane_motion, 2.0),
         Problem("pendulum on body", pendulum_on_body, 2.0),

@@ -24,10 +24,11 @@ COLUMNS = (
 
 
 def rows(audit: Audit) -> list[tuple[str, ...]]:
-    """A row a method and map: what was measured on all systems, the worst of it."""
+    """A row a method and map that the method takes: what was measured on all systems, the worst of it."""
     found: dict[tuple[str, str], list[Cell]] = {}
     for cell in audit.cells:
-        found.setdefault((cell.method, cell.map), []).append(cell)
+        if not cell.refusal:
+            found.setdefault((cell.method, cell.map), []).append(cell)
     return [_row(method, tau, cells) for (method, tau), cells in found.items()]
 
 
@@ -36,8 +37,9 @@ def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
         return [finding for cell in cells for finding in cell.findings if finding.claim == claim]
 
     orders = [finding for finding in of("order") if np.isfinite(finding.measured)]
-    long_runs = [cell.long_run for cell in cells if cell.long_run is not None]
-    exact = any(finding.claimed != "bounded" for finding in of("energy"))
+    asked = [cell for cell in cells if any(finding.claim == "energy" for finding in cell.findings)]
+    long_runs = [cell.long_run for cell in asked if cell.long_run is not None]
+    exact = any(finding.claimed == "exact" for finding in of("energy"))
     return (
         method,
         tau,
@@ -98,6 +100,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "method": cell.method,
         "map": cell.map,
         "system": cell.system,
+        "refusal": cell.refusal,
         "shown": cell.shown,
         "findings": [
             {

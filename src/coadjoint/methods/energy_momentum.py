@@ -83,8 +83,8 @@ class EnergyMomentum(Method, Step):
 
     @property
     def claims(self) -> Claims:
-        """Of every smooth system; of quadratic ℋ one point keeps the energy exactly."""
-        return Claims(2, True, symplectic=False, energy="exact" if self.points >= 4 else "bounded")
+        """Four points keep every smooth energy to round-off; with fewer it drifts where ℋ is not quadratic."""
+        return Claims(2, True, symplectic=False, energy="exact" if self.points >= 4 else "quadratic")
 
     @property
     def title(self) -> str:

@@ -21,7 +21,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
 Start = Literal["momentum", "velocity"]
-Energy = Literal["bounded", "exact", "discrete"]
+Energy = Literal["bounded", "exact", "quadratic", "discrete"]
 
 
 class Claims(NamedTuple):
@@ -29,7 +29,8 @@ class Claims(NamedTuple):
 
     `order` of convergence, with forces too; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the
     two-form is kept; `momentum`, m of every isotropy direction is kept to round-off; `energy`, "bounded" for an error
-    without drift, "exact" for the Legendre energy and "discrete" for −∂_hΛ, both to round-off.
+    without drift, "exact" for Legendre's to round-off, "quadratic" for that where ℋ is quadratic and nothing elsewhere,
+    "discrete" for −∂_hΛ to round-off.
     """
 
     order: int
