@@ -29,6 +29,7 @@ class Equations:
 
     curved: float
     fraction: float = 1.0
+    tolerant: bool = False
     groups: tuple[int, ...] = ()
 
     def guess(self, p, s, h):
@@ -43,7 +44,7 @@ class Equations:
     def record(self, p, s, h, z):
         return z
 
-    def advance(self, p, s, h, z):
+    def advance(self, p, s, h, z, sound=1.0):
         return s
 
     def certificate(self, p, before, h, z, after):
@@ -53,6 +54,8 @@ class Equations:
 @dataclass(frozen=True)
 class Still:
     stages: tuple[Equations, ...]
+    substeps: tuple[float, ...] = (1.0,)
+    stops: bool = False
 
     def prepare(self, p, s):
         return s

@@ -69,6 +69,7 @@ class LeftRectangle:
     """The stage; `limit` bounds h|ξ| as a chart would."""
 
     fraction: float = 1.0
+    tolerant: bool = False
     groups: tuple[int, ...] = (3, 3)
     limit: float = 4.0
 
@@ -86,7 +87,7 @@ class LeftRectangle:
     def record(self, p, s, h, z):
         return s._replace(xi=z[:3], nu=z[3:])
 
-    def advance(self, p, s, h, z):
+    def advance(self, p, s, h, z, sound=1.0):
         xi, nu = z[:3], z[3:]
         _, _, torque, force = gradients(p, s, xi, nu)
         F = cayley(h * xi)
@@ -113,6 +114,8 @@ class LeftRectangle:
 @dataclass(frozen=True)
 class VehicleProgram:
     stages: tuple[LeftRectangle, ...] = (LeftRectangle(),)
+    substeps: tuple[float, ...] = (1.0,)
+    stops: bool = False
 
     def prepare(self, p, s):
         return s

@@ -88,7 +88,7 @@ def certified(program, constants, state, shift):
     def residual(constants, state, h):
         root = newton.solve(partial(stage.residual, constants, state, h), stage.guess(constants, state, h), h, (3, 1))
         z = root.unknowns * jnp.array([1 + shift, 1 + shift, 1 + shift, 1.0])
-        after = stage.advance(constants, state, h, z)
+        after = stage.advance(constants, state, h, z, 1.0)
         return stage.certificate(constants, state, h, z, after)["newton_residual"]
 
     return float(evaluate(residual, constants, state, np.float64(H)))

@@ -15,6 +15,7 @@ from coadjoint.kernels.differentiation import backward, forward
 from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
 from coadjoint.kernels.expression import Graph, Node, substitute
 from coadjoint.kernels.increments import Increment, linear_solve
+from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.plan import Plan
 from coadjoint.kernels.solving import increment_values
 
@@ -45,7 +46,9 @@ def tape(plan: Plan) -> list[Node]:
 
 
 def adjoint(plan: Plan) -> Adjoint:
-    """The adjoint of a step whose parameters are all symbols."""
+    """The adjoint of a step whose parameters are all symbols; raises Untraceable where a stage may fail."""
+    if any(stage.sound is not None for stage in plan.stages):
+        raise Untraceable("advance", "a stage that may fail has no derivative in native code")
     graph = plan.graph
     record_bar = [graph.symbol(f"r{i}'") for i in range(len(plan.record))]
     after_bar = [graph.symbol(f"a{i}'") for i in range(len(plan.state))]

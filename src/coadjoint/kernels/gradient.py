@@ -150,10 +150,10 @@ def _adjoint(key: tuple[Program, Layout, Layout, tuple[int, ...]], parameters: A
             _adjoints.move_to_end(key)
             return known
     program, _, _, pattern = key
-    forward = plan(program, parameters, state, pattern, False)
+    forward = plan(program, parameters, state, pattern, False, unrolled=True)
     taped = native.load(replace(forward, record=adjoints.tape(forward)), 1)
     # Derivatives by entries that happen to be 0 or 1 are wanted too: here all parameters are symbols.
-    general = plan(program, parameters, state, (2,) * len(pattern), False)
+    general = plan(program, parameters, state, (2,) * len(pattern), False, unrolled=True)
     code = machine(adjoints.assemble(adjoints.adjoint(general)))
     made = _Adjoint(taped, code, code.function(adjoints.NAME, *_SIGNATURE))
     with _lock:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from coadjoint.kernels.emitter import WHOLE, Emitter, outer
+from coadjoint.kernels.expression import Node
 from coadjoint.kernels.increments import Increment
 from coadjoint.kernels.plan import StagePlan
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
@@ -163,6 +164,8 @@ class StageLoop:
     def _judge(self, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """Whether Newton settled on finite unknowns inside the chart, and the next state is finite."""
         b, emit = self.b, self.emit
+        if self.stage.sound is not None:
+            return self._tolerated(self.stage.sound, z, settled, iterations)
         (chart,) = emit.values([self.stage.chart])
         inside = b.fcmp_ordered("<", chart, emit.constant(1.0))
         sound = b.and_(b.and_(settled, inside), finite(emit, [*emit.values(self.stage.after), *z]))
@@ -171,6 +174,16 @@ class StageLoop:
         code = b.select(settled, code, counts(Code.NOT_CONVERGED))
         code = b.select(finite(emit, z), code, counts(Code.NOT_FINITE))
         return Outcome(sound, iterations, code)
+
+    def _tolerated(self, symbol: Node, z: list[Any], settled: Any, iterations: Any) -> Outcome:
+        """A stage that may fail says whether it did, and the step goes on."""
+        b, emit = self.b, self.emit
+        (chart,) = emit.values([self.stage.chart])
+        inside = b.fcmp_ordered("<", chart, emit.constant(1.0))
+        found = b.and_(b.and_(settled, inside), finite(emit, z))
+        emit.bind(symbol, b.select(found, emit.constant(1.0), emit.constant(0.0)))
+        sound = finite(emit, emit.values(self.stage.after))
+        return Outcome(sound, iterations, emit.counts(Code.NOT_FINITE))
 
 
 def finite(emit: Emitter, values: Iterable[Any]) -> Any:

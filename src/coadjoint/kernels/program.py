@@ -1,9 +1,9 @@
 """What a kernel runs: pure functions of arrays, with no knowledge of groups or Lagrangians.
 
 A step from t to t + h solves, stage by stage, residual(z) = 0 for the unknowns z of the stage and is then
-explicit. A `Program` is a static, hashable object; every function of it is pure and traceable by JAX and works
-on PyTrees of float64 arrays. `parameters`, `state` and `h` are arguments, never constants. Both backends run
-these same functions.
+explicit; a composition runs the stages over each of its substeps in turn. A `Program` is a static, hashable object;
+every function of it is pure and traceable by JAX and works on PyTrees of float64 arrays. `parameters`, `state` and
+`h` are arguments, never constants. Both backends run these same functions.
 """
 
 from __future__ import annotations
@@ -40,13 +40,20 @@ class Code(enum.IntEnum):
     NOT_CONVERGED = 1
     NOT_FINITE = 2
     BEYOND_CHART = 3
+    STOPPED = 4
+    """The step is good, and an event ended the run with it."""
 
 
 class Stage(Protocol):
-    """One implicit stage of a step; `h` is the stage's own step, `fraction` times the step of the program."""
+    """One implicit stage of a substep; `h` is the stage's own step, `fraction` times the substep."""
 
     @property
     def fraction(self) -> float: ...
+
+    @property
+    def tolerant(self) -> bool:
+        """Whether the step goes on where this stage fails: then `advance` is given its guess and `sound` = 0."""
+        ...
 
     @property
     def groups(self) -> tuple[int, ...]:
@@ -69,8 +76,8 @@ class Stage(Protocol):
         """`state` with the unknowns of the stage that starts at it."""
         ...
 
-    def advance(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> State:
-        """The next state, explicit in the solution z."""
+    def advance(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns, sound: Scalar) -> State:
+        """The next state, explicit in the solution z; `sound` is 0 where a tolerant stage failed, 1 otherwise."""
         ...
 
     def certificate(
@@ -81,10 +88,20 @@ class Stage(Protocol):
 
 
 class Program(Protocol):
-    """A whole step: `prepare`, then every stage in turn; the first stage's record is the step's."""
+    """A whole step: `prepare`, then over every substep every stage in turn.
+
+    The record of a step is that of the first stage, in the first substep, that is not tolerant.
+    """
 
     @property
-    def stages(self) -> tuple[Stage, ...]: ...
+    def stages(self) -> tuple[Stage, ...]:
+        """The stages of one substep."""
+        ...
+
+    @property
+    def substeps(self) -> tuple[float, ...]:
+        """The substeps as parts of h, which may be negative; (1.0,) for a method that is not composed."""
+        ...
 
     def prepare(self, parameters: Parameters, state: State) -> State:
         """The state with its inputs for the step that starts (zero-order hold)."""
@@ -92,4 +109,13 @@ class Program(Protocol):
 
     def monitors(self, parameters: Parameters, record: State, h: Scalar) -> Mapping[str, Scalar]:
         """What is observed at every record, scalars or arrays; a step where it is not finite fails."""
+        ...
+
+    @property
+    def stops(self) -> bool:
+        """Whether `stop` may end a run."""
+        ...
+
+    def stop(self, parameters: Parameters, before: State, after: State) -> Scalar:
+        """Positive where an event between two nodes ends the run."""
         ...

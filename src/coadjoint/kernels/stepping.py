@@ -17,6 +17,7 @@ from coadjoint.kernels.expression import Node, reachable
 from coadjoint.kernels.newton_loop import StageLoop, finite
 from coadjoint.kernels.plan import Plan
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.substeps import Done, substeps
 
 NAME = "step"
 POINTER = DOUBLE.as_pointer()
@@ -105,7 +106,8 @@ class _Stepper:
     def _results(self) -> list[Node]:
         """What must be computed as it is written, the residuals among them."""
         plan = self.plan
-        roots = [*plan.record, *plan.monitors, *plan.certificates.values()]
+        roots = [*plan.record, *plan.monitors, *plan.certificates.values(), *([] if plan.stop is None else [plan.stop])]
+        roots += [] if plan.inner is None else plan.inner.start
         for stage in plan.stages:
             roots += [*stage.guess, *stage.solution, stage.chart, *stage.after]
             for increment in stage.increments():
@@ -120,33 +122,33 @@ class _Stepper:
         return roots
 
     def _varying(self) -> set[Node]:
-        symbols = set(self.plan.state)
+        symbols, inner = set(self.plan.state), self.plan.inner
+        if inner is not None:
+            symbols.update(inner.state, inner.after, [inner.h])
         for stage in self.plan.stages:
-            symbols.update(stage.unknowns, stage.solution)
+            symbols.update(stage.unknowns, stage.solution, [] if stage.sound is None else [stage.sound])
         return symbols
 
     def _step(self) -> None:
         b, plan = self.builder, self.plan
         for node, place in zip(plan.state, self.state, strict=True):
             self.emit.bind(node, b.load(place))
-        iterations = self.emit.counts(0)
-        well: Any = None
-        code = self.emit.counts(0)
         idle = self.emit.bit(False) if self.width == 1 else b.xor(b.load(self.alive), self.emit.bit(True))
-        for stage in plan.stages:
-            outcome = StageLoop(self.emit, stage, idle).run()
-            iterations = b.add(iterations, outcome.iterations)
-            code = outcome.code if well is None else b.select(well, outcome.code, code)
-            well = outcome.sound if well is None else b.and_(well, outcome.sound)
-        if watched := [*plan.monitors, *plan.certificates.values()]:
+        if plan.inner is None:
+            done = self._stages(idle)
+        else:
+            kept = [self.variable(self.emit.number) for _ in (*plan.record, *plan.monitors)]
+            done = substeps(self.emit, plan, plan.inner, kept, self._stages, idle)
+        code, well = done.code, done.well
+        observed = done.monitors()
+        if watched := [*observed, *done.certificates]:
             # What is observed is a result too: it never is NaN.
-            seen = finite(self.emit, self.emit.values(watched))
+            seen = finite(self.emit, watched)
             code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
             well = b.and_(well, seen)
-        after = self.emit.values(plan.stages[-1].after)
         well = b.and_(b.load(self.alive), well)
         if self.width > 1:
-            self._finish(after, well, code, iterations)
+            self._finish(done, observed, well, code)
             return
         # One trajectory: a failed step leaves everything as it is and ends the loop.
         fine, failed, on = (b.append_basic_block(name) for name in ("fine", "failed", "on"))
@@ -156,36 +158,67 @@ class _Stepper:
         b.store(self.emit.bit(False), self.alive)
         b.branch(on)
         b.position_at_end(fine)
-        self._finish(after, None, code, iterations)
+        self._finish(done, observed, None, code)
         b.branch(on)
         b.position_at_end(on)
 
-    def _finish(self, after: list[Any], well: Any, code: Any, iterations: Any) -> None:
-        """Record, observe and take the new state, in the lanes that are well."""
+    def _stages(self, idle: Any) -> Done:
+        """The stages one after the other; lanes that are idle do not wait."""
+        b, plan = self.builder, self.plan
+        iterations, code = self.emit.counts(0), self.emit.counts(0)
+        well: Any = None
+        for stage in plan.stages:
+            outcome = StageLoop(self.emit, stage, idle).run()
+            iterations = b.add(iterations, outcome.iterations)
+            code = outcome.code if well is None else b.select(well, outcome.code, code)
+            well = outcome.sound if well is None else b.and_(well, outcome.sound)
+        return Done(
+            well=well,
+            code=code,
+            iterations=iterations,
+            after=self.emit.values(plan.stages[-1].after),
+            record=lambda: self.emit.values(plan.record),
+            monitors=lambda: self.emit.values(plan.monitors),
+            certificates=self.emit.values(plan.certificates.values()),
+        )
+
+    def _finish(self, done: Done, observed: list[Any], well: Any, code: Any) -> None:
+        """Record, observe and take the new state, in the lanes that are well; an event ends the run there."""
         b = self.builder
         alive = b.load(self.alive)
-        self._observe(well)
+        self._observe(done, observed, well)
+        stop = self._stop()
 
         def keep(value: Any, place: Any) -> None:
             b.store(value if well is None else b.select(well, value, b.load(place)), place)
 
-        for value, place in zip(after, self.state, strict=True):
+        for value, place in zip(done.after, self.state, strict=True):
             keep(value, place)
         keep(b.add(b.load(self.steps), self.emit.counts(1)), self.steps)
-        keep(b.add(b.load(self.total), iterations), self.total)
+        keep(b.add(b.load(self.total), done.iterations), self.total)
         most = b.load(self.most)
-        keep(b.select(b.icmp_signed(">", most, iterations), most, iterations), self.most)
+        keep(b.select(b.icmp_signed(">", most, done.iterations), most, done.iterations), self.most)
         if well is not None:
             newly = b.and_(alive, b.xor(well, self.emit.bit(True)))
             b.store(b.select(newly, code, b.load(self.code)), self.code)
             b.store(well, self.alive)
+        if stop is not None:
+            stop = stop if well is None else b.and_(stop, well)
+            b.store(b.select(stop, self.emit.counts(Code.STOPPED), b.load(self.code)), self.code)
+            b.store(b.and_(b.load(self.alive), b.xor(stop, self.emit.bit(True))), self.alive)
+
+    def _stop(self) -> Any:
+        """Whether an event between this node and the next ends the run."""
+        if self.plan.stop is None:
+            return None
+        (value,) = self.emit.values([self.plan.stop])
+        return self.builder.fcmp_ordered(">", value, self.emit.constant(0.0))
 
     # Records and monitors.
 
-    def _observe(self, well: Any) -> None:
-        b, plan = self.builder, self.plan
-        observed = self.emit.values(plan.monitors)
-        for i, value in enumerate([*observed, *self.emit.values(plan.certificates.values())]):
+    def _observe(self, done: Done, observed: list[Any], well: Any) -> None:
+        b = self.builder
+        for i, value in enumerate([*observed, *done.certificates]):
             self._extremum(value, i, well)
         due = b.load(self.due)
         before, now, on = b.block, b.append_basic_block("record"), b.append_basic_block("recorded")
@@ -193,7 +226,7 @@ class _Stepper:
         b.position_at_end(now)
         row = b.load(self.row)
         with self.emit.scope():
-            for values, out in ((self.emit.values(plan.record), self.record_out), (observed, self.monitor_out)):
+            for values, out in ((done.record(), self.record_out), (observed, self.monitor_out)):
                 start = b.mul(row, WHOLE(len(values)))
                 for i, value in enumerate(values):
                     self.store(value, out, b.add(start, WHOLE(i)))

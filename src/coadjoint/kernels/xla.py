@@ -34,29 +34,54 @@ class StepResult(NamedTuple):
 
 def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
     """One step of a program; a failed one leaves the state as it was."""
-    before, record = state, None
-    state = program.prepare(parameters, state)
-    code, iterations = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0)
+    before = state
+
+    def substep(state, fraction):
+        result = _stages(program, parameters, state, fraction * h, certify)
+        return result.after, result
+
+    fractions = program.substeps
+    prepared = program.prepare(parameters, state)
+    if len(fractions) == 1:
+        after, result = substep(prepared, fractions[0])
+    else:
+        after, results = lax.scan(substep, jax.tree.map(jnp.asarray, prepared), np.array(fractions))
+        result = StepResult(
+            record=jax.tree.map(lambda rows: rows[0], results.record),
+            after=after,
+            code=results.code[jnp.argmax(results.code > 0)],
+            iterations=jnp.sum(results.iterations),
+            certificates={name: jnp.max(values) for name, values in results.certificates.items()},
+        )
+    after = jax.tree.map(lambda new, old: jnp.where(result.code == 0, new, old), after, before)
+    return result._replace(after=after)
+
+
+def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool) -> StepResult:
+    """The stages of a substep one after the other."""
+    code, iterations, record = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0), None
     certificates: dict[str, jax.Array] = {}
     for stage in program.stages:
         part = stage.fraction * h
         residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
         root = newton.solve(residual, guess, part, stage.groups)
-        z = root.unknowns
-        after = stage.advance(parameters, state, part, z)
+        inside = stage.chart(parameters, state, part, root.unknowns) < 1.0
+        found = (root.code == 0) & inside
+        z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns
+        after = stage.advance(parameters, state, part, z, jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0)
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
-        inside = stage.chart(parameters, state, part, z) < 1.0
         here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))
+        here = jnp.asarray(int(Code.CONVERGED)) if stage.tolerant else here
         here = jnp.where((here == 0) & ~finite, int(Code.NOT_FINITE), here)
         code = jnp.where(code > 0, code, here)
         iterations = iterations + root.iterations
-        record = stage.record(parameters, state, part, z) if record is None else record
+        if record is None and not stage.tolerant:
+            record = stage.record(parameters, state, part, z)
         if certify:
             for name, value in stage.certificate(parameters, state, part, z, after).items():
                 certificates[name] = jnp.maximum(certificates.get(name, -jnp.inf), value)
         state = after
-    after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), state, before)
-    return StepResult(record, after, code, iterations, certificates)
+    return StepResult(record, state, code, iterations, certificates)
 
 
 class _Carry(NamedTuple):
@@ -81,6 +106,9 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
         code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
         after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
+        if program.stops:
+            ended = program.stop(parameters, state, after) > 0
+            code = jnp.where((code == 0) & ended, int(Code.STOPPED), code)
         return result._replace(after=after, code=code), seen
 
     shapes, seen_shapes = jax.eval_shape(observe, state)
@@ -94,7 +122,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
 
     def advance(carry: _Carry) -> _Carry:
         result, seen = observe(carry.state)
-        good = result.code == 0
+        good = (result.code == 0) | (result.code == int(Code.STOPPED))
         row, phase = carry.done // save_every, carry.done % save_every
         keep = good & (phase == 0)
 

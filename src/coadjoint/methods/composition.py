@@ -55,10 +55,17 @@ class Suzuki4(Method):
         return True
 
     @property
-    def stages(self) -> tuple[tuple[Step, float], ...]:
+    def substeps(self) -> tuple[float, ...]:
         gamma = 1 / (4 - 4 ** (1 / 3))
-        fractions = (gamma, gamma, 1 - 4 * gamma, gamma, gamma)
-        return tuple((step, part * fraction) for part in fractions for step, fraction in self.base.stages)
+        return (gamma, gamma, 1 - 4 * gamma, gamma, gamma)
+
+    @property
+    def pattern(self) -> tuple[tuple[Step, float], ...]:
+        return self.base.stages
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        return tuple((step, part * fraction) for part in self.substeps for step, fraction in self.pattern)
 
     @property
     def title(self) -> str:

@@ -49,6 +49,8 @@ class Step:
     """
 
     difference_map: DifferenceMap
+    tolerant = False
+    """Whether the method goes on where this step's equations have no solution: then it has `advance_if`."""
 
     def groups(self, system: System) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: Newton stops by each kind's own scale."""
@@ -122,6 +124,10 @@ class Step:
 
     def advance(self, system: System, record: State, h: Array) -> State:
         """The state at t + h, from the right discrete Legendre transform and (P43), (P44)."""
+        raise NotImplementedError
+
+    def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
+        """The state after a tolerant step; where `sound` is 0 the equations have no solution and z is the guess."""
         raise NotImplementedError
 
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
@@ -226,6 +232,21 @@ class Method:
         return "take a smaller dt", "take a smaller dt, or co.Exponential()"
 
     @property
+    def substeps(self) -> tuple[float, ...]:
+        """The substeps of a composition, as parts of h."""
+        return (1.0,)
+
+    @property
+    def pattern(self) -> tuple[tuple[Step, float], ...]:
+        """The stages of one substep with their fractions of it."""
+        return self.stages
+
+    @property
+    def recorded(self) -> tuple[Step, float]:
+        """The stage whose record is that of the step: the first that is not tolerant."""
+        return next(stage for stage in self.stages if not stage[0].tolerant)
+
+    @property
     def title(self) -> str:
         """The method in words, for cards and figures."""
         return f"{type(self).__name__}({self.difference_map!r})"
@@ -236,7 +257,7 @@ class Method:
         for step in steps:
             step.require_fit(system)
         velocities = self.start == "velocity" and state.from_velocities
-        begun = velocity_start(system, state, *self.stages[0], h) if velocities else momentum_start(system, state)
+        begun = velocity_start(system, state, *self.recorded, h) if velocities else momentum_start(system, state)
         return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))
 
 

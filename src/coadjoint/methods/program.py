@@ -41,10 +41,16 @@ class StepProgram:
     inputs: Inputs | None = None
     version: str = ""
     """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
+    until: Callable[[State], Any] | None = None
+    """A function of a state whose change of sign ends the run."""
 
     @property
     def stages(self) -> tuple[StepStage, ...]:
-        return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in self.method.stages)
+        return tuple(StepStage(self.skeleton, step, fraction) for step, fraction in self.method.pattern)
+
+    @property
+    def substeps(self) -> tuple[float, ...]:
+        return self.method.substeps
 
     def prepare(self, parameters: Constants, state: State) -> State:
         if self.inputs is None:
@@ -56,11 +62,19 @@ class StepProgram:
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)
-        step, fraction = self.method.stages[0]
+        step, fraction = self.method.recorded
         found: dict[str, Array] = {}
         for monitor in self.observed:
             found.update(monitor(system, step, record, fraction * h, parameters.monitors))
         return found
+
+    @property
+    def stops(self) -> bool:
+        return self.until is not None
+
+    def stop(self, parameters: Constants, before: State, after: State) -> Array:
+        assert self.until is not None
+        return -jnp.sign(self.until(before)) * jnp.sign(self.until(after))
 
 
 @dataclass(frozen=True)
@@ -70,6 +84,10 @@ class StepStage:
     skeleton: System
     step: Step
     fraction: float
+
+    @property
+    def tolerant(self) -> bool:
+        return self.step.tolerant
 
     @property
     def groups(self) -> tuple[int, ...]:
@@ -90,9 +108,11 @@ class StepStage:
     def chart(self, parameters: Constants, state: State, h: Array, z: Array) -> Array | float:
         return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
 
-    def advance(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
+    def advance(self, parameters: Constants, state: State, h: Array, z: Array, sound: Array) -> State:
         """The next state; a ledger, if there is one, takes up what forces do in this stage."""
         system, record = self._system(parameters), self.record(parameters, state, h, z)
+        if self.step.tolerant:
+            return self.step.advance_if(system, record, h, sound)
         after = self.step.advance(system, record, h)
         if state.ledger is None:
             return after
@@ -102,6 +122,8 @@ class StepStage:
     def certificate(
         self, parameters: Constants, before: State, h: Array, z: Array, after: State
     ) -> Mapping[str, Array]:
+        if self.step.tolerant:
+            return {}
         system, record = self._system(parameters), self.record(parameters, before, h, z)
         return {
             "balance": self.step.balance(system, record, h, after),

@@ -24,20 +24,23 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     """
     program, all_constants, all_states = plan.program, plan.constants, state
     constants, state = (all_constants, all_states) if one is None else one
-    z, h = np.zeros(program.skeleton.unknowns), np.float64(plan.h)
+    h, whole = np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state))]
     for stage in different.values():
+        z = np.zeros(sum(stage.groups))
         functions += [
             (stage.guess, (constants, state, h)),
             (stage.residual, (constants, state, h, z)),
             (stage.chart, (constants, state, h, z)),
-            (stage.advance, (constants, state, h, z)),
+            (stage.advance, (constants, state, h, z, whole)),
         ]
-    certificates = [(stage.certificate, (constants, state, h, z, state)) for stage in different.values()]
+    certificates = [
+        (stage.certificate, (constants, state, h, np.zeros(sum(stage.groups)), state)) for stage in different.values()
+    ]
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.monitors else []
     order = {step: i for i, step in enumerate(different)}
-    stages = [(order[stage.step], stage.fraction) for stage in program.stages]
+    stages = [program.substeps, *((order[stage.step], stage.fraction) for stage in program.stages)]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
