@@ -14,6 +14,9 @@ import coadjoint as co
 from coadjoint.methods import Step
 from coadjoint.spaces import Space
 
+MIDDLE = (co.Midpoint, co.Simpson)
+"""The rules with a node in the middle of the step, F = H²."""
+
 
 class Variations(NamedTuple):
     """η = g⁻¹δg and w = g⁻¹δq at both ends of a step."""
@@ -30,8 +33,8 @@ def half(system: co.System, step: Step, hxi) -> Any:
 
 
 def increment(system: co.System, step: Step, hxi) -> Any:
-    """F = τ(hξ); of the midpoint rule F = H²."""
-    if isinstance(step, co.Midpoint):
+    """F = τ(hξ); of rules with a node in the middle F = H²."""
+    if isinstance(step, MIDDLE):
         H = half(system, step, hxi)
         return system.group.compose(H, H)
     return step.difference_map.tau(system.group, hxi)
@@ -43,7 +46,7 @@ def chord_end(system: co.System, step: Step, record: co.State, h) -> Any:
     frame = group.identity()
     if isinstance(step, co.RightRectangle):
         frame = increment(system, step, h * record.xi)
-    if isinstance(step, co.Midpoint):
+    if isinstance(step, MIDDLE):
         frame = half(system, step, h * record.xi)
     return Q.act(group, frame, Q.act(group, group.inverse(frame), record.n) + h * record.nu)
 
@@ -64,6 +67,9 @@ def nodes(system: co.System, step: Step, xi, n, s, a, h, t) -> list[tuple[float,
         return [seen_from(increment(system, step, h * xi), 1.0, 1.0)]
     if isinstance(step, co.Midpoint):
         return [seen_from(half(system, step, h * xi), 0.5, 1.0)]
+    if isinstance(step, co.Simpson):
+        H, F = half(system, step, h * xi), increment(system, step, h * xi)
+        return [seen_from(group.identity(), 0.0, 1 / 6), seen_from(H, 0.5, 4 / 6), seen_from(F, 1.0, 1 / 6)]
     assert isinstance(step, co.Trapezoidal)
     return [seen_from(group.identity(), 0.0, 0.5), seen_from(increment(system, step, h * xi), 1.0, 0.5)]
 
@@ -99,14 +105,14 @@ def virtual_work(system: co.System, step: Step, record: co.State, h, v: Variatio
     total = 0.0
     for index, (weight, at) in enumerate(nodes(system, step, record.xi, record.n, s, record.a, h, record.t)):
         torque, force = system.body_force(system.motion(*at))
-        if isinstance(step, co.Midpoint):
+        if isinstance(step, co.Midpoint) or (isinstance(step, co.Simpson) and index == 1):
             value, change = jax.jvp(lambda x: group.matrix(half(system, step, x)), (hxi,), (dhxi,))
             eta = group.vee(jnp.linalg.solve(value, group.hat(v.eta) @ value + change))
             mean = 0.5 * (v.w + Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next))
             back = group.inverse(half(system, step, hxi))
             w = Q.push(group, back, record.n, mean)
         else:
-            first = isinstance(step, co.LeftRectangle) or (isinstance(step, co.Trapezoidal) and index == 0)
+            first = isinstance(step, co.LeftRectangle) or (isinstance(step, co.Trapezoidal | co.Simpson) and index == 0)
             eta, w = (v.eta, v.w) if first else (v.eta_next, v.w_next)
         total = total + h * weight * (torque @ eta + force @ w)
     return total

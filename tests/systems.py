@@ -101,6 +101,9 @@ RULES: dict[str, Any] = {
     "pair": co.LeftRight,
 }
 
+ALL_RULES: dict[str, Any] = {**RULES, "simpson": co.Simpson}
+"""With the rules that are not crossed with everything."""
+
 
 @dataclass(frozen=True)
 class World:

@@ -45,6 +45,7 @@ _HOMES = {
         "Method",
         "Midpoint",
         "RightRectangle",
+        "Simpson",
         "Suzuki4",
         "Trapezoidal",
         "Variational",

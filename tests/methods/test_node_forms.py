@@ -7,18 +7,19 @@ import pytest
 
 import action
 from coadjoint.kernels.evaluate import evaluate
-from systems import MAPS, RULES, all_cases, generator, pairwise_cases, random_system
+from systems import ALL_RULES, MAPS, WORLDS, all_cases, generator, pairwise_cases, random_system
 
 H = 0.2
 ROUND_OFF = 1e-14
 """Of the largest momentum, |(μ, π)|∞ at both ends."""
 
 SINGLE = [case for case in pairwise_cases() if case[2] != "pair"]
+SINGLE += [(world, list(MAPS)[(i + 1) % len(MAPS)], "simpson") for i, world in enumerate(WORLDS)]
 
 
 def _check(world, tau, rule):
     system, start = random_system(world, forced=True)
-    step = RULES[rule](MAPS[tau])
+    step = ALL_RULES[rule](MAPS[tau])
     z = 0.7 * generator("unknowns", world, tau, rule).normal(size=system.unknowns)
 
     def errors(state, z):

@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.continuous import reference
 from stepping import Stepper
-from systems import MAPS, RULES, random_system
+from systems import ALL_RULES, MAPS, RULES, random_system
 
 DURATION = 1.0
 PLACES = {
@@ -58,9 +58,9 @@ def problem(request) -> Problem:
     return Problem(*random_system(world, forced), MAPS[tau])
 
 
-@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("rule", ALL_RULES)
 def test_rule_has_its_order(problem, rule):
-    method = RULES[rule](problem.tau)
+    method = ALL_RULES[rule](problem.tau)
     assert method.order == {"left": 1, "right": 1}.get(rule, 2)
     assert problem.order(method, 40, 2) == pytest.approx(method.order, abs=0.1)
 

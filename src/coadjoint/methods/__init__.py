@@ -7,6 +7,7 @@ from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.right_rectangle import RightRectangle
+from coadjoint.methods.simpson import Simpson
 from coadjoint.methods.trapezoidal import Trapezoidal
 from coadjoint.methods.variational import Variational
 
@@ -19,6 +20,7 @@ __all__ = [
     "Method",
     "Midpoint",
     "RightRectangle",
+    "Simpson",
     "Step",
     "Suzuki4",
     "Trapezoidal",
