@@ -70,6 +70,13 @@ GROUPS: dict[str, LieGroup] = {
     "SL2": SL2,
     "Heisenberg": HEISENBERG,
     "SO4": SO4,
+    "quaternions": co.UnitQuaternion(),
+    "SU2": co.SU2(),
+    "SOn4": co.SOn(4),
+    "SLn3": co.SLn(3),
+    "Sp1": co.Sp(1),
+    "Sp2": co.Sp(2),
+    "H2": co.Heisenberg(2),
     "SO3_R3": co.SemidirectProduct(co.SO3(), co.Defining()),
     "SL2_dual": co.SemidirectProduct(SL2, co.Dual()),
     "nested": co.DirectProduct(

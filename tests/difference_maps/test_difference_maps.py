@@ -9,7 +9,6 @@ import pytest
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
-from coadjoint.difference_maps.exponential import _by_matrix_exponential
 from coadjoint.errors import GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.evaluate import evaluate
@@ -25,11 +24,16 @@ def close(found, expected, size=1.0):
         np.testing.assert_allclose(x, y, rtol=0, atol=ROUND_OFF * max(size, np.max(np.abs(y), initial=0.0)))
 
 
-@pytest.fixture(params=[(g, m) for g in GROUPS for m in MAPS], ids="-".join)
+UNFIT_PAIRS = {("SLn3", "cayley"), ("SLn3", "squared"), ("SLn3", "bent")}
+
+
+@pytest.fixture(params=[(g, m) for g in GROUPS for m in MAPS if (g, m) not in UNFIT_PAIRS], ids="-".join)
 def pair(request):
-    """(τ, group, ξ, χ, μ) at random."""
+    """(τ, group, ξ, χ, μ) at random, ξ inside the chart."""
     group, tau = GROUPS[request.param[0]], MAPS[request.param[1]]
-    return tau, group, *generator("map", *request.param).normal(scale=0.8, size=(3, group.dim))
+    xi, chi, mu = generator("map", *request.param).normal(scale=0.8, size=(3, group.dim))
+    far = evaluate(lambda xi: tau.chart(group, xi), xi)
+    return tau, group, xi * min(1.0, 0.95 / max(far, 1e-300)), chi, mu
 
 
 def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
@@ -134,6 +138,14 @@ def test_closed_forms_of_the_specification_on_rotations():
     }
     for tau, value in expected.items():
         close(evaluate(lambda xi, mu, t=tau: t.dtau_inverse_dual(group, xi, mu), xi, mu), value)
+
+
+def _by_matrix_exponential(group: LieGroup, xi, mu):
+    """(ad/(e^ad − 1))* μ from the corner (e^ad − 1)/ad of exp [[ad, 1], [0, 0]]."""
+    n = group.dim
+    ad = jax.vmap(lambda eta: group.ad(xi, eta), out_axes=1)(jnp.eye(n))
+    block = jnp.zeros((2 * n, 2 * n)).at[:n, :n].set(ad).at[:n, n:].set(jnp.eye(n))
+    return jnp.linalg.solve(jax.scipy.linalg.expm(block)[:n, n:].T, mu)
 
 
 # Both sides of the switch at θ = 2, tiny angles, and angles near the ends, always with a unit translation.

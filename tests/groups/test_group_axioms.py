@@ -170,13 +170,14 @@ def test_projection_removes_a_small_defect_quadratically(group, random):
     noise = jax.tree.map(lambda x: 1e-5 * random.normal(size=x.shape), g)
     disturbed = jax.tree.map(np.add, g, noise)
     assert evaluate(group.defect, g) <= 100 * ROUND_OFF * matrix_sizes(group, g)
-    if evaluate(group.defect, disturbed) == 0.0:
-        assert isinstance(group, co.Translation)
+    far = evaluate(group.defect, disturbed)
+    if far == 0.0:
+        assert isinstance(group, (co.Translation, co.Heisenberg))
         return
-    assert evaluate(group.defect, disturbed) > 1e-6
+    assert far > 1e-6
     once = evaluate(group.project, disturbed)
-    assert evaluate(group.defect, once) < 1e-8
-    close(once, g, 1e-4 / ROUND_OFF)
+    assert evaluate(group.defect, once) < 10 * far**2
+    close(once, g, max(1e-4, 30 * far) / ROUND_OFF)
     close(evaluate(group.project, g), g, matrix_sizes(group, g))
     assert evaluate(group.defect, evaluate(group.project, once)) <= 100 * ROUND_OFF * matrix_sizes(group, g)
 

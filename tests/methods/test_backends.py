@@ -10,7 +10,6 @@ import pytest
 
 from coadjoint.kernels import native, xla
 from coadjoint.kernels.evaluate import tabulate
-from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from systems import MAPS, RULES, all_cases, pairwise_cases, random_system
@@ -34,11 +33,6 @@ def assert_same(one, other):
 
 def check(case, forced, reference):
     program, constants, state = prepared(case, forced)
-    if case[0] == "SO4" and case[1] == "exponential":
-        # The general matrix exponential of 12 by 12 matrices, differentiated: more code than is worth compiling.
-        with pytest.raises(Untraceable, match="scalar operations"):
-            native.compile(program, constants, state, monitors=False)
-        return
     chunk = native.run(program, constants, state, H, STEPS, 1, monitors=False)
     records, final, iterations = reference(program, constants, state)
     assert chunk.steps == STEPS

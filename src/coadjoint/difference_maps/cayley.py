@@ -10,7 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.groups import SE2, SE3, SO2, SO3, LieGroup, SemidirectProduct, Translation
+from coadjoint.groups import (
+    SE2,
+    SE3,
+    SO2,
+    SO3,
+    Heisenberg,
+    LieGroup,
+    SemidirectProduct,
+    Translation,
+    UnitQuaternion,
+)
 from coadjoint.groups.group import Array, Element, transpose
 from coadjoint.groups.rotations import skew
 from coadjoint.kernels.evaluate import evaluate
@@ -99,6 +109,30 @@ def _(group: SE3, xi: Array) -> Element:
     omega, v = xi[:3], xi[3:]
     x = (v + 0.5 * jnp.cross(omega, v) + 0.25 * omega * (omega @ v)) / (1 + 0.25 * (omega @ omega))
     return _tau(SO3(), omega), x
+
+
+@_tau.register
+def _(group: UnitQuaternion, xi: Array) -> Element:
+    """(1 + ¼ξ)(1 − ¼ξ)⁻¹ = (1 − |ξ|²/16, ½ξ) / (1 + |ξ|²/16)."""
+    square = xi @ xi / 16
+    return jnp.concatenate([(1 - square)[None], 0.5 * xi]) / (1 + square)
+
+
+@_dtau_inverse_dual.register
+def _(group: UnitQuaternion, xi: Array, mu: Array) -> Array:
+    """(1 − |ξ|²/16) μ + ½ ξ×μ + ⅛ ξ (ξ·μ)."""
+    return (1 - xi @ xi / 16) * mu + 0.5 * jnp.cross(xi, mu) + 0.125 * xi * (xi @ mu)
+
+
+@_tau.register
+def _(group: Heisenberg, xi: Array) -> Element:
+    """(I − ξ̂/2)⁻¹(I + ξ̂/2) = I + ξ̂ + ½ξ̂², because ξ̂³ = 0: the exponential."""
+    return group.exp(xi)
+
+
+@_dtau_inverse_dual.register
+def _(group: Heisenberg, xi: Array, mu: Array) -> Array:
+    return mu - 0.5 * group.ad_dual(xi, mu)
 
 
 @_tau.register

@@ -1,11 +1,30 @@
 """Matrix Lie groups: elements, algebra coordinates, Ad, ad and their duals (mathematics: section 1)."""
 
+from coadjoint.groups.classical import SLn, SOn, Sp
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import LieGroup
+from coadjoint.groups.heisenberg import Heisenberg
 from coadjoint.groups.matrix_group import MatrixGroup
+from coadjoint.groups.quaternions import SU2, UnitQuaternion
 from coadjoint.groups.rigid_motions import SE2, SE3
 from coadjoint.groups.rotations import SO2, SO3
 from coadjoint.groups.semidirect_product import SemidirectProduct
 from coadjoint.groups.translation import Translation
 
-__all__ = ["SE2", "SE3", "SO2", "SO3", "DirectProduct", "LieGroup", "MatrixGroup", "SemidirectProduct", "Translation"]
+__all__ = [
+    "SE2",
+    "SE3",
+    "SO2",
+    "SO3",
+    "SU2",
+    "DirectProduct",
+    "Heisenberg",
+    "LieGroup",
+    "MatrixGroup",
+    "SLn",
+    "SOn",
+    "SemidirectProduct",
+    "Sp",
+    "Translation",
+    "UnitQuaternion",
+]

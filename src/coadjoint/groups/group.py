@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import GroupError
+from coadjoint.groups.matrix_exponential import exponential
 
 Element = Any
 """A group element: a PyTree of arrays."""
@@ -98,8 +99,8 @@ class LieGroup:
         return jnp.einsum("kij,i,k->j", _structure_constants(self), xi, mu)
 
     def exp(self, xi: Array) -> Element:
-        """The exponential of ξ."""
-        return self.from_matrix(jax.scipy.linalg.expm(self.hat(xi)))
+        """The exponential of ξ; NaN where ξ̂ is larger than `matrix_exponential` reaches, a norm of 19."""
+        return self.from_matrix(exponential(self.hat(xi)))
 
     def angle_squared(self, xi: Array) -> Array | None:
         """θ² where ad_ξ has no other eigenvalues than 0 and ±iθ, each in Jordan blocks of size ≤ 2; else None.

@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.groups.group import Array
+from coadjoint.groups.matrix_elements import MatrixElements
 
 
-class MatrixGroup(LieGroup):
+class MatrixGroup(MatrixElements):
     """The matrix Lie group whose algebra has the given basis; an element is a matrix (N, N).
 
     `basis`: dim matrices (N, N), linearly independent and closed under the bracket. `constraint`: a function
@@ -70,24 +71,6 @@ class MatrixGroup(LieGroup):
     @property
     def basis(self) -> np.ndarray:
         return self._basis
-
-    def identity(self) -> Array:
-        return jnp.eye(self.matrix_size)
-
-    def compose(self, g: Array, h: Array) -> Array:
-        return g @ h
-
-    def inverse(self, g: Array) -> Array:
-        return jnp.linalg.inv(g)
-
-    def matrix(self, g: Array) -> Array:
-        return g
-
-    def from_matrix(self, matrix: Array) -> Array:
-        return matrix
-
-    def tangent(self, xi: Array) -> Array:
-        return self.hat(xi)
 
     @property
     def constrained(self) -> bool:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups.group import Array, LieGroup
+from coadjoint.groups.group import Array
+from coadjoint.groups.matrix_elements import MatrixElements
 from coadjoint.groups.small_angle import sine_ratio, versine_ratio
 
 
@@ -41,27 +42,15 @@ def reflection(R: Array) -> Array:
     return jnp.abs(R[0] @ jnp.cross(R[1], R[2]) - 1)
 
 
-class _Rotations(LieGroup):
+class _Rotations(MatrixElements):
     """What SO(2) and SO(3) share: an element is the matrix R itself."""
 
     @property
     def leaf_names(self) -> tuple[str, ...]:
         return ("R",)
 
-    def compose(self, g: Array, h: Array) -> Array:
-        return g @ h
-
     def inverse(self, g: Array) -> Array:
         return g.T
-
-    def matrix(self, g: Array) -> Array:
-        return g
-
-    def from_matrix(self, matrix: Array) -> Array:
-        return matrix
-
-    def tangent(self, xi: Array) -> Array:
-        return self.hat(xi)
 
     def project(self, g: Array) -> Array:
         return orthogonal_projection(g)
@@ -80,9 +69,6 @@ class SO2(_Rotations):
     @property
     def basis(self) -> np.ndarray:
         return np.array([[[0.0, -1.0], [1.0, 0.0]]])
-
-    def identity(self) -> Array:
-        return jnp.eye(2)
 
     def vee(self, matrix: Array) -> Array:
         return jnp.stack([0.5 * (matrix[1, 0] - matrix[0, 1])])
@@ -119,9 +105,6 @@ class SO3(_Rotations):
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             basis[i, k, j], basis[i, j, k] = 1.0, -1.0
         return basis
-
-    def identity(self) -> Array:
-        return jnp.eye(3)
 
     def hat(self, xi: Array) -> Array:
         return skew(xi)

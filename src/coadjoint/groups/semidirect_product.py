@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.groups.matrix_exponential import exponential_minus_one
 from coadjoint.groups.small_angle import cubic_ratio, versine_ratio
 from coadjoint.kernels.evaluate import evaluate
 
@@ -156,7 +157,7 @@ class SemidirectProduct(LieGroup):
             return self.group.exp(x), u + versine_ratio(t) * once + cubic_ratio(t) * twice
         size = u.shape[0]
         slope = jnp.zeros((size + 1, size + 1)).at[:size, :size].set(_matrix_of_algebra(self, x)).at[:size, size].set(u)
-        return self.group.exp(x), jax.scipy.linalg.expm(slope)[:size, size]
+        return self.group.exp(x), exponential_minus_one(slope)[:size, size]
 
     def angle_squared(self, xi: Array) -> Array | None:
         return self.group.angle_squared(self.split(xi)[0]) if _has_one_angle(self) else None

@@ -56,6 +56,9 @@ def _bernoulli(count: int) -> list[Fraction]:
     return numbers
 
 
+BERNOULLI = [float(b / factorial(n)) for n, b in enumerate(_bernoulli(2 * _TERMS))]
+"""The coefficients B_n/n! of x/(eˣ − 1), which converge for |x| < 2π."""
+
 _COTANGENT = [float(abs(b) / factorial(2 * n)) for n, b in enumerate(_bernoulli(2 * _TERMS)[::2]) if n > 0]
 
 

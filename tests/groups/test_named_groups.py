@@ -1,0 +1,129 @@
+"""The groups by name: double covers, dimensions, defining equations, the matrix exponential's reach, refusals."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+
+import coadjoint as co
+from coadjoint.errors import GroupError
+from coadjoint.groups.matrix_exponential import REACH, exponential, exponential_minus_one
+from coadjoint.kernels.evaluate import evaluate
+from systems import element, generator
+
+COVERS = [co.UnitQuaternion(), co.SU2()]
+
+
+@pytest.mark.parametrize("cover", COVERS, ids=repr)
+def test_unit_quaternions_cover_the_rotations(cover):
+    """R(pq) = R(p)R(q), R(exp ξ) = exp ξ^×, R(−q) = R(q), Ad_q = R(q)."""
+    random = generator("cover")
+    p, q = element(cover, random), element(cover, random)
+    xi = 2 * random.normal(size=3)
+
+    def both(p, q, xi):
+        R = cover.rotation
+        return (
+            (R(cover.compose(p, q)), R(p) @ R(q)),
+            (R(cover.exp(xi)), co.SO3().exp(xi)),
+            (R(-q), R(q)),
+            (cover.Ad(q, xi), R(q) @ xi),
+        )
+
+    for found, expected in evaluate(both, p, q, xi):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("cover", COVERS, ids=repr)
+def test_the_cayley_transform_of_the_cover_is_the_squared_one_of_rotations(cover):
+    """R(cay(ξ)) = cay(ξ^×/2)²; both have the same (dτ⁻¹)*, because the algebras are the same."""
+    xi, mu = generator("squared").normal(size=(2, 3))
+
+    def both(xi, mu):
+        above, below = co.Cayley(), co.Squared(co.Cayley())
+        return (
+            (cover.rotation(above.tau(cover, xi)), below.tau(co.SO3(), xi)),
+            (above.dtau_inverse_dual(cover, xi, mu), below.dtau_inverse_dual(co.SO3(), xi, mu)),
+        )
+
+    for found, expected in evaluate(both, xi, mu):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+def test_su2_is_of_unitary_matrices_with_determinant_one():
+    """[[Re U, −Im U], [Im U, Re U]] with U = w − i(xσ₁ + yσ₂ + zσ₃)."""
+    q = element(co.SU2(), generator("su2"))
+    real = evaluate(co.SU2().matrix, q)
+    U = real[:2, :2] + 1j * real[2:, :2]
+    np.testing.assert_allclose(U, [[q[0] - 1j * q[3], -q[2] - 1j * q[1]], [q[2] - 1j * q[1], q[0] + 1j * q[3]]])
+    np.testing.assert_allclose(U @ U.conj().T, np.eye(2), atol=1e-15)
+    np.testing.assert_allclose(np.linalg.det(U), 1)
+
+
+@pytest.mark.parametrize(
+    ("group", "dim"),
+    [(co.SOn(2), 1), (co.SOn(5), 10), (co.SLn(2), 3), (co.SLn(4), 15), (co.Sp(1), 3), (co.Sp(3), 21)],
+    ids=repr,
+)
+def test_bases_span_the_algebra(group, dim):
+    """Their number is dim G, they are independent, and each is tangent to the defining equations."""
+    assert group.dim == dim == np.linalg.matrix_rank(group.basis.reshape(dim, -1))
+
+    def slope(xi):
+        return jax.jvp(lambda e: group.defect(group.from_matrix(jnp.eye(group.matrix_size) + e * group.hat(xi))),
+                       (1e-6,), (1.0,))[1]  # fmt: skip
+
+    slopes = [evaluate(slope, e) for e in np.eye(dim)]
+    assert np.max(np.abs(slopes)) < 1e-5
+
+
+def test_symplectic_and_heisenberg_matrices_are_what_they_are_called():
+    g = element(co.Sp(2), generator("sp"))
+    J = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    np.testing.assert_allclose(g.T @ J @ g, J, atol=1e-12)
+    matrix = evaluate(co.Heisenberg().matrix, np.array([2.0, 3.0, 5.0]))
+    np.testing.assert_array_equal(matrix, [[1, 2, 5], [0, 1, 3], [0, 0, 1]])
+
+
+def test_a_reflection_of_four_dimensions_is_outside_by_two():
+    assert evaluate(co.SOn(4).outside, np.diag([1.0, 1, 1, -1])) == 2.0
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 1.0, 5.0, 15.0])
+def test_matrix_exponential_is_exact_to_round_off_within_its_reach(size):
+    """Against scipy, relative to |e^A|; e^A − 1 of a small A relative to |A|. NaN, never a wrong number, beyond."""
+    random = generator("expm", size)
+    A = random.normal(size=(4, 4))
+    A *= size / np.linalg.norm(A, 1)
+    found, less = evaluate(lambda A: (exponential(A), exponential_minus_one(A)), A)
+    expected = scipy.linalg.expm(A)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * np.linalg.norm(expected))
+    if size < 1e-2:
+        series = A @ (np.eye(4) + A @ (np.eye(4) + A @ (np.eye(4) + A @ (np.eye(4) + A / 5) / 4) / 3) / 2)
+        np.testing.assert_allclose(less, series, rtol=0, atol=2e-15 * size)
+    assert np.all(np.isnan(evaluate(exponential, np.diag([1.1 * REACH, 0.0]))))
+
+
+def test_matrix_exponential_takes_large_translations():
+    """Nilpotent parts count little: a rotation with a translation by 500."""
+    A = np.zeros((4, 4))
+    A[:3, :3], A[:3, 3] = [[0, -1.2, 0.4], [1.2, 0, -0.3], [-0.4, 0.3, 0]], [500.0, -300.0, 40.0]
+    np.testing.assert_allclose(evaluate(exponential, A), scipy.linalg.expm(A), rtol=1e-13, atol=1e-16)
+
+
+@pytest.mark.parametrize("make", [co.SOn, co.SLn, co.Sp, co.Heisenberg])
+def test_a_size_that_is_none_is_refused(make):
+    for size in (0, 2.5, True):
+        with pytest.raises(GroupError, match=f"Argument `size` of {make.__name__} must be a whole number"):
+            make(size)
+
+
+def test_exponential_steps_beyond_its_chart_fail_in_a_sentence():
+    body = co.System(co.SOn(4), lambda xi: 0.5 * xi @ xi)
+    start = body.state(xi=[3.0, 0, 0, 0, 0, 0])
+    co.simulate(body, start, dt=0.4, steps=2, method=co.LeftRectangle(co.Exponential()))
+    with pytest.raises(co.ArgumentError, match=r"leave the chart of Exponential\(\) by a factor"):
+        co.simulate(body, start, dt=0.8, steps=2, method=co.LeftRectangle(co.Exponential()))
