@@ -38,9 +38,11 @@ _HOMES = {
         "UnitQuaternion",
     ),
     "coadjoint.kernels.float64": ("float64",),
+    "coadjoint.mechanics.casimirs": ("casimirs",),
     "coadjoint.mechanics.each": ("each",),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
+    "coadjoint.mechanics.poisson": ("poisson_bracket",),
     "coadjoint.mechanics.state": ("Force", "Motion", "State"),
     "coadjoint.mechanics.system": ("System",),
     "coadjoint.methods": (
@@ -84,9 +86,11 @@ if TYPE_CHECKING:
     from coadjoint.groups import *  # noqa: F403
     from coadjoint.groups import attitude as attitude
     from coadjoint.kernels.float64 import float64 as float64
+    from coadjoint.mechanics.casimirs import casimirs as casimirs
     from coadjoint.mechanics.each import each as each
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
+    from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
     from coadjoint.mechanics.state import Force as Force
     from coadjoint.mechanics.state import Motion as Motion
     from coadjoint.mechanics.state import State as State

@@ -6,34 +6,21 @@ from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import action
 import coadjoint as co
-from coadjoint.kernels import xla
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum, total_momentum
-from coadjoint.mechanics.system import replace_parameters
-from coadjoint.methods import Step
-from coadjoint.methods.program import Constants, StepProgram
 from stepping import Leap, tabulated
 from systems import MAPS, RULES, all_cases, generator, pairwise_cases, random_system
+from two_form import carry, tangents
 
 H, STEPS = 0.15, 3
 ROUND_OFF = 2e-13
 """Of the sum of the absolute terms of the two-form; of the largest momentum times 1 + |n|∞ for conserved momenta."""
-
-
-class Tangents(NamedTuple):
-    """Variations of a state at fixed a₀: η = g⁻¹δg, w = g⁻¹δq = δn + η·n, δμ, δπ."""
-
-    eta: jax.Array
-    w: jax.Array
-    mu: jax.Array
-    pi: jax.Array
 
 
 class Run(NamedTuple):
@@ -43,56 +30,6 @@ class Run(NamedTuple):
     leaps: list[Leap]
     two_forms: list[tuple[float, float, float]]
     scale: float
-
-
-def two_form(system: co.System, state: co.State, d1: Tangents, d2: Tangents):
-    """ω(δ₁, δ₂) = ⟨δ₂μ, η₁⟩ − ⟨δ₁μ, η₂⟩ + ⟨μ, [η₁, η₂]⟩ + ⟨δ₂π, w₁⟩ − ⟨δ₁π, w₂⟩ + ⟨π, η₁·w₂ − η₂·w₁⟩ and its size."""
-    group, Q = system.group, system.additional
-    turned = Q.lifted(group, d1.eta, state.n, d2.w) - Q.lifted(group, d2.eta, state.n, d1.w)
-    on_group = [d2.mu @ d1.eta, -d1.mu @ d2.eta, state.mu @ group.ad(d1.eta, d2.eta)]
-    terms = jnp.stack([*on_group, d2.pi @ d1.w, -d1.pi @ d2.w, state.pi @ turned])
-    return jnp.sum(terms), jnp.sum(jnp.abs(terms))
-
-
-def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: Tangents):
-    """A step with two tangents through it: record, state after, code, and the two-form before and after."""
-    group, Q, V = system.places
-    program = StepProgram(replace_parameters(system, None), step)  # type: ignore[arg-type]
-    constants = Constants(system.parameters, None)
-
-    def map_(g, n, a, mu, pi):
-        moved = xla.step(program, constants, state.replace(g=g, n=n, a=a, mu=mu, pi=pi), h, certify=False)
-        after = moved.after
-        return (group.matrix(after.g), after.n, after.mu, after.pi), moved
-
-    at = (state.g, state.n, state.a, state.mu, state.pi)
-
-    def through(d: Tangents) -> Tangents:
-        dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
-        dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
-        (g, n, _, _), (dg, dn, dmu, dpi), _ = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi), has_aux=True)
-        eta = group.vee(jnp.linalg.solve(g, dg))
-        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi)
-
-    ends = jax.vmap(through)(jax.tree.map(lambda x, y: jnp.stack([x, y]), d1, d2))
-    _, moved = map_(*at)
-    first, last = (jax.tree.map(lambda x, i=i: x[i], ends) for i in (0, 1))
-    before = two_form(system, state, d1, d2)
-    after = two_form(system, moved.after, first, last)
-    return moved.record, moved.after, moved.code, (before[0], after[0], before[1] + after[1])
-
-
-def tangents(system: co.System, state: co.State, random: np.random.Generator) -> Tangents:
-    """Random ones; on a curved Q, w tangent to Q and δπ to T*Q, π·n = 0."""
-    Q, group = system.additional, system.group
-    w, pi = random.normal(size=(2, Q.ambient(group)))
-    eta, mu = random.normal(size=(2, group.dim))
-    if not Q.flat:
-        n = state.n
-        w = w - (w @ n) * n
-        dn = w - np.cross(eta, n)
-        pi = pi - (pi @ n) * n - (state.pi @ dn) * n
-    return Tangents(eta, w, mu, pi)
 
 
 @pytest.fixture(

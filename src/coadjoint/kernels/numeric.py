@@ -128,7 +128,8 @@ def _lu(p: Any, a: Array) -> list[Array]:
     if a.ndim > 2:
         parts = [_lu(p, b) for b in a]
         return [np.stack(part) for part in zip(*parts, strict=True)]
-    factors, pivots = scipy.linalg.lu_factor(a, check_finite=False)
+    # LAPACK itself: SciPy's lu_factor warns of a singular matrix, which here, as by XLA, gives infinities.
+    factors, pivots, _ = scipy.linalg.lapack.dgetrf(a) if a.size else (a, (), 0)
     order = np.arange(a.shape[0])
     for i, j in enumerate(pivots):
         order[[i, j]] = order[[j, i]]

@@ -1,8 +1,9 @@
-"""What is wrong with a Lagrangian, said before a run."""
+"""What is wrong with a Lagrangian or a Hamiltonian, said before a run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -10,6 +11,7 @@ import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.kernels.evaluate import evaluate, tabulate, traced
+from coadjoint.mechanics.legendre import Place, curvature
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces.numbers import is_short
@@ -19,29 +21,44 @@ SINGULAR = 1e-13
 
 
 def check(system: System, start: State) -> list[str]:
-    """Raise LagrangianError where ℓ cannot be integrated from `start`; return warnings, a sentence each.
+    """Raise LagrangianError where ℓ or ℋ cannot be integrated from `start`; return warnings, a sentence each.
 
     ℓ must return one float64 number that is finite with finite gradient, hold no float32 constants, and have a
-    regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible. Inside the user's own transformations only shapes are seen.
+    regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible; of ℋ, ∂²ℋ/∂(μ, π)². Inside the user's own transformations
+    only shapes are seen.
     """
     if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
     if system.forces is not None:
         motion = system.motion(start.xi, start.n, start.nu, start.a, start.t, start.inputs, start.internal)
         require_float64(lambda m: system.body_force(m), "The function `forces`", (motion,))
-    if system.lagrangian is None:
+    if not system.continuous:
         return []
-    arguments = (start.xi, start.n, start.nu, start.a)
-
-    def lagrangian(xi, n, nu, a):
-        return system.reduced_lagrangian(xi, n, nu, a, start.t, start.inputs)
-
-    require_scalar(lagrangian, "The Lagrangian", arguments)
+    what, function = given(system)
+    arguments = point(system, start)
+    require_scalar(partial(function, t=start.t, inputs=start.inputs), what, arguments)
     if traced(system.parameters, start):
         return []
-    _require_finite(lagrangian, arguments)
+    _require_finite(partial(function, t=start.t, inputs=start.inputs), what, arguments)
     _require_symmetric(system, start)
-    return _require_regular(system, lagrangian, arguments)
+    if system.hamiltonian is not None:
+        require_regular_hamiltonian(system, start)
+        return []
+    return _require_regular(system, partial(function, t=start.t, inputs=start.inputs), arguments)
+
+
+def given(system: System) -> tuple[str, Callable[..., Any]]:
+    """What the user gave, in words, and as a function (ξ, n, ν, a, t, inputs) or (μ, n, π, a, t, inputs)."""
+    if system.hamiltonian is not None:
+        return "The Hamiltonian", system.reduced_hamiltonian
+    return "The Lagrangian", system.reduced_lagrangian
+
+
+def point(system: System, state: State) -> tuple[Any, ...]:
+    """The arguments of ℓ, or of ℋ, at a state."""
+    if system.hamiltonian is not None:
+        return state.mu, state.n, state.pi, state.a
+    return state.xi, state.n, state.nu, state.a
 
 
 def _check_discrete(system: System, start: State) -> None:
@@ -124,16 +141,16 @@ def _holds_float32(jaxpr: Any) -> bool:
     return False
 
 
-def _require_finite(lagrangian: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    value, gradient = evaluate(jax.value_and_grad(lagrangian, argnums=(0, 1, 2, 3)), *arguments)
+def _require_finite(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
+    value, gradient = evaluate(jax.value_and_grad(function, argnums=(0, 1, 2, 3)), *arguments)
     if not np.isfinite(value):
-        raise LagrangianError(f"The Lagrangian must be finite at the start, but is {float(value)}.")
-    names = ("xi", "n", "nu", "a")
+        raise LagrangianError(f"{what} must be finite at the start, but is {float(value)}.")
+    names = ("mu", "n", "pi", "a") if "Hamiltonian" in what else ("xi", "n", "nu", "a")
     bad = [name for name, part in zip(names, gradient, strict=True) if not np.all(np.isfinite(part))]
     if bad:
         raise LagrangianError(
-            f"The gradient of the Lagrangian in {', '.join(bad)} must be finite at the start, but is not: look for a "
-            "norm or square root at zero, or a division by zero."
+            f"The gradient of {what[0].lower() + what[1:]} in {', '.join(bad)} must be finite at the start, but is not: "
+            "look for a norm or square root at zero, or a division by zero."
         )
 
 
@@ -157,17 +174,18 @@ def _require_symmetric(system: System, start: State) -> None:
 
 
 def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndarray]]:
-    """∂ℓ/∂p by name at a random point, and at one next to the start, where ℓ is defined."""
+    """∂ℓ/∂p or ∂ℋ/∂p by name at a random point, and at one next to the start, where it is defined."""
     random = np.random.default_rng(11)
-    at_start = (start.xi, start.n, start.nu, start.a)
+    at_start = point(system, start)
     far = [random.normal(size=np.shape(x)) for x in at_start]
     near = [x + 1e-3 * (1 + np.abs(x)) * random.normal(size=np.shape(x)) for x in at_start]
 
     def slope(parameters, point):
-        return replace_parameters(system, parameters).reduced_lagrangian(*point, t=start.t, inputs=start.inputs)
+        function = given(replace_parameters(system, parameters))[1]
+        return function(*point, t=start.t, inputs=start.inputs)
 
     gradient = tabulate(jax.grad(slope), system.parameters, far)
-    found = [jax.tree_util.tree_leaves_with_path(gradient(system.parameters, point)) for point in (far, near)]
+    found = [jax.tree_util.tree_leaves_with_path(gradient(system.parameters, place)) for place in (far, near)]
     return [{jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf) for path, leaf in leaves} for leaves in found]
 
 
@@ -199,6 +217,27 @@ def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: 
         count = int(np.sum(eigenvalues < 0))
         return [f"The kinetic energy is not positive definite: {count} of its {len(eigenvalues)} axes are negative."]
     return []
+
+
+def require_regular_hamiltonian(system: System, state: State) -> None:
+    """Raise LagrangianError where ∂²ℋ/∂(μ, π)² is singular at (μ, π), or where (ξ, ν) belong to no momenta."""
+    z, p = np.concatenate([state.xi, state.nu]), np.concatenate([state.mu, state.pi])
+    solved = bool(np.all(np.isfinite(p)))
+    if not solved:
+        p = np.zeros_like(p)
+    place = Place(system, z, state.n, state.a, state.t, state.inputs)
+    empty, eigenvalues, direction = _weakest(np.asarray(evaluate(curvature, p, place)))
+    if empty or abs(eigenvalues).min() <= SINGULAR:
+        raise LagrangianError(
+            "The Legendre transform of the Hamiltonian must be regular, but ∂²ℋ/∂(μ, π)² is singular: the velocities "
+            f"do not change with the momentum (μ, π) along {np.round(direction, 3).tolist()}; give it a mass, or leave "
+            "that direction out."
+        )
+    if not solved:
+        raise LagrangianError(
+            f"The Hamiltonian must have momenta with ∂ℋ/∂(μ, π) = (ξ, ν) = {np.round(z, 6).tolist()}, but none were "
+            "found from zero: look for a velocity that it does not allow."
+        )
 
 
 def _weakest(hessian: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:

@@ -13,6 +13,8 @@ from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.discrete import Point, node
+from coadjoint.mechanics.legendre import Place
+from coadjoint.mechanics.legendre import velocities as slopes
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -28,6 +30,8 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
     off by O(h) the error is O(h¹⁶).
     """
     group, Q, _ = system.places
+    if system.hamiltonian is not None:
+        return _by_hamiltonian(system, state)
 
     def unpack(z):
         return z[: group.dim], Q.tangent(group, state.n, z[group.dim :])
@@ -44,8 +48,18 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
     return unpack(jax.lax.fori_loop(0, _LEGENDRE_ITERATIONS, improve, z))
 
 
+def _by_hamiltonian(system: System, state: State) -> tuple[Array, Array]:
+    """(ξ, ν) = (∂_μℋ, ∂_πℋ) (P6, P7)."""
+    z = jnp.concatenate([state.xi, state.nu])
+    place = Place(system, z, state.n, state.a, state.t, state.inputs)
+    found = slopes(jnp.concatenate([state.mu, state.pi]), place)
+    return found[: system.group.dim], found[system.group.dim :]
+
+
 def energy(system: System, state: State) -> Array:
     """The Legendre energy E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ of (μ, π, n, a): the reduced Hamiltonian ℋ (P8)."""
+    if system.hamiltonian is not None:
+        return system.reduced_hamiltonian(state.mu, state.n, state.pi, state.a, state.t, state.inputs)
     xi, nu = velocities(system, state)
     return node(system, state, Point(xi, state.n, nu, state.a, state.t)).energy
 

@@ -37,5 +37,5 @@ def require_signature(function: Callable[..., Any], what: str, expected: list[st
     if extra or (len(takes) != len(expected) and not open_ended):
         raise LagrangianError(
             f"{what} of this system must take ({', '.join(expected)}), but takes ({', '.join(takes + extra)}): "
-            "n and nu come with `additional`, a with `advected`, p with `parameters`."
+            "n and nu, or pi, come with `additional`, a with `advected`, p with `parameters`."
         )

@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.kernels.digest import TRACED_OUTSIDE
 from coadjoint.kernels.evaluate import evaluate, traced
-from coadjoint.mechanics.check import require_scalar
+from coadjoint.mechanics.check import given, require_regular_hamiltonian, require_scalar
 from coadjoint.mechanics.each import Each, count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
@@ -53,10 +53,10 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         parameters, axes = stacked(system.parameters)
     here = replace_parameters(system, member_of(system.parameters, 0))
     if count is None:
-        given = _check(system, checked_element(group, g), *arguments[1:])
+        values = _check(system, checked_element(group, g), *arguments[1:])
     else:
-        given = _check_members(system, arguments, count)
-    if system.lagrangian is not None:
+        values = _check_members(system, arguments, count)
+    if system.continuous:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
         _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs)
 
@@ -72,19 +72,25 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
 
     made = body if count is None else jax.vmap(body, in_axes=(0, axes))
     try:
-        return evaluate(made, given, parameters)
+        state = evaluate(made, values, parameters)
     except jax.errors.TracerArrayConversionError as error:
         raise LagrangianError(TRACED_OUTSIDE) from error
+    mu = np.zeros(1) if system.hamiltonian is None or traced(state) else np.sum(state.mu, axis=-1)
+    if not np.all(np.isfinite(mu)):
+        first = state if count is None else jax.tree.map(lambda leaf: leaf[np.argmin(np.isfinite(mu))], state)
+        require_regular_hamiltonian(here, first)
+    return state
 
 
 def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any) -> None:
-    """Raise unless ℓ is a number at these arguments; say where it only lacks its inputs."""
+    """Raise unless ℓ, or ℋ, is a number at these arguments; say where it only lacks its inputs."""
+    what, function = given(system)
     try:
-        require_scalar(partial(system.reduced_lagrangian, t=0.0, inputs=inputs), "The Lagrangian", arguments)
+        require_scalar(partial(function, t=0.0, inputs=inputs), what, arguments)
     except LagrangianError as error:
         if inputs is None and "'NoneType'" in str(error):
             raise ArgumentError(
-                "The Lagrangian of this system needs `inputs`: give those of the start, as in "
+                f"{what} of this system needs `inputs`: give those of the start, as in "
                 "system.state(…, inputs={name: value})."
             ) from error
         raise
@@ -119,7 +125,7 @@ def momentum_start(system: System, state: State) -> State:
     """(μ₀, π₀) by the continuous Legendre transform of (ξ, ν), for a state that was given by its velocities."""
     if not state.from_velocities:
         return state
-    if system.lagrangian is None:
+    if not system.continuous:
         raise ArgumentError(
             'A system with only a discrete Lagrangian has no continuous Legendre transform: use start="velocity", '
             'as in co.Variational(co.Cayley(), start="velocity"), or give the state its momenta.'
@@ -135,7 +141,7 @@ def momentum_start(system: System, state: State) -> State:
 
 def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None) -> tuple[Any, Any]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian."""
-    if system.lagrangian is None:
+    if not system.continuous:
         return jax.numpy.zeros_like(xi), jax.numpy.zeros_like(nu)
     mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs)
     return mu, system.additional.project(system.group, n, pi)

@@ -1,4 +1,4 @@
-"""A mechanical system with symmetry: a group, the spaces it acts on, and a reduced Lagrangian."""
+"""A mechanical system with symmetry: a group, the spaces it acts on, and a reduced Lagrangian or Hamiltonian."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError, GroupError, LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
+from coadjoint.mechanics import legendre
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import keyword_only, require_signature
@@ -29,6 +30,8 @@ class System:
 
     `lagrangian`: a function of xi [, n, nu] [, a] [, p] that returns a number in terms of jax.numpy; n, ν come with
     `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t` and `inputs`.
+    `hamiltonian`: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre transform,
+    for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
     `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
     `group_lagrangian`: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1}.
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
@@ -45,6 +48,7 @@ class System:
     forces: Forces | None = field(metadata={"static": True})
     discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     group_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
+    hamiltonian: Callable[..., Any] | None = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
     units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
     parameters: Parameters | None
@@ -60,6 +64,7 @@ class System:
         forces: Callable[..., Force] | Mapping[str, Callable[..., Force]] | Forces | None = None,
         discrete_lagrangian: Callable[..., Any] | None = None,
         group_lagrangian: Callable[..., Any] | None = None,
+        hamiltonian: Callable[..., Any] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
     ):
@@ -69,6 +74,7 @@ class System:
             parameters = Parameters(**parameters)
         if parameters is not None and not isinstance(parameters, Parameters):
             raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {parameters!r}.")
+        given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]
         values = {
             "group": group,
             "lagrangian": lagrangian,
@@ -77,7 +83,8 @@ class System:
             "forces": forces_from(forces, parameters is not None),
             "discrete_lagrangian": discrete_lagrangian,
             "group_lagrangian": group_lagrangian,
-            "name": name or getattr(lagrangian or discrete_lagrangian or group_lagrangian, "__name__", "system"),
+            "hamiltonian": hamiltonian,
+            "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "parameters": parameters,
         }
@@ -103,8 +110,16 @@ class System:
             raise ArgumentError("This system has no parameters to replace.")
         return replace_parameters(self, self.parameters.replace(**values))
 
-    def reduced_lagrangian(self, xi, n, nu, a, t=0.0, inputs=None) -> Array:
-        """ℓ(ξ, n, ν, a) with this system's parameters."""
+    @property
+    def continuous(self) -> bool:
+        """Whether the continuous equations are known: by ℓ or by ℋ."""
+        return self.lagrangian is not None or self.hamiltonian is not None
+
+    def reduced_lagrangian(self, xi, n, nu, a, t=0.0, inputs=None, near: tuple[Array, Array] | None = None) -> Array:
+        """ℓ(ξ, n, ν, a) with this system's parameters; that of ℋ by (μ, π) solved from zero or from `near`."""
+        if self.hamiltonian is not None:
+            place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs)
+            return legendre.lagrangian(place, None if near is None else jnp.concatenate(near))
         if self.lagrangian is None:
             raise LagrangianError(
                 "This system has a discrete Lagrangian only; use the method co.Variational(difference_map), or "
@@ -112,6 +127,12 @@ class System:
             )
         arguments = self._views(xi, (n, nu), a)
         return self.lagrangian(*arguments, **self._keywords(self.lagrangian, t, inputs))
+
+    def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None) -> Array:
+        """ℋ(μ, π, n, a) with this system's parameters, of a system that was given by it."""
+        if self.hamiltonian is None:
+            raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
+        return self.hamiltonian(*self._views(mu, (n, pi), a), **self._keywords(self.hamiltonian, t, inputs))
 
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None) -> Array:
         """Λ(ξ, n, s, a; h) with this system's parameters."""
@@ -142,12 +163,12 @@ class System:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether ℓ or Λ depends on time, so that −∂_tℓ changes the energy."""
+        """Whether ℓ, ℋ or Λ depends on time, so that −∂_tℓ changes the energy."""
         return self.takes("t")
 
     def takes(self, key: str) -> bool:
-        """Whether ℓ or Λ takes the keyword `t` or `inputs`."""
-        functions = (self.lagrangian, self.discrete_lagrangian, self.group_lagrangian)
+        """Whether ℓ, ℋ or Λ takes the keyword `t` or `inputs`."""
+        functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
     @staticmethod
@@ -192,12 +213,18 @@ class System:
         return check(self, start)
 
     def _check_signatures(self) -> None:
-        if self.lagrangian is None and self.discrete_lagrangian is None and self.group_lagrangian is None:
-            raise LagrangianError("A system needs a `lagrangian`, a `discrete_lagrangian` or a `group_lagrangian`.")
+        if not self.continuous and self.discrete_lagrangian is None and self.group_lagrangian is None:
+            raise LagrangianError(
+                "A system needs a `lagrangian`, a `hamiltonian`, a `discrete_lagrangian` or a `group_lagrangian`."
+            )
+        if self.lagrangian is not None and self.hamiltonian is not None:
+            raise LagrangianError("A system is given by its `lagrangian` or by its `hamiltonian`, not by both.")
         dynamic = self.additional != _NOWHERE
         last = (["a"] if self.advected != _NOWHERE else []) + (["p"] if self.parameters is not None else [])
         if self.lagrangian is not None:
             require_signature(self.lagrangian, "The Lagrangian", ["xi", *(["n", "nu"] if dynamic else []), *last])
+        if self.hamiltonian is not None:
+            require_signature(self.hamiltonian, "The Hamiltonian", ["mu", *(["n", "pi"] if dynamic else []), *last])
         last = [*(["n", "s"] if dynamic else []), *last, "h"]
         if self.discrete_lagrangian is not None:
             require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *last])

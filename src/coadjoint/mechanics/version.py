@@ -24,6 +24,8 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_force(here.motion(xi, n, nu, a, t, inputs, state.internal))
+            if name == "hamiltonian":
+                return here.reduced_hamiltonian(xi, n, nu, a, t, inputs)
             if name == "lagrangian":
                 return here.reduced_lagrangian(xi, n, nu, a, t, inputs)
             if name == "group_lagrangian":
@@ -33,6 +35,6 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
         return function
 
     others = [jaxpr_of(function, state)[0] for function in more]
-    functions = ("lagrangian", "discrete_lagrangian", "group_lagrangian", "forces")
+    functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces")
     given = [name for name in functions if getattr(system, name) is not None]
     return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)

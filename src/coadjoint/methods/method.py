@@ -273,8 +273,8 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
             pi = Q.tangent(group, state.n, p[group.dim :])
             return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), h, z)
 
-        nothing = jnp.zeros(group.dim + Q.dim(group))
-        p = jnp.linalg.solve(jax.jacfwd(mismatch)(nothing), -mismatch(nothing))
+        p = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
+        p = p - jnp.linalg.solve(jax.jacfwd(mismatch)(p), mismatch(p))
         return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
 
     mu, pi = evaluate(momenta, state, system.parameters, h * fraction)

@@ -29,7 +29,7 @@ def legendre_energy(system: System, step: Step, record: State, h: Array, constan
 def energy_budget(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """The energy that each force has put in, W, and E − ΣW, which is constant to the method's order."""
     put_in = energy_put_in(system, record)
-    now = step.energy(system, record, h) if system.lagrangian is None else continuous.energy(system, record)
+    now = step.energy(system, record, h) if not system.continuous else continuous.energy(system, record)
     return {**{f"work_{name}": work for name, work in put_in.items()}, "energy_budget": now - sum(put_in.values())}
 
 

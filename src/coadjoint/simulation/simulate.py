@@ -150,7 +150,7 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
         raise ArgumentError(f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or several, but is {chosen!r}.")
     if monitors:
         observed = [observe.discrete_energy]
-        if system.lagrangian is not None:
+        if system.continuous:
             observed.insert(0, observe.legendre_energy)
         for quantity in chosen:
             quantity.require_equivariant(system, state)

@@ -1,0 +1,71 @@
+"""The Hamiltonian side on 𝔤* × T*Q × V*: the reduced Poisson bracket and its vector fields (P6–P9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.state import State
+from coadjoint.spaces.space import transpose
+
+Function = Callable[[State], Any]
+"""A number as a function of a state's μ, n, π, a."""
+
+
+class Phase(NamedTuple):
+    """μ, n, π, a, or their rates, or covectors on them."""
+
+    mu: Array
+    n: Array
+    pi: Array
+    a: Array
+
+
+def poisson_bracket(f: Function, k: Function) -> Function:
+    """{f, k}, a function of a state again, so that brackets nest; ḟ = {f, ℋ} along the unforced motion.
+
+    {f, k} = −⟨μ, [f_μ, k_μ]⟩ + ⟨f_n, k_π⟩ − ⟨k_n, f_π⟩ − ⟨f_n, k_μ·n⟩ + ⟨k_n, f_μ·n⟩
+             + ⟨π, k_μ·f_π − f_μ·k_π⟩ − ⟨f_a, k_μ·a⟩ + ⟨k_a, f_μ·a⟩.
+
+    f, k: functions of a state that return one number, by its mu, n, pi, a and places.
+    Raises ArgumentError on a curved space of additional dynamics.
+    """
+
+    def value(state: State) -> Any:
+        slope, rate = _slope(f, state), vector_field(k, state)
+        return sum(b @ x for b, x in zip(slope, rate, strict=True))
+
+    return lambda state: evaluate(value, state)
+
+
+def vector_field(k: Function, state: State) -> Phase:
+    """The Hamiltonian vector field of k: with ξ = ∂_μk, ν = ∂_πk the equations (P20)–(P22), unforced.
+
+    μ̇ = ad*_ξ μ − ∂_ak⋄a − ∂_nk⋄n + π⋄ν, ṅ = ν − ξ·n, π̇ = −∂_nk + L*_ξ π, ȧ = −ξ·a. Without n and a it is the
+    Lie–Poisson equation μ̇ = ad*_{∂k/∂μ} μ.
+    """
+    group, Q, V = state.places
+    if not Q.flat:
+        raise ArgumentError(
+            "The Poisson bracket needs a flat space of additional dynamics; a sphere has no chart here."
+        )
+    by = _slope(k, state)
+    xi, nu, n, a = by.mu, by.pi, state.n, state.a
+    turning = Q.lifted_diamond(group, state.pi, n, nu) - Q.diamond(group, by.n, n) - V.diamond(group, by.a, a)
+    return Phase(
+        mu=group.ad_dual(xi, state.mu) + turning,
+        n=nu - Q.infinitesimal(group, xi, n),
+        pi=transpose(lambda w: Q.lifted(group, xi, n, w), Q.ambient(group), state.pi) - by.n,
+        a=-V.infinitesimal(group, xi, a),
+    )
+
+
+def _slope(f: Function, state: State) -> Phase:
+    """(f_μ, f_n, f_π, f_a)."""
+    at = Phase(state.mu, state.n, state.pi, state.a)
+    return jax.grad(lambda at: f(state.replace(**at._asdict())))(at)

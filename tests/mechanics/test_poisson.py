@@ -1,0 +1,193 @@
+"""The bracket of section 4: Jacobi's identity, Hamiltonian vector fields, Poisson maps, and Casimir functions."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels import xla
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics import continuous
+from coadjoint.mechanics.noether import total_momentum
+from coadjoint.mechanics.poisson import poisson_bracket, vector_field
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.methods.program import Constants, StepProgram
+from stepping import Stepper
+from systems import GROUPS, MAPS, RULES, WORLDS, generator, pairwise_cases, random_system
+
+FLAT = [world for world in WORLDS if "sphere" not in world]
+FIELDS = ("mu", "n", "pi", "a")
+
+
+def functions(state: co.State, count: int, *words: object):
+    """Random nonlinear functions of (μ, n, π, a)."""
+    random = generator(*words)
+    size = sum(np.size(getattr(state, name)) for name in FIELDS)
+    made = []
+    for _ in range(count):
+        w, A = random.normal(size=size) / np.sqrt(size), random.normal(size=(size, size)) / size
+
+        def function(state, w=w, A=A):
+            y = jnp.concatenate([getattr(state, name) for name in FIELDS])
+            return jnp.sin(w @ y) + 0.5 * y @ A @ y
+
+        made.append(function)
+    return made
+
+
+@pytest.mark.parametrize("world", FLAT)
+def test_the_bracket_is_antisymmetric_and_satisfies_jacobi(world):
+    _, state = random_system(world)
+    f, k, l = functions(state, 3, "jacobi", world)
+
+    def values(state):
+        cycle = [poisson_bracket(poisson_bracket(x, y), z)(state) for x, y, z in ((f, k, l), (k, l, f), (l, f, k))]
+        return jnp.stack(cycle), poisson_bracket(f, k)(state), poisson_bracket(k, f)(state)
+
+    cycle, one, other = evaluate(values, state)
+    size = np.sum(np.abs(cycle))
+    print(f"{world}: Jacobi {abs(np.sum(cycle)) / size:.1e}, antisymmetry {abs(one + other) / abs(one):.1e}")
+    assert size > 1e-3 and abs(one) > 1e-3
+    assert abs(np.sum(cycle)) <= 1e-13 * size and abs(one + other) <= 1e-13 * abs(one)
+
+
+@pytest.mark.parametrize("world", FLAT)
+def test_the_vector_field_of_the_energy_is_the_motion(world):
+    """X_ℋ is (P20)–(P22)."""
+    system, state = random_system(world)
+
+    def both(state):
+        return vector_field(partial(continuous.energy, system), state), continuous.vector_field(system, state)
+
+    found, expected = evaluate(both, state)
+    for name in FIELDS:
+        rate = getattr(expected, name)
+        np.testing.assert_allclose(
+            getattr(found, name), rate, rtol=0, atol=1e-12 * max(1, np.max(np.abs(rate), initial=0))
+        )
+
+
+def poisson_tensor(state: co.State):
+    """{y_i, y_j} of the coordinates y = (μ, n, π, a)."""
+    sizes = np.cumsum([np.size(getattr(state, name)) for name in FIELDS])
+
+    def coordinates(state):
+        return jnp.concatenate([getattr(state, name) for name in FIELDS])
+
+    def column(w):
+        field = vector_field(lambda s: w @ coordinates(s), state)
+        return jnp.concatenate(field)
+
+    return jax.vmap(column)(jnp.eye(sizes[-1])).T
+
+
+CASES = [case for case in pairwise_cases() if case[0] in FLAT]
+
+
+@pytest.mark.parametrize(("world", "tau", "rule"), CASES[::3], ids="-".join)
+def test_unforced_steps_are_poisson_maps(world, tau, rule):
+    """{f∘Φ, k∘Φ} = {f, k}∘Φ for all f, k at once: DΦ Π DΦᵀ = Π∘Φ."""
+    system, state = random_system(world)
+    step, _ = RULES[rule](MAPS[tau]).stages[-1]
+    program = StepProgram(replace_parameters(system, None), step)  # type: ignore[arg-type]
+
+    def step_on(y, state):
+        parts = dict(zip(FIELDS, jnp.split(y, splits), strict=True))
+        found = xla.step(program, Constants(system.parameters, None), state.replace(**parts), 0.1, certify=False)
+        return jnp.concatenate([getattr(found.after, name) for name in FIELDS]), found
+
+    splits = np.cumsum([np.size(getattr(state, name)) for name in FIELDS])[:-1]
+    y = np.concatenate([getattr(state, name) for name in FIELDS])
+
+    def both(y, state):
+        slope, moved = jax.jacfwd(step_on, has_aux=True)(y, state)
+        return slope @ poisson_tensor(state) @ slope.T, poisson_tensor(moved.after), moved.code
+
+    carried, there, code = evaluate(both, y, state)
+    assert code == 0
+    size = np.max(np.abs(there))
+    print(f"{world}, {tau}, {rule}: {np.max(np.abs(carried - there)) / size:.1e}")
+    assert size > 1e-3
+    np.testing.assert_allclose(carried, there, rtol=0, atol=1e-12 * size)
+
+
+def test_the_bracket_of_a_curved_space_is_refused():
+    system, state = random_system("SO3 on a sphere")
+    with pytest.raises(ArgumentError, match="flat space"):
+        poisson_bracket(partial(continuous.energy, system), lambda s: s.mu[0])(state)
+
+
+# Powers of (m, a) and coefficients would say less than the formulas of the textbooks.
+KNOWN = {
+    "SO2": ["m0"],
+    "SO3": ["m0^2 + m1^2 + m2^2"],
+    "SE2": ["m1^2 + m2^2"],
+    "SE3": ["m0 m3 + m1 m4 + m2 m5", "m3^2 + m4^2 + m5^2"],
+    "R3": ["m0", "m1", "m2"],
+    "SO3xSE2": ["m0^2 + m1^2 + m2^2", "m4^2 + m5^2"],
+    "SL2": ["m0^2 + 4 m1 m2"],
+    "Heisenberg": ["m2"],
+    "SO4": ["m0^2 + m1^2 + m2^2 + m3^2 + m4^2 + m5^2", "m0 m5 − m1 m4 + m2 m3"],
+}
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_the_casimirs_of_every_group_are_those_of_the_textbooks(name):
+    assert list(co.casimirs(co.System(GROUPS[name], lambda xi: 0.0))) == KNOWN[name]
+
+
+def symplectic_algebra(n: int) -> list[np.ndarray]:
+    """sp(2n): 𝕁S for symmetric S."""
+    J = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+    pairs = [(i, j) for i in range(2 * n) for j in range(i, 2 * n)]
+    return [
+        J @ (np.eye(2 * n)[[i]].T @ np.eye(2 * n)[[j]] + np.eye(2 * n)[[j]].T @ np.eye(2 * n)[[i]]) for i, j in pairs
+    ]
+
+
+def test_a_group_of_the_user_has_its_casimirs_too():
+    """sp(4) has one of degree 2 and one of degree 4: tr X² and tr X⁴."""
+    found = co.casimirs(co.System(co.MatrixGroup(symplectic_algebra(2)), lambda xi: 0.0))
+    assert [sum(c.exponents[0]) for c in found.values()] == [2, 4]
+
+
+def test_the_casimirs_of_the_heavy_top_and_of_its_underwater_relative():
+    top = co.System(co.SO3(), lambda xi, a: 0.0, advected=co.Defining())
+    assert set(co.casimirs(top)) == {"a0^2 + a1^2 + a2^2", "m0 a0 + m1 a1 + m2 a2"}
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_casimirs_commute_with_everything_and_are_kept_by_every_step(world):
+    """{C, k} = 0 for every k, which is ad*_{∂C}μ = 0 where only μ is; steps move (m, a) on coadjoint orbits."""
+    system, state = random_system(world)
+    found = co.casimirs(system)
+    assert found
+    stepper = Stepper(system, co.Trapezoidal(co.Cayley()))
+    after = stepper.final(state, 0.1, 3)
+    m = float(np.max(np.abs(evaluate(partial(total_momentum, system), state))))
+    if system.additional.flat:
+        tensor = evaluate(poisson_tensor, state)
+    for name, casimir in found.items():
+        values = [float(evaluate(casimir, s)) for s in (state, after)]
+        size = 1 + max(m, float(np.max(np.abs(state.a), initial=0.0)), 1.0) ** sum(casimir.exponents[0])
+        print(f"{world}: {name[:40]} changes by {abs(values[1] - values[0]) / size:.1e}")
+        assert abs(values[1] - values[0]) <= 1e-12 * size * len(casimir.exponents), name
+        if system.additional.flat:
+            slope = evaluate(jax.grad(lambda s, c=casimir: c(s), allow_int=True), state.replace(t=0.0))
+            row = np.concatenate([getattr(slope, field) for field in FIELDS])
+            np.testing.assert_allclose(row @ tensor, 0, atol=1e-11 * size * np.max(np.abs(tensor)))
+
+
+def test_without_forces_alone_casimirs_are_kept():
+    """So the test above can fail: a torque moves |μ|²."""
+    body = co.System(co.SO3(), lambda xi: xi @ xi, forces=lambda motion: co.Force(torque=-motion.xi))
+    start = body.state(xi=[1.0, 2, 3])
+    (casimir,) = co.casimirs(body).values()
+    after = Stepper(body, co.Midpoint(co.Cayley())).final(start, 0.1, 3)
+    assert float(evaluate(casimir, after)) < 0.9 * float(evaluate(casimir, start))
