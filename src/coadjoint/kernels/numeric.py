@@ -129,7 +129,8 @@ def _lu(p: Any, a: Array) -> list[Array]:
         parts = [_lu(p, b) for b in a]
         return [np.stack(part) for part in zip(*parts, strict=True)]
     # LAPACK itself: SciPy's lu_factor warns of a singular matrix, which here, as by XLA, gives infinities.
-    factors, pivots, _ = scipy.linalg.lapack.dgetrf(a) if a.size else (a, (), 0)
+    (factorise,) = scipy.linalg.get_lapack_funcs(("getrf",), (a,))
+    factors, pivots = factorise(a)[:2] if a.size else (a, np.zeros(0, dtype=int))
     order = np.arange(a.shape[0])
     for i, j in enumerate(pivots):
         order[[i, j]] = order[[j, i]]

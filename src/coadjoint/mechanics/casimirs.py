@@ -10,6 +10,8 @@ from itertools import combinations_with_replacement
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
 
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
@@ -129,22 +131,39 @@ def _of_degree(size: int, degree: int) -> Iterator[np.ndarray]:
 
 
 def _invariants(fields: np.ndarray, monomials: np.ndarray) -> np.ndarray:
-    """A basis of the polynomials with X_j C = 0 for every j: the kernel of Σ_j D_jᵀD_j, D_j = X_j on monomials."""
+    """A basis of the polynomials with X_j C = 0 for every j: the kernel of Σ_j D_jᵀD_j, D_j = X_j on monomials.
+
+    Monomials that no D_jᵀD_j connects belong to different blocks, solved one by one.
+    """
+    count = len(monomials)
+    gram = scipy.sparse.csr_array((count, count))
+    for field in fields:
+        D = _derivation(field, monomials)
+        gram = gram + D.T @ D
+    blocks, block_of = scipy.sparse.csgraph.connected_components(gram, directed=False)
+    largest = max(float(np.max(np.abs(gram.data), initial=0.0)), 1e-300)
+    rows = []
+    for block in range(blocks):
+        members = np.flatnonzero(block_of == block)
+        eigenvalues, vectors = np.linalg.eigh(gram[members][:, members].toarray())
+        kernel = vectors[:, eigenvalues <= KERNEL * largest].T
+        rows.append(np.zeros((len(kernel), count)))
+        rows[-1][:, members] = kernel
+    return np.concatenate(rows)
+
+
+def _derivation(field: np.ndarray, monomials: np.ndarray) -> scipy.sparse.csr_array:
+    """y^α ↦ Σ_i α_i y^{α−e_i} X_i(y) as a matrix; its last row is the constant term."""
     count, size = monomials.shape
-    digits = (int(monomials.max()) + 1) ** np.arange(size + 1)
-    digits[size] = 0
+    digits = np.append((int(monomials.max()) + 1) ** np.arange(size), 0)
     keys = np.append(monomials @ digits[:size], 0)
     order = np.argsort(keys)
-    gram = np.zeros((count, count))
-    for field in fields:
-        D = np.zeros((count + 1, count))
-        for i, k in np.argwhere(field):
-            columns = np.flatnonzero(monomials[:, i])
-            moved = keys[columns] - digits[i] + digits[k]
-            D[order[np.searchsorted(keys, moved, sorter=order)], columns] += monomials[columns, i] * field[i, k]
-        gram += D.T @ D
-    eigenvalues, vectors = np.linalg.eigh(gram)
-    return vectors[:, eigenvalues <= KERNEL * max(eigenvalues[-1], 1e-300)].T
+    D = scipy.sparse.coo_array((count + 1, count)).tocsr()
+    for i, k in np.argwhere(field):
+        columns = np.flatnonzero(monomials[:, i])
+        targets = order[np.searchsorted(keys, keys[columns] - digits[i] + digits[k], sorter=order)]
+        D = D + scipy.sparse.csr_array((monomials[columns, i] * field[i, k], (targets, columns)), shape=D.shape)
+    return D
 
 
 def _products(found: list[tuple[np.ndarray, np.ndarray]], monomials: np.ndarray, degree: int) -> np.ndarray:

@@ -149,8 +149,8 @@ def _require_finite(function: Callable[..., Any], what: str, arguments: tuple[An
     bad = [name for name, part in zip(names, gradient, strict=True) if not np.all(np.isfinite(part))]
     if bad:
         raise LagrangianError(
-            f"The gradient of {what[0].lower() + what[1:]} in {', '.join(bad)} must be finite at the start, but is not: "
-            "look for a norm or square root at zero, or a division by zero."
+            f"The gradient of t{what[1:]} in {', '.join(bad)} must be finite at the start, but is not: look for "
+            "a norm or square root at zero, or a division by zero."
         )
 
 
