@@ -186,7 +186,7 @@ class EnergyMomentum(Method, Step):
 
     def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
         def lagrangian(xi, n, nu, a, t):
-            return system.reduced_lagrangian(xi, n, nu, a, t, record.inputs)
+            return system.reduced_lagrangian(xi, n, nu, a, t, record.inputs, near=(record.mu, record.pi))
 
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
