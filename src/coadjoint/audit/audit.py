@@ -27,8 +27,10 @@ REVERSIBLE_WITHIN = 1e-11
 """Of the size of the state, after ten steps and back."""
 DRIFT_WITHIN = 0.5
 """Of the mean error; an error that grows as the square root of time is at 1.2, one in proportion to time at 2."""
-ROUND_OFF = 10 * float(np.finfo(float).eps)
-"""Times the square root of the number of stages in all: what rounding adds in a long run."""
+ROUND_OFF = float(np.finfo(float).eps)
+"""What rounding adds to a momentum at each stage at worst, when all errors have one sign."""
+WANDERING = 10 * ROUND_OFF
+"""Times the square root of the number of stages: what rounding adds to an energy that is kept."""
 
 
 def audit(
@@ -75,10 +77,11 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
 
     def kept() -> list[Finding]:
         curves["long_run"] = found = long_run(stepper, h, steps, claims.energy == "discrete")
-        round_off = ROUND_OFF * np.sqrt(steps * len(method.stages))
+        stages = steps * len(method.stages)
+        round_off = WANDERING * np.sqrt(stages)
         findings = []
         if claims.momentum and np.isfinite(found.momentum_error):
-            findings.append(Finding("momentum", "exact", found.momentum_error, round_off))
+            findings.append(Finding("momentum", "exact", found.momentum_error, ROUND_OFF * stages))
         if claims.energy == "bounded":
             drift = found.drift if found.band > round_off else 0.0
             findings.append(Finding("energy", "bounded", max(drift, 0.0), DRIFT_WITHIN))

@@ -10,6 +10,7 @@ from coadjoint.audit.audit import (
     REVERSIBLE_WITHIN,
     ROUND_OFF,
     SYMPLECTIC_WITHIN,
+    WANDERING,
 )
 from coadjoint.audit.figures import energy_figure, order_figure
 from coadjoint.audit.findings import Audit
@@ -55,7 +56,7 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
         refused=refused,
         command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
         orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
-        reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, figures=shown,
+        reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING, figures=shown,
     )  # fmt: skip
 
 
@@ -80,12 +81,12 @@ that is claimed, and the least and greatest that were measured; then the worst o
 - *reversible*: how far ten steps of h and ten of −h lead from the start, relative to the state; within
   {reversible:.0e}. Only methods that claim to be symmetric are asked.
 - *momentum*: the largest change of ⟨c₀, Ad*_g⁻¹ m⟩ over the long run, for every c₀ that leaves the advected parameters
-  alone, relative to |μ| + |π||n|; within {round_off:.0e} times the square root of the number of stages.
+  alone, relative to |μ| + |π||n|; within {round_off:.1e} for each stage of each step.
 - *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms. *drift*: what a line
   through the means of |E − E₀| over twenty intervals gains, relative to their mean; at most {drift:g}. An error in
   proportion to time is at 2, one that grows as its square root at 1.2. Where a method claims its energy exact, the band
-  itself is held to the same limit as momentum. `EnergyMomentum` with one point claims that where ℋ is quadratic, and
-  nothing on other systems.
+  itself is within {wandering:.1e} times the square root of the number of stages. `EnergyMomentum` with one point claims
+  that where ℋ is quadratic, and nothing on other systems.
 
 Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, or divided
 by √2 for orders from 5 on. Errors that round-off reaches are left out; of the others the finest few are fitted.

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Squared
-from coadjoint.groups.group import Array
+from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
     EnergyMomentum,
+    GroupVariational,
     LeftRectangle,
     LeftRight,
     Method,
@@ -27,18 +28,23 @@ def as_it_is(system: System) -> System:
 
 
 def with_left_rectangle(system: System) -> System:
-    """The system with Λ = hℓ(ξ, n, (s − n)/h, a) beside ℓ."""
+    """The system with Λ = hℓ(ξ, n, (s − n)/h, a) beside ℓ; in group form with ξ = (F − F⁻¹)ᵛ/2h."""
+    group, dynamic = system.group, system.additional.ambient(system.group) > 0
 
-    def discrete(xi: Array, *rest):
-        *rest, h = rest
-        if system.additional.ambient(system.group):
-            n, s, *rest = rest
-            rest = [n, (s - n) / h, *rest]
-        return h * system.lagrangian(xi, *rest)  # type: ignore[misc]
+    def in_algebra(xi: Array, *rest):
+        *places, h = rest
+        if dynamic:
+            n, s, *places = places
+            places = [n, (s - n) / h, *places]
+        return h * system.lagrangian(xi, *places)  # type: ignore[misc]
+
+    def on_group(F: Element, *rest):
+        apart = group.vee(group.matrix(F) - group.matrix(group.inverse(F)))
+        return in_algebra(apart / (2 * rest[-1]), *rest)
 
     return System(
-        system.group, system.lagrangian, additional=system.additional, advected=system.advected,
-        parameters=system.parameters, forces=system.forces, discrete_lagrangian=discrete,
+        group, system.lagrangian, additional=system.additional, advected=system.advected,
+        parameters=system.parameters, forces=system.forces, discrete_lagrangian=in_algebra, group_lagrangian=on_group,
     )  # fmt: skip
 
 
@@ -61,6 +67,7 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("LeftRectangle", LeftRectangle),
     Shipped("RightRectangle", RightRectangle),
     Shipped("Variational", Variational, with_left_rectangle),
+    Shipped("GroupVariational", GroupVariational, with_left_rectangle),
     Shipped("Midpoint", Midpoint),
     Shipped("Trapezoidal", Trapezoidal),
     Shipped("Simpson", Simpson),
