@@ -1,0 +1,77 @@
+"""The theorems of both papers as functions: unreduced and reduced algorithms, reduction, and every printed equation."""
+
+from coadjoint.theory.euler_poincare import (
+    Link,
+    Momenta,
+    Variation,
+    discrete_euler_poincare,
+    discrete_euler_poincare_algorithm,
+    induced_variation,
+    left_momenta,
+    reduced_action,
+    right_momenta,
+)
+from coadjoint.theory.poisson import (
+    PoissonLagrangian,
+    PoissonLink,
+    discrete_euler_poincare_poisson,
+    kelvin_noether_poisson,
+    poisson_algorithm,
+    poisson_lagrangian,
+    poisson_link,
+    poisson_system,
+)
+from coadjoint.theory.reduction import invariance_defect, reconstruct, reduce, reduced_path, unreduce
+from coadjoint.theory.semidirect import (
+    SemidirectLink,
+    discrete_euler_poincare_semidirect,
+    semidirect_algorithm,
+    semidirect_lagrangian,
+    semidirect_link,
+    semidirect_system,
+)
+from coadjoint.theory.unreduced import (
+    Configuration,
+    UnreducedLagrangian,
+    action,
+    configuration,
+    discrete_euler_lagrange,
+    discrete_euler_lagrange_algorithm,
+)
+
+__all__ = [
+    "Configuration",
+    "Link",
+    "Momenta",
+    "PoissonLagrangian",
+    "PoissonLink",
+    "SemidirectLink",
+    "UnreducedLagrangian",
+    "Variation",
+    "action",
+    "configuration",
+    "discrete_euler_lagrange",
+    "discrete_euler_lagrange_algorithm",
+    "discrete_euler_poincare",
+    "discrete_euler_poincare_algorithm",
+    "discrete_euler_poincare_poisson",
+    "discrete_euler_poincare_semidirect",
+    "induced_variation",
+    "invariance_defect",
+    "kelvin_noether_poisson",
+    "left_momenta",
+    "poisson_algorithm",
+    "poisson_lagrangian",
+    "poisson_link",
+    "poisson_system",
+    "reconstruct",
+    "reduce",
+    "reduced_action",
+    "reduced_path",
+    "right_momenta",
+    "semidirect_algorithm",
+    "semidirect_lagrangian",
+    "semidirect_link",
+    "semidirect_system",
+    "unreduce",
+]

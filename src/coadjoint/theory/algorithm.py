@@ -1,0 +1,107 @@
+"""What the discrete algorithms of the papers share: a map of pairs to pairs that is solved for the next increment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.difference_maps import DifferenceMap, Exponential
+from coadjoint.errors import StepError
+from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.kernels import backend
+from coadjoint.kernels.program import Code
+from coadjoint.spaces import Space
+
+
+class Algorithm:
+    """A program of one stage whose unknowns are the increment F and the point s: the next pair follows from them.
+
+    A subclass gives `group`, `space`, `last`, `conditions` and `following`. Newton's unknowns are (ξ, y) with
+    F = F_last τ(h(ξ − ξ_last)) and s = ρ(n, hE_n y), so that large relative motions stay inside the chart.
+    """
+
+    group: LieGroup
+    space: Space
+    difference_map: DifferenceMap = Exponential()
+    fraction: float = 1.0
+
+    def last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
+        """The last increment, the point n that s starts from, and the last velocity (s − n)/h there."""
+        raise NotImplementedError
+
+    def conditions(self, pair: Any, h: Array, F: Element, s: Array) -> tuple[Array, Array]:
+        """The equations that F and s solve, on 𝔤* and on T*Q at n."""
+        raise NotImplementedError
+
+    def following(self, pair: Any, F: Element, s: Array) -> Any:
+        """The next pair."""
+        raise NotImplementedError
+
+    def run(self, pair: Any, h: float, steps: int) -> Any:
+        """The pairs 0 … steps, every leaf with a leading axis; raises StepError at a step that fails."""
+        pair = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), pair)
+        with jax.enable_x64(True):
+            chosen = backend.choose(self, (), pair, False, "auto")
+            found = backend.run(chosen, self, (), pair, float(h), steps, 1, False)
+        if found.code:
+            raise StepError(
+                f"Step {found.steps} of the {type(self).__name__} algorithm failed: "
+                f"{Code(found.code).name.lower().replace('_', ' ')}; take a smaller h or a slower start."
+            )
+        return jax.tree.map(lambda rows, end: np.concatenate([rows, end[None]]), found.records, found.final)
+
+    @property
+    def stages(self) -> tuple[Algorithm, ...]:
+        return (self,)
+
+    @property
+    def groups(self) -> tuple[int, ...]:
+        return self.group.dim, self.space.dim(self.group)
+
+    def prepare(self, parameters: Any, state: Any) -> Any:
+        return state
+
+    def monitors(self, parameters: Any, record: Any, h: Array) -> Mapping[str, Array]:
+        return {}
+
+    def _velocity(self, F: Element, h: Array) -> Array:
+        group = self.group
+        return group.vee(group.matrix(F) - group.matrix(group.inverse(F))) / (2 * h)
+
+    def _last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
+        """`last` with F back on its group: what leaves it would grow from step to step."""
+        F, n, velocity = self.last(pair, h)
+        return self.group.project(F) if self.group.constrained else F, n, velocity
+
+    def guess(self, parameters: Any, state: Any, h: Array) -> Array:
+        F, n, velocity = self._last(state, h)
+        return jnp.concatenate([self._velocity(F, h), self.space.coordinates(self.group, n, velocity)])
+
+    def _solution(self, state: Any, h: Array, z: Array) -> tuple[Element, Array]:
+        group, Q = self.group, self.space
+        F, n, _ = self._last(state, h)
+        xi, y = z[: group.dim], z[group.dim :]
+        F = group.compose(F, self.difference_map.tau(group, h * (xi - self._velocity(F, h))))
+        return F, n + Q.difference(group, n, h * Q.tangent(group, n, y))
+
+    def residual(self, parameters: Any, state: Any, h: Array, z: Array) -> Array:
+        on_group, on_space = self.conditions(state, h, *self._solution(state, h, z))
+        n = self.last(state, h)[1]
+        return jnp.concatenate([on_group, self.space.coordinates(self.group, n, on_space)])
+
+    def chart(self, parameters: Any, state: Any, h: Array, z: Array) -> Array | float:
+        F = self._last(state, h)[0]
+        return self.difference_map.chart(self.group, h * (z[: self.group.dim] - self._velocity(F, h)))
+
+    def record(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
+        return state
+
+    def advance(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
+        return self.following(state, *self._solution(state, h, z))
+
+    def certificate(self, parameters: Any, before: Any, h: Array, z: Array, after: Any) -> Mapping[str, Array]:
+        return {}

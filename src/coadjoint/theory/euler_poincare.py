@@ -1,0 +1,144 @@
+"""The reduced equations and the reduced algorithm in group form (P38)–(P48), (B9)–(B12)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coadjoint.groups.derivative import left_derivative, right_derivative
+from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.mechanics.system import System
+from coadjoint.spaces import Space
+from coadjoint.theory.algorithm import Algorithm
+
+
+class Link(NamedTuple):
+    """A step in reduced variables: F = g_k⁻¹g_{k+1}, n = g_k⁻¹q_k, s = g_k⁻¹q_{k+1}, a = g_k⁻¹a₀ (P38), (P39)."""
+
+    F: Element
+    n: Array
+    s: Array
+    a: Array
+
+
+class Momenta(NamedTuple):
+    """(μ, π) ∈ 𝔤* × T*Q."""
+
+    mu: Array
+    pi: Array
+
+
+def _value(system: System, h: Array):
+    return lambda F, n, s, a: system.reduced_group_lagrangian(F, n, s, a, h)
+
+
+def left_momenta(system: System, link: Link, h: Array) -> Momenta:
+    """μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s and π_k = −∂_nΛ: the left discrete Legendre transform."""
+    group, Q, V = system.places
+    F, n, s, a = link
+    value = _value(system, h)
+    along_n, along_s, along_a = jax.grad(value, argnums=(1, 2, 3))(F, n, s, a)
+    mu = right_derivative(group, lambda F: value(F, n, s, a), F)
+    mu = mu - V.diamond(group, along_a, a) - Q.diamond(group, along_n, n) - Q.diamond(group, along_s, s)
+    return Momenta(mu, Q.project(group, n, -along_n))
+
+
+def right_momenta(system: System, link: Link, h: Array) -> Momenta:
+    """μ_{k+1} = D^L_FΛ and π_{k+1} = F*∂_sΛ (P46): the right discrete Legendre transform."""
+    group, Q, _ = system.places
+    F, n, s, a = link
+    value = _value(system, h)
+    ahead = Q.act(group, group.inverse(F), s)
+    pi = Q.pull(group, F, ahead, jax.grad(value, argnums=2)(F, n, s, a))
+    return Momenta(left_derivative(group, lambda F: value(F, n, s, a), F), Q.project(group, ahead, pi))
+
+
+def discrete_euler_poincare(system: System, before: Link, here: Link, h: Array) -> Momenta:
+    """(P42) in group form: the left momenta of step k minus the right momenta of step k − 1, zero on solutions.
+
+    In algebra form D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h and D^L_FΛ = (dτ⁻¹_{−hξ})*∂_ξΛ/h. Traceable by JAX.
+    """
+    left, right = left_momenta(system, here, h), right_momenta(system, before, h)
+    return Momenta(left.mu - right.mu, left.pi - right.pi)
+
+
+def advected(system: System, link: Link) -> tuple[Array, Array]:
+    """n_{k+1} = F⁻¹s (P43) and a_{k+1} = F⁻¹a (P44)."""
+    group, Q, V = system.places
+    back = group.inverse(link.F)
+    return Q.act(group, back, link.s), V.act(group, back, link.a)
+
+
+class Variation(NamedTuple):
+    """η_k = g_k⁻¹δg_k and w_k = g_k⁻¹δq_k at the two ends of a step."""
+
+    eta: Array
+    w: Array
+    eta_next: Array
+    w_next: Array
+
+
+def induced_variation(system: System, link: Link, v: Variation) -> Link:
+    """The tangent of a step under variations of its ends: δF = −ηF + Fη⁺, and (P48) for δn, δs, δa.
+
+    For F = τ(hξ) the first is hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η (P47). Traceable by JAX.
+    """
+    group, Q, V = system.places
+    F, n, s, a = link
+    e = group.identity()
+    behind = jax.jvp(lambda d: group.compose(d, F), (e,), (group.tangent(-v.eta),))[1]
+    ahead = jax.jvp(lambda d: group.compose(F, d), (e,), (group.tangent(v.eta_next),))[1]
+    moved = Q.push(group, F, Q.act(group, group.inverse(F), s), v.w_next)
+    return Link(
+        jax.tree.map(lambda x, y: x + y, behind, ahead),
+        v.w - Q.infinitesimal(group, v.eta, n),
+        moved - Q.infinitesimal(group, v.eta, s),
+        -V.infinitesimal(group, v.eta, a),
+    )
+
+
+def reduced_action(system: System, path: Link, h: float) -> Array:
+    """ΣΛ(F_k, n_k, s_k, a_k; h) of a sequence of steps (P41), (B12); traceable by JAX."""
+    return jax.numpy.sum(jax.vmap(_value(system, h))(*path))
+
+
+@dataclass(frozen=True)
+class DiscreteEulerPoincare(Algorithm):
+    """The algorithm (F_{k−1}, n_{k−1}, s_{k−1}, a_{k−1}) ↦ (F_k, n_k, s_k, a_k) of (P42)–(P44)."""
+
+    system: System
+
+    @property
+    def group(self) -> LieGroup:  # type: ignore[override]
+        return self.system.group
+
+    @property
+    def space(self) -> Space:  # type: ignore[override]
+        return self.system.additional
+
+    def last(self, pair: Link, h):
+        group, Q, _ = self.system.places
+        n, _ = advected(self.system, pair)
+        velocity = Q.push(group, group.inverse(pair.F), pair.s, (pair.s - pair.n) / h)
+        return pair.F, n, Q.tangent(group, n, Q.coordinates(group, n, velocity))
+
+    def conditions(self, pair: Link, h, F, s):
+        n, a = advected(self.system, pair)
+        return discrete_euler_poincare(self.system, pair, Link(F, n, s, a), h)
+
+    def following(self, pair: Link, F, s):
+        n, a = advected(self.system, pair)
+        return Link(F, n, s, a)
+
+
+def discrete_euler_poincare_algorithm(system: System, first: Link, h: float, steps: int) -> Link:
+    """The `steps` links that start with one and solve (P42)–(P44), every leaf with a leading axis.
+
+    `system` has a discrete Lagrangian in group form. Raises StepError where Newton does not solve a step.
+    """
+    first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
+    found: Any = DiscreteEulerPoincare(system).run(first, h, steps - 1)
+    return found

@@ -1,0 +1,151 @@
+"""The discrete Euler–Poincaré–Poisson equations and their Kelvin–Noether theorem (B18)–(B27)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.groups.derivative import right_derivative
+from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.mechanics.system import System
+from coadjoint.spaces import Space, Trivial
+from coadjoint.theory.algorithm import Algorithm
+from coadjoint.theory.euler_poincare import Link
+from coadjoint.theory.unreduced import has_points
+
+End = Literal["left", "right"]
+"""Where the parameter of l is taken: l(f_k, a_k) or, as (B18) prints it, l(f_k, a_{k+1})."""
+
+PoissonFunction = Callable[[Element, Array, Any], Any]
+
+
+class PoissonLink(NamedTuple):
+    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀."""
+
+    f: Element
+    a: Array
+
+
+@dataclass(frozen=True)
+class PoissonLagrangian:
+    """l(f, a, h) on G × V* with its parameter at the left end, l(f_k, a_k), or at the right, l(f_k, a_{k+1}) (B18)."""
+
+    group: LieGroup
+    space: Space
+    function: PoissonFunction
+    parameter: End = "left"
+
+    def __post_init__(self):
+        if self.parameter not in ("left", "right"):
+            raise ArgumentError(f'Argument `parameter` must be "left" or "right", but is {self.parameter!r}.')
+        if not self.space.flat:
+            raise GroupError(f"Advected parameters need a representation of the group, but got {self.space!r}.")
+
+    def taken(self, link: PoissonLink) -> Array:
+        """The parameter that l sees on a step: a_k, or a_{k+1} = f_ka_k."""
+        return link.a if self.parameter == "left" else self.space.act(self.group, link.f, link.a)
+
+    def slopes(self, link: PoissonLink, h: Array) -> tuple[Array, Array]:
+        """D^Rl and D₂l⋄a with the parameter that l sees, both (dim,); ⟨D^Rl, χ⟩ = d/dε l(e^{εχ}f, a)."""
+        a = self.taken(link)
+        source = self.space.diamond(self.group, jax.grad(self.function, argnums=1)(link.f, a, h), a)
+        return right_derivative(self.group, lambda f: self.function(f, a, h), link.f), source
+
+    def next_a(self, link: PoissonLink) -> Array:
+        """a_{k+1} = f_ka_k."""
+        return self.space.act(self.group, link.f, link.a)
+
+
+def poisson_system(l: PoissonLagrangian) -> System:
+    """The system of l: Λ(F, a; h) = l(F⁻¹, a, h), or l(F⁻¹, F⁻¹a, h) with the parameter at the right end."""
+
+    def group_lagrangian(F, a, h):
+        f = l.group.inverse(F)
+        return l.function(f, l.taken(PoissonLink(f, a)), h)
+
+    return System(l.group, group_lagrangian=group_lagrangian, advected=l.space)
+
+
+def poisson_lagrangian(system: System, parameter: End = "left") -> PoissonLagrangian:
+    """l(f, a_k) = Λ(f⁻¹, a_k), or l(f, a_{k+1}) = Λ(f⁻¹, f⁻¹a_{k+1}), of a system without additional dynamics."""
+    group, Q, V = system.places
+    if has_points(Q):
+        raise GroupError("The Euler–Poincaré–Poisson equations have no additional dynamics: leave out `additional`.")
+
+    def function(f, a, h):
+        F, nothing = group.inverse(f), jnp.zeros(0)
+        a = a if parameter == "left" else V.act(group, F, a)
+        return system.reduced_group_lagrangian(F, nothing, nothing, a, h)
+
+    return PoissonLagrangian(group, V, function, parameter)
+
+
+def poisson_link(group: LieGroup, link: Link) -> PoissonLink:
+    """(f, a) = (F⁻¹, a)."""
+    return PoissonLink(group.inverse(link.F), link.a)
+
+
+def discrete_euler_poincare_poisson(
+    l: PoissonLagrangian,
+    before: PoissonLink,
+    here: PoissonLink,
+    h: Array,
+) -> Array:
+    """(B19): Ad*_{f_k}D^Rl_k − D^Rl_{k−1} + D₂l⋄a_k, zero on solutions, with D₂l of step k for a parameter at the left
+    end and of step k − 1 for one at the right end. Shape (dim,); traceable by JAX.
+    """
+    (now, source), (last, source_before) = l.slopes(here, h), l.slopes(before, h)
+    return l.group.Ad_dual(here.f, now) - last + (source if l.parameter == "left" else source_before)
+
+
+@dataclass(frozen=True)
+class EulerPoincarePoisson(Algorithm):
+    """The algorithm (f_{k−1}, a_{k−1}) ↦ (f_k, a_k) of (B19)."""
+
+    l: PoissonLagrangian
+
+    @property
+    def group(self) -> LieGroup:  # type: ignore[override]
+        return self.l.group
+
+    @property
+    def space(self) -> Space:  # type: ignore[override]
+        return Trivial(0)
+
+    def last(self, pair: PoissonLink, h):
+        return self.group.inverse(pair.f), jnp.zeros(0), jnp.zeros(0)
+
+    def conditions(self, pair: PoissonLink, h, F, s):
+        return discrete_euler_poincare_poisson(self.l, pair, self.following(pair, F, s), h), s
+
+    def following(self, pair: PoissonLink, F, s):
+        return PoissonLink(self.group.inverse(F), self.l.next_a(pair))
+
+
+def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: float, steps: int) -> PoissonLink:
+    """The `steps` links (f, a) that start with one and solve (B19), every leaf with a leading axis."""
+    first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
+    found: Any = EulerPoincarePoisson(l).run(first, h, steps - 1)
+    return found
+
+
+def kelvin_noether_poisson(
+    l: PoissonLagrangian,
+    before: PoissonLink,
+    here: PoissonLink,
+    K: Array,
+    h: Array,
+) -> tuple[Array, Array]:
+    """I^B_k = ⟨D^Rl_{k−1}, 𝒦(c_k, a_k)⟩ (B24) and its change −⟨D₂l⋄a_k, 𝒦(c_k, a_k)⟩ over the next step (B25).
+
+    `K` is 𝒦(c_k, a_k) (dim,). With the parameter at the left end D₂l is that of step k and I^B = −I of Theorem 7; at
+    the right end D₂l is that of step k − 1. Traceable by JAX.
+    """
+    (momentum, source_before), (_, source) = l.slopes(before, h), l.slopes(here, h)
+    return momentum @ K, -(source if l.parameter == "left" else source_before) @ K
