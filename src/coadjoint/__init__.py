@@ -39,7 +39,12 @@ _HOMES = {
     ),
     "coadjoint.kernels.float64": ("float64",),
     "coadjoint.mechanics.casimirs": ("casimirs",),
+    "coadjoint.mechanics.bundle": ("holonomy", "horizontal_lift"),
+    "coadjoint.mechanics.connection": ("Connection",),
+    "coadjoint.mechanics.discrete_connection": ("DiscreteConnection",),
     "coadjoint.mechanics.each": ("each",),
+    "coadjoint.mechanics.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
+    "coadjoint.mechanics.mechanical_connection": ("discrete_mechanical_connection", "mechanical_connection"),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
     "coadjoint.mechanics.poisson": ("poisson_bracket",),
@@ -86,8 +91,18 @@ if TYPE_CHECKING:
     from coadjoint.groups import *  # noqa: F403
     from coadjoint.groups import attitude as attitude
     from coadjoint.kernels.float64 import float64 as float64
+    from coadjoint.mechanics.bundle import holonomy as holonomy
+    from coadjoint.mechanics.bundle import horizontal_lift as horizontal_lift
     from coadjoint.mechanics.casimirs import casimirs as casimirs
+    from coadjoint.mechanics.connection import Connection as Connection
+    from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection
     from coadjoint.mechanics.each import each as each
+    from coadjoint.mechanics.lagrange_poincare import lagrange_poincare as lagrange_poincare
+    from coadjoint.mechanics.lagrange_poincare import lagrange_poincare_residual as lagrange_poincare_residual
+    from coadjoint.mechanics.mechanical_connection import (
+        discrete_mechanical_connection as discrete_mechanical_connection,
+    )
+    from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket

@@ -57,11 +57,17 @@ def _while(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> li
         (again,) = interpreter.closed(parameters["cond_jaxpr"], [*of_test, *carry])
         if symbolic(again):
             raise Untraceable("while", "the number of its trips depends on values")
-        if not again:
+        if not again.any():
             return carry
         trips += 1
         _check_trips("while", trips, carry)
-        carry = interpreter.closed(parameters["body_jaxpr"], [*of_body, *carry])
+        moved = interpreter.closed(parameters["body_jaxpr"], [*of_body, *carry])
+        carry = moved if again.all() else [_choose(again, new, old) for new, old in zip(moved, carry, strict=True)]
+
+
+def _choose(members: Array, new: Array, old: Array) -> Array:
+    """Under vmap a loop goes on until its last member is done; those that are done stay."""
+    return np.where(members.reshape(members.shape + (1,) * (new.ndim - members.ndim)), new, old)
 
 
 def _check_trips(name: str, trips: int, values: list[Array]) -> None:

@@ -118,6 +118,10 @@ class Step:
         """The quadrature of the rule: Λ = h Σ w ℓ(node)."""
         raise NotImplementedError
 
+    def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
+        """Λ of the step that starts at the record."""
+        return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
+
     def equations(self, system: System, record: State, h: Array) -> Array:
         """The left discrete Legendre transform minus (μ_k, π_k), zero for the step that starts at the record."""
         raise NotImplementedError

@@ -51,6 +51,9 @@ class Variational(Method, Step):
     def increment(self, system: System, h: Array, xi: Array) -> Element:
         return self.difference_map.tau(system.group, h * xi)
 
+    def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
+        return self._value(system, record, h, record.t)
+
     def _slopes(self, system: System, record: State, h: Array) -> Slopes:
         s = record.n + h * record.nu
 

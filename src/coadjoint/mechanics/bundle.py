@@ -1,0 +1,193 @@
+"""Motions on M × G: reduction and reconstruction (B32–B34), horizontal lifts and holonomy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.check import trace
+from coadjoint.mechanics.connection import Connection, finite
+from coadjoint.mechanics.discrete_connection import DiscreteConnection
+from coadjoint.mechanics.start import checked_element
+from coadjoint.spaces.numbers import float64
+
+_FINEST = 2**13
+"""The most pieces into which an interval of a path is cut."""
+
+
+def reduced(connection: DiscreteConnection, g: Any, x: Any) -> Element:
+    """σ_k = F_k⁻¹ Ω(x_k, x_{k+1}) with F_k = g_k⁻¹g_{k+1} of a motion on M × G (B32–B34); σ = e on horizontal steps.
+
+    g: elements with a leading axis (N+1); x: shapes (N+1, m). Returns elements with a leading axis (N).
+    """
+    x = shapes_of(connection, x)
+    g = _elements_of(connection.group, g, len(x))
+    compose, inverse = connection.group.compose, connection.group.inverse
+
+    def relative(g, g_next, x, x_next):
+        return compose(inverse(compose(inverse(g), g_next)), connection.increment(x, x_next))
+
+    found = evaluate(jax.vmap(relative), *_ends(g), x[:-1], x[1:])
+    return finite(found, "The discrete connection")
+
+
+def reconstructed(connection: DiscreteConnection, g0: Any, x: Any, sigma: Any) -> Element:
+    """g_{k+1} = g_k Ω(x_k, x_{k+1}) σ_k⁻¹: the inverse of `reduced` from g₀ on, with a leading axis (N+1)."""
+    x = shapes_of(connection, x)
+    sigma = _elements_of(connection.group, sigma, len(x) - 1)
+    compose, inverse = connection.group.compose, connection.group.inverse
+
+    def increment(x, x_next, sigma):
+        return compose(connection.increment(x, x_next), inverse(sigma))
+
+    increments = evaluate(jax.vmap(increment), x[:-1], x[1:], sigma)
+    return finite(_product(connection.group, checked_element(connection.group, g0), increments), "The motion")
+
+
+def horizontal_lift(connection: Connection | DiscreteConnection, shapes: Any, g0: Any = None, *, times: Any = None):
+    """The motion in G along a path of shapes with 𝒜 = e at each step, or 𝒜 = 0: momentum zero for a mechanical 𝒜.
+
+    Of a discrete connection: `shapes` (N+1, m), g_{k+1} = g_k Ω(x_k, x_{k+1}).
+    Of a continuous one: `shapes` is a function t → x (m,) in terms of jax.numpy, `times` (N+1,); g⁻¹ġ = −A(x)ẋ is
+    integrated by Magnus' series of order 4, each interval cut into pieces until the elements stay to 1e-12.
+    `g0` defaults to e. Returns elements with a leading axis (N+1). Raises ArgumentError for what does not fit, and
+    StepError where the pieces do not suffice.
+    """
+    if isinstance(connection, DiscreteConnection):
+        if times is not None:
+            raise ArgumentError("The lift of a discrete connection goes from shape to shape: leave out `times`.")
+        x = shapes_of(connection, shapes)
+        increments = evaluate(jax.vmap(connection.increment), x[:-1], x[1:])
+    elif isinstance(connection, Connection):
+        increments = _transports(connection, shapes, _times(times))
+    else:
+        raise ArgumentError(
+            f"Argument `connection` must be a co.Connection or a co.DiscreteConnection, but is {connection!r}."
+        )
+    g0 = checked_element(connection.group, g0)
+    return finite(_product(connection.group, g0, increments), "The horizontal lift")
+
+
+def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
+    """What a closed loop of shapes turns with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
+
+    Of a discrete connection: `loop` (N+1, m) with x_N = x_0. Of a continuous one: a function t → x on 0 ≤ t ≤ 1 with
+    x(1) = x(0). Raises ArgumentError for a loop that is open; where shapes are angles and the loop winds around, take
+    the last element of co.horizontal_lift.
+    """
+    if isinstance(connection, DiscreteConnection):
+        ends = shapes_of(connection, loop)[[0, -1]]
+        lift = horizontal_lift(connection, loop)
+    else:
+        lift = horizontal_lift(connection, loop, times=np.linspace(0.0, 1.0, 5))
+        ends = evaluate(jax.vmap(loop), np.array([0.0, 1.0]))
+    gap = float(np.max(np.abs(ends[1] - ends[0])))
+    if gap > 1e-9 * max(1.0, float(np.max(np.abs(ends)))):
+        raise ArgumentError(
+            f"Argument `loop` must end where it begins, but its ends differ by {gap:.1e}; if shapes are angles and the "
+            "loop winds around, take the last element of co.horizontal_lift."
+        )
+    return jax.tree.map(lambda leaf: leaf[-1], lift)
+
+
+def shapes_of(connection: DiscreteConnection, shapes: Any) -> np.ndarray:
+    """A path of at least two shapes, (N+1, m); raises ArgumentError."""
+    if not isinstance(connection, DiscreteConnection):
+        raise ArgumentError(f"Argument `connection` must be a co.DiscreteConnection, but is {connection!r}.")
+    if callable(shapes):
+        raise ArgumentError("A discrete connection goes from shape to shape: give an array (N+1, m), not a function.")
+    found = float64(shapes, "The shapes")
+    if found.ndim != 2 or found.shape[1] != connection.size or len(found) < 2:
+        raise ArgumentError(
+            f"The shapes must have shape (N+1, {connection.size}) with N ≥ 1, but have shape {found.shape}."
+        )
+    return found
+
+
+def _elements_of(group: LieGroup, g: Any, count: int) -> Element:
+    """Elements with a leading axis of this length; raises ArgumentError."""
+    one = evaluate(group.identity)
+    expected = [(count, *np.shape(leaf)) for leaf in jax.tree.leaves(one)]
+    found = [np.shape(leaf) for leaf in jax.tree.leaves(g)]
+    if found != expected or jax.tree.structure(g) != jax.tree.structure(one):
+        raise ArgumentError(
+            f"The elements of {group!r} along this path must be arrays of shape {', '.join(map(str, expected))}, but "
+            f"have {', '.join(map(str, found))}."
+        )
+    return jax.tree.map(lambda leaf: float64(leaf, "The elements"), g)
+
+
+def _ends(records: Any) -> tuple[Any, Any]:
+    """All but the last, and all but the first."""
+    return jax.tree.map(lambda leaf: leaf[:-1], records), jax.tree.map(lambda leaf: leaf[1:], records)
+
+
+def _product(group: LieGroup, g0: Element, increments: Element) -> Element:
+    """g₀, g₀F₀, g₀F₀F₁, …"""
+
+    def products(g0, increments):
+        chain = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), g0, increments)
+        return jax.lax.associative_scan(jax.vmap(group.compose), chain)
+
+    return evaluate(products, g0, increments)
+
+
+def _times(times: Any) -> np.ndarray:
+    if times is None:
+        raise ArgumentError("The lift of a continuous connection needs `times`, an array (N+1,).")
+    found = float64(times, "Argument `times`")
+    if found.ndim != 1 or len(found) < 2:
+        raise ArgumentError(f"Argument `times` must have shape (N+1,) with N ≥ 1, but has shape {found.shape}.")
+    return found
+
+
+def _transports(connection: Connection, path: Callable[[Array], Array], times: np.ndarray) -> Element:
+    """What each interval turns, in so many pieces that twice as many change nothing over 1e-12."""
+    if not callable(path):
+        raise ArgumentError("A continuous connection lifts a function t → x (m,): give `shapes` as such, with `times`.")
+    found = trace(path, "The path of shapes", (times[0],)).out_avals
+    if len(found) != 1 or found[0].shape != (connection.size,):
+        raise ArgumentError(
+            f"The path of shapes must return an array of shape ({connection.size},), but returns "
+            f"{', '.join(str(value.shape) for value in found)}."
+        )
+    pieces, before = 8, None
+    while pieces <= _FINEST:
+        after = finite(_in_pieces(connection, path, times, pieces), "The connection")
+        if before is not None:
+            change = max(np.max(np.abs(a - b)) for a, b in zip(*map(jax.tree.leaves, (before, after)), strict=True))
+            if change <= 1e-12:
+                return after
+        before, pieces = after, 2 * pieces
+    raise StepError(f"The horizontal lift does not settle with {_FINEST} pieces an interval: give more `times`.")
+
+
+def _in_pieces(connection: Connection, path: Callable[[Array], Array], times: np.ndarray, pieces: int) -> Element:
+    """Magnus' series of order 4 with two Gauss nodes a piece, for ġ = gξ: log F = ½h(ξ₁ + ξ₂) + (√3/12) h²[ξ₁, ξ₂]."""
+    group = connection.group
+
+    def velocity(t):
+        x, v = jax.jvp(path, (t,), (jnp.ones_like(t),))
+        return connection.velocity(x, v)
+
+    def piece(t, h):
+        first, last = (velocity(t + h * (0.5 + side * np.sqrt(3) / 6)) for side in (-1, 1))
+        return group.exp(0.5 * h * (first + last) + np.sqrt(3) / 12 * h**2 * group.ad(first, last))
+
+    def interval(t, h):
+        parts = jax.vmap(piece, in_axes=(0, None))(t + h * jnp.arange(pieces), h)
+        size = pieces
+        while size > 1:
+            size //= 2
+            parts = jax.vmap(group.compose)(*(jax.tree.map(lambda leaf, s=side: leaf[s::2], parts) for side in (0, 1)))
+        return jax.tree.map(lambda leaf: leaf[0], parts)
+
+    return evaluate(jax.vmap(interval), times[:-1], np.diff(times) / pieces)

@@ -1,0 +1,128 @@
+"""Discrete principal connections on M × G (B28–B32): local and global form, refusals, change of section."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.difference_maps import DifferenceMap, Exponential
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.check import trace
+from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
+from coadjoint.spaces.space import checked_vector
+
+_WHAT = "The increment Ω(x, x⁺) of a discrete connection"
+
+
+@dataclass(frozen=True)
+class DiscreteConnection:
+    """A discrete connection 𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ on M × G, M = ℝᵐ (B29, B31).
+
+    `group` is G, `size` is m, and `increment` the function Ω(x, x⁺) ∈ G of two shapes (m,), in terms of jax.numpy:
+    what the horizontal lift of a step from x to x⁺ turns. 𝒜 = e on horizontal steps. Raises GroupError and
+    ArgumentError unless Ω is an element of G at random shapes.
+    """
+
+    group: LieGroup
+    size: int
+    increment: Callable[[Array, Array], Element]
+
+    def __post_init__(self):
+        require_bundle(self.group, self.size)
+        x, x_next = random_shapes(self.size, 2)
+        require_element(self.group, partial(trace, self.increment, _WHAT, (x, x_next)), _WHAT)
+        outside = evaluate(lambda *pair: self.group.outside(self.increment(*pair)), x, x_next)
+        if not outside <= ROUND_OFF:
+            raise ArgumentError(f"{_WHAT} must lie in {self.group!r}, but is outside by {float(outside):.1e}.")
+
+    def __call__(self, x: Any, x_next: Any) -> Element:
+        """Ω(x, x⁺)."""
+        pair = checked_vector(x, self.size, "x"), checked_vector(x_next, self.size, "x_next")
+        return finite(evaluate(self.increment, *pair), "The discrete connection")
+
+    def form(self, g: Element, x: Array, g_next: Element, x_next: Array) -> Element:
+        """𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ (B31)."""
+        compose, inverse = self.group.compose, self.group.inverse
+        return compose(g_next, inverse(compose(g, self.increment(x, x_next))))
+
+    def in_section(self, section: Callable[[Array], Element]) -> DiscreteConnection:
+        """The same connection seen from the section g̃ = g χ(x)⁻¹: Ω̃ = χ(x) Ω(x, x⁺) χ(x⁺)⁻¹."""
+        compose, inverse = self.group.compose, self.group.inverse
+        what = "The change of section χ(x)"
+        require_element(self.group, partial(trace, section, what, (random_shapes(self.size, 1)[0],)), what)
+
+        def increment(x, x_next):
+            return compose(compose(section(x), self.increment(x, x_next)), inverse(section(x_next)))
+
+        return DiscreteConnection(self.group, self.size, increment)
+
+    @classmethod
+    def from_form(cls, group: LieGroup, size: int, form: Callable[..., Element]) -> DiscreteConnection:
+        """The discrete connection of a global form 𝒜(g, x, g⁺, x⁺) ∈ G: Ω(x, x⁺) = 𝒜(e, x, e, x⁺)⁻¹.
+
+        Raises ArgumentError unless 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹ at random arguments (B29).
+        """
+        require_bundle(group, size)
+        require_equivariant(group, size, form)
+        e = group.identity
+        return cls(group, size, lambda x, x_next: group.inverse(form(e(), x, e(), x_next)))
+
+    @classmethod
+    def from_connection(
+        cls, connection: Connection, difference_map: DifferenceMap | None = None, *, at: str = "middle"
+    ) -> DiscreteConnection:
+        """Ω(x, x⁺) = τ(−A(x̄)(x⁺ − x)), x̄ = (x + x⁺)/2: of order 2 in the step, and Ω(x⁺, x) = Ω(x, x⁺)⁻¹.
+
+        With at="start", x̄ = x: order 1. `difference_map` is τ, co.Exponential() by default.
+        """
+        if at not in ("middle", "start"):
+            raise ArgumentError(f'Argument `at` must be "middle" or "start", but is {at!r}.')
+        tau = Exponential() if difference_map is None else difference_map
+        tau.require_fit(connection.group)
+
+        def increment(x, x_next):
+            place = 0.5 * (x + x_next) if at == "middle" else x
+            return tau.tau(connection.group, connection.velocity(place, x_next - x))
+
+        return cls(connection.group, connection.size, increment)
+
+
+def require_element(group: LieGroup, traced: Callable[[], Any], what: str) -> None:
+    """Raise ArgumentError unless a traced function returns arrays of the shapes of an element of G."""
+    found = [value.shape for value in traced().out_avals]
+    expected = [np.shape(leaf) for leaf in jax.tree.leaves(evaluate(group.identity))]
+    if found != expected:
+        raise ArgumentError(
+            f"{what} must be an element of {group!r}, with arrays of shape {', '.join(map(str, expected))}, but has "
+            f"{', '.join(map(str, found)) or 'nothing'}."
+        )
+
+
+def require_equivariant(group: LieGroup, size: int, form: Callable[..., Element]) -> None:
+    """Raise ArgumentError unless 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹ at random arguments (B29)."""
+    x, x_next = random_shapes(size, 2)
+    turns = np.random.default_rng(29).normal(scale=0.7, size=(4, group.dim))
+    e, what = evaluate(group.identity), "The form 𝒜(g, x, g⁺, x⁺) of a discrete connection"
+    require_element(group, partial(trace, form, what, (e, x, e, x_next)), what)
+
+    def error(turns, x, x_next):
+        g, g_next, f, f_next = (group.exp(turn) for turn in turns)
+        moved = group.matrix(form(group.compose(f, g), x, group.compose(f_next, g_next), x_next))
+        expected = group.compose(group.compose(f_next, form(g, x, g_next, x_next)), group.inverse(f))
+        return jnp.max(jnp.abs(moved - group.matrix(expected))), jnp.max(jnp.abs(moved))
+
+    off, scale = map(float, evaluate(error, turns, x, x_next))
+    if not off <= ROUND_OFF * scale:
+        raise ArgumentError(
+            "A discrete connection must be equivariant, 𝒜(fg, x, f⁺g⁺, x⁺) = f⁺ 𝒜(g, x, g⁺, x⁺) f⁻¹, but is off by "
+            f"{off:.1e}; give its local form Ω(x, x⁺) to co.DiscreteConnection instead."
+        )

@@ -1,0 +1,206 @@
+"""The discrete Lagrange–Poincaré equations (B35–B36): discrete mechanics on M × G seen through a connection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels import newton
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.program import Code
+from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
+from coadjoint.mechanics.connection import finite
+from coadjoint.mechanics.discrete_connection import DiscreteConnection
+from coadjoint.mechanics.mechanical_connection import one_stage, positive_step, shape_size
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+
+class BundleMotion(NamedTuple):
+    """A motion on M × G in reduced variables: times (N+1,), shapes x (N+1, m), σ (N), and g (N+1) rebuilt from them."""
+
+    time: np.ndarray
+    x: np.ndarray
+    sigma: Element
+    g: Element
+
+
+class Slopes(NamedTuple):
+    """What one step contributes to (B35–B36).
+
+    group = D^R_σ l ∈ 𝔤*, first = D₁l + (Ad_{F⁻¹}B₁)* D^R_σ l, last = D₃l + (Ad_{F⁻¹}B₂)* D^R_σ l, carried =
+    Ad*_{F⁻¹} D^R_σ l, with F = Ωσ⁻¹, ⟨B₁, δx⟩ = (∂_xΩ·δx)Ω⁻¹ and B₂ likewise.
+    """
+
+    group: Array
+    carried: Array
+    first: Array
+    last: Array
+
+
+@dataclass(frozen=True)
+class ReducedLagrangian:
+    """l(x, σ, x⁺) = Λ(Ω(x, x⁺)σ⁻¹, x, x⁺; h) of a rule on M × G (B33–B34), with its slopes."""
+
+    system: System
+    step: Any
+    connection: DiscreteConnection
+    h: Array
+
+    def increment(self, x: Array, sigma: Element, x_next: Array) -> Element:
+        """F = Ω(x, x⁺) σ⁻¹."""
+        group = self.system.group
+        return group.compose(self.connection.increment(x, x_next), group.inverse(sigma))
+
+    def located(self, state: State, x: Array, sigma: Element, x_next: Array) -> State:
+        """The state with the ξ of this step, F(hξ) = Ω(x, x⁺)σ⁻¹, found by Newton's method; NaN where there is none."""
+        F = self.increment(x, sigma, x_next)
+        root = newton.solve(lambda xi: self._apart(xi, F), state.xi, self.h, (self.system.group.dim,))
+        group = self.system.group
+        away = group.matrix(self.step.increment(self.system, self.h, root.unknowns)) - group.matrix(F)
+        found = (root.code == Code.CONVERGED) & (jnp.max(jnp.abs(away)) < 1e-9 * jnp.max(jnp.abs(group.matrix(F))))
+        return state.replace(xi=jnp.where(found, root.unknowns, jnp.nan))
+
+    def value(self, state: State, x: Array, sigma: Element, x_next: Array) -> Array:
+        """l(x, σ, x⁺) about a state that is located there: the value and its first derivatives.
+
+        One step of Newton's method takes ξ along with x, σ and x⁺, which is exact to first order.
+        """
+        F = self.increment(x, sigma, x_next)
+        slope = jax.jacfwd(lambda xi: self._apart(xi, F))(state.xi)
+        xi = state.xi - jnp.linalg.solve(slope, self._apart(state.xi, F))
+        at = state.replace(xi=xi, n=x, nu=(x_next - x) / self.h)
+        return self.step.discrete_lagrangian(self.system, at, self.h)
+
+    def _apart(self, xi: Array, F: Element) -> Array:
+        """How far F(hξ) is from F, in coordinates of 𝔤."""
+        group = self.system.group
+        relative = group.compose(self.step.increment(self.system, self.h, xi), group.inverse(F))
+        return group.vee(group.matrix(relative) - jnp.eye(group.matrix_size))
+
+    def slopes(self, state: State, x: Array, sigma: Element, x_next: Array) -> Slopes:
+        """D^R_σ l, and what stands with it in the equation of the shapes, about a state that is located there."""
+        group, omega = self.system.group, self.connection.increment
+
+        def varied(x, chi, x_next):
+            return self.value(state, x, group.compose(nudge(group, chi), sigma), x_next)
+
+        D1, along_sigma, D3 = jax.grad(varied, argnums=(0, 1, 2))(x, jnp.zeros(group.dim), x_next)
+        carried = group.Ad_dual(group.inverse(self.increment(x, sigma, x_next)), along_sigma)
+        back = group.inverse(omega(x, x_next))
+
+        def turned(x, x_next):
+            return group.vee(group.matrix(group.compose(omega(x, x_next), back)))
+
+        B1, B2 = jax.vjp(turned, x, x_next)[1](carried)
+        return Slopes(along_sigma, carried, D1 + B1, D3 + B2)
+
+
+def nudge(group: LieGroup, chi: Array) -> Element:
+    """e + χ: a curve through e with tangent χ, of which only the first derivative at χ = 0 counts."""
+    return jax.tree.map(jnp.add, group.identity(), group.tangent(chi))
+
+
+class _Node(NamedTuple):
+    """Where the reduced algorithm stands: t, x_k, what step k−1 contributes, and guesses for (ξ, ν)."""
+
+    t: Array
+    x: Array
+    before: Array
+    last: Array
+    xi: Array
+    nu: Array
+
+
+def lagrange_poincare(
+    system: System, start: State, *, dt: float, steps: int, method: Any, connection: DiscreteConnection
+) -> BundleMotion:
+    """Solve the discrete Lagrange–Poincaré equations for (σ_k, x_{k+1}) and rebuild g_{k+1} = g_k Ω σ_k⁻¹.
+
+        Ad*_{F_k⁻¹} D^R_σ l_k = D^R_σ l_{k−1}
+        D₁l_k + (Ad_{F_k⁻¹}B₁)* D^R_σ l_k + D₃l_{k−1} + (Ad_{F_{k−1}⁻¹}B₂)* D^R_σ l_{k−1} = 0          (B35–B36)
+
+    The motion does not depend on the connection, and is that of co.simulate with the same `method`, a rule of one
+    stage. Written to be read and compared with, not for speed. Raises ArgumentError for systems that are not on
+    M × G or have forces, and StepError where Newton fails.
+    """
+    l = _reduced_lagrangian(system, method, connection, dt)
+    state = method.begin(system, start, dt)
+    at = _Node(state.t, state.n, -state.mu, state.pi, state.xi, state.nu)
+    advance = tabulate(partial(_advance, l), state, at)
+    shapes, sigmas = [state.n], []
+    for k in range(steps):
+        sigma, at, code = advance(state, at)
+        if code != Code.CONVERGED or not np.all(np.isfinite(at.last)):
+            raise StepError(
+                f"The Lagrange–Poincaré equations have no solution at step {k}, t = {k * dt:g} s, that Newton's method "
+                "finds: take a smaller dt."
+            )
+        shapes.append(at.x)
+        sigmas.append(sigma)
+    x, sigma = np.stack(shapes), jax.tree.map(lambda *rows: np.stack(rows), *sigmas)
+    return BundleMotion(start.t + dt * np.arange(len(x)), x, sigma, reconstructed(connection, start.g, x, sigma))
+
+
+def _advance(l: ReducedLagrangian, state: State, at: _Node) -> tuple[Element, _Node, Array]:
+    """σ_k, the next node, and Newton's code: the unknowns (ξ, ν) stand for σ_k = F(hξ)⁻¹Ω and x_{k+1} = x_k + hν."""
+    group, h, dim = l.system.group, l.h, l.system.group.dim
+
+    def slopes(z):
+        xi, x_next = z[:dim], at.x + h * z[dim:]
+        F = l.step.increment(l.system, h, xi)
+        sigma = group.compose(group.inverse(F), l.connection.increment(at.x, x_next))
+        return l.slopes(state.replace(t=at.t, xi=xi), at.x, sigma, x_next), sigma, x_next
+
+    def residual(z):
+        now, _, _ = slopes(z)
+        return jnp.concatenate([now.carried - at.before, now.first + at.last])
+
+    root = newton.solve(residual, jnp.concatenate([at.xi, at.nu]), h, (dim, len(at.nu)))
+    now, sigma, x_next = slopes(root.unknowns)
+    xi, nu = root.unknowns[:dim], root.unknowns[dim:]
+    return sigma, _Node(at.t + h, x_next, now.group, now.last, xi, nu), root.code
+
+
+def lagrange_poincare_residual(
+    system: System, start: State, *, dt: float, method: Any, connection: DiscreteConnection, g: Any, x: Any
+) -> np.ndarray:
+    """Left minus right side of (B35), (B36) at the inner nodes of any motion on M × G, shape (N−1, dim G + m).
+
+    g: elements with a leading axis (N+1), such as run.records.g; x: shapes (N+1, m), such as run.records.n. Zero for
+    the motions of `method`, whatever the connection. `start` gives the time of the first node and guesses.
+    """
+    l = _reduced_lagrangian(system, method, connection, dt)
+    x = shapes_of(connection, x)
+    sigma = reduced(connection, g, x)
+    times = start.t + l.h * np.arange(len(x) - 1)
+
+    def slopes_at(t, *ends):
+        return l.slopes(l.located(start.replace(t=t), *ends), *ends)
+
+    slopes = evaluate(jax.vmap(slopes_at), times, x[:-1], sigma, x[1:])
+    turning, moving = slopes.carried[1:] - slopes.group[:-1], slopes.first[1:] + slopes.last[:-1]
+    return finite(np.concatenate([turning, moving], axis=1), "The reduced Lagrangian")
+
+
+def _reduced_lagrangian(system: System, method: Any, connection: Any, dt: Any) -> ReducedLagrangian:
+    """l of a rule through a connection; raises ArgumentError for what does not fit."""
+    size = shape_size(system)
+    if not isinstance(connection, DiscreteConnection):
+        raise ArgumentError(f"Argument `connection` must be a co.DiscreteConnection, but is {connection!r}.")
+    if (connection.group, connection.size) != (system.group, size):
+        raise ArgumentError(
+            f"The connection is on {connection.group!r} with {connection.size} shape coordinates, but the system on "
+            f"{system.group!r} with {size}."
+        )
+    if system.forces is not None:
+        raise ArgumentError("The Lagrange–Poincaré equations hold without forces; use co.simulate with forces.")
+    return ReducedLagrangian(system, one_stage(system, method), connection, positive_step(dt))
