@@ -28,6 +28,9 @@ LANGUAGE = {
     "gather": lambda a, b: a[:, jnp.array([2, 0, -1])],
     "loop": lambda a, b: jax.lax.fori_loop(0, 3, lambda i, x: x * b[i], 1.0),
     "while": lambda a, b: jax.lax.while_loop(lambda x: x < 10, lambda x: 2 * x, jnp.abs(b[0])),
+    "a while for each row": lambda a, b: jax.vmap(
+        lambda row: jax.lax.while_loop(lambda x: x[0] < 10, lambda x: (2 * x[0], x[1] + b), (jnp.abs(row[0]), row))
+    )(a),
     "scan": lambda a, b: jax.lax.scan(lambda c, x: (c + x, c * x), b[0], b, reverse=True),
     "branch": lambda a, b: jax.lax.cond(b[0] > 0, lambda: a, lambda: 2 * a),
     "rounding": lambda a, b: jnp.round(3 * b) + jnp.sign(b) + jnp.mod(b, 0.3) + jnp.clip(b, -0.1, 0.1),

@@ -133,6 +133,8 @@ def lagrange_poincare(
     M × G or have forces, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
+    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
+        raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
     state = method.begin(system, start, dt)
     at = _Node(state.t, state.n, -state.mu, state.pi, state.xi, state.nu)
     advance = tabulate(partial(_advance, l), state, at)

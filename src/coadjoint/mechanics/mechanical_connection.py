@@ -42,7 +42,9 @@ def mechanical_connection(system: System) -> Connection:
         return jnp.linalg.solve(inertia, coupling)
 
     _require_linear(momentum, group.dim, size)
-    if not np.all(np.isfinite(evaluate(form, random_shapes(size, 1)[0]))):
+    x = random_shapes(size, 1)[0]
+    locked = evaluate(lambda x: jax.jacfwd(momentum)(np.zeros(group.dim), x, np.zeros(size)), x)
+    if not np.linalg.cond(locked) < 1e13:
         raise LagrangianError("The locked inertia ∂²ℓ/∂ξ² must be invertible, but is singular.")
     return Connection(group, size, form)
 

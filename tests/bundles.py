@@ -1,0 +1,76 @@
+"""Random connections, motions and kinetic energies on M × G, on which the theorems on bundles are tested."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import coadjoint as co
+from coadjoint.kernels.evaluate import evaluate
+from systems import GROUPS, SEED, system_on
+
+SIZE = 2
+"""How many shape coordinates."""
+
+
+def generator(*names: Any) -> np.random.Generator:
+    """Random numbers of a test's own."""
+    return np.random.default_rng([SEED, *(sum(map(ord, str(name))) for name in names)])
+
+
+def random_connection(name: str, index: int = 0, scale: float = 0.6) -> co.DiscreteConnection:
+    """Ω(x, x⁺) = cay(0.6 sin(C(x, x⁺, 1))): far from e also where x⁺ = x."""
+    group = GROUPS[name]
+    C = generator("connection", name, index).normal(scale=scale, size=(group.dim, 2 * SIZE + 1))
+
+    def increment(x, x_next):
+        return co.Cayley().tau(group, 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
+
+    return co.DiscreteConnection(group, SIZE, increment)
+
+
+def smooth_connection(name: str) -> co.Connection:
+    """A(x) = sin(Cx + D), a connection with curvature."""
+    group, random = GROUPS[name], generator("smooth", name)
+    C, D = random.normal(size=(group.dim, SIZE, SIZE)), random.normal(size=(group.dim, SIZE))
+    return co.Connection(group, SIZE, lambda x: jnp.sin(C @ x + D))
+
+
+def random_motion(name: str, steps: int, scale: float = 0.5) -> tuple[Any, np.ndarray]:
+    """Elements (steps+1) and shapes (steps+1, m) that no equation ties together."""
+    group, random = GROUPS[name], generator("motion", name)
+    turns = scale * random.normal(size=(steps + 1, group.dim))
+    g = evaluate(jax.vmap(lambda turn: co.Cayley().tau(group, turn)), turns)
+    return g, scale * random.normal(size=(steps + 1, SIZE))
+
+
+def random_system(name: str) -> tuple[co.System, co.State]:
+    """A Lagrangian that is not quadratic, on M × G, and a start."""
+    return system_on(GROUPS[name], co.Trivial(SIZE), None, False, f"bundle {name}")
+
+
+def kinetic_system(name: str) -> co.System:
+    """ℓ = ½ zᵀM(x)z − V(x) with z = (ξ, ẋ)."""
+    group, random = GROUPS[name], generator("kinetic", name)
+    count = group.dim + SIZE
+    A, C = random.normal(size=(count, count)), random.normal(size=(count, SIZE))
+
+    def lagrangian(xi, x, v, p):
+        z = jnp.concatenate([xi, v])
+        bent = p.A @ z + jnp.sin(p.C @ x) * z
+        return 0.5 * bent @ bent / len(z) + z @ z - jnp.cos(x[0]) * jnp.cos(0.5 * x[1])
+
+    return co.System(group, lagrangian, additional=co.Trivial(SIZE), parameters={"A": A, "C": C}, name=f"on {name}")
+
+
+def largest(tree: Any) -> float:
+    """The largest entry in size of a PyTree."""
+    return max(float(np.max(np.abs(leaf), initial=0.0)) for leaf in jax.tree.leaves(tree))
+
+
+def apart(left: Any, right: Any) -> float:
+    """The largest difference of two PyTrees."""
+    return largest(jax.tree.map(lambda a, b: np.asarray(a) - np.asarray(b), left, right))

@@ -1,0 +1,143 @@
+"""The discrete Lagrange–Poincaré equations on random systems (Theorem 6.1, B35–B36)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from bundles import SIZE, apart, generator, largest, random_connection, random_motion, random_system
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.bundle import reduced
+from coadjoint.mechanics.lagrange_poincare import ReducedLagrangian
+from stepping import Stepper
+from systems import GROUPS, RULES
+
+H = 0.1
+CASES = [
+    ("SO2", "midpoint"),
+    ("SO3", "left"),
+    ("SO3", "midpoint"),
+    ("SE2", "trapezoidal"),
+    ("SL2", "right"),
+    ("Heisenberg", "midpoint"),
+]
+TRIVIAL = co.DiscreteConnection(co.SO2(), 1, lambda x, x_next: jnp.eye(2))
+
+
+@cache
+def motion(name: str, rule: str):
+    """The unreduced motion: elements, shapes and the momenta of a few steps."""
+    system, start = random_system(name)
+    leaps = Stepper(system, RULES[rule](co.Cayley())).run(start, H, 5)
+    states = [leaps[0].record, *(leap.after for leap in leaps)]
+    return jax.tree.map(lambda *rows: np.stack(rows), *((state.g, state.n, state.mu) for state in states))
+
+
+@pytest.mark.parametrize(("name", "rule"), CASES)
+def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection(name, rule):
+    system, start = random_system(name)
+    g, x, _ = motion(name, rule)
+    for index in range(2):
+        found = co.lagrange_poincare(
+            system, start, dt=H, steps=5, method=RULES[rule](co.Cayley()), connection=random_connection(name, index)
+        )
+        error = max(apart(found.g, g), apart(found.x, x))
+        print(f"{name} {rule} Ω{index}: {error:.1e}")
+        assert error <= 2e-13 * max(1.0, largest(g))
+        assert apart(found.sigma, reduced(random_connection(name, index), g, x)) <= 2e-12
+        assert np.max(np.abs(found.time - start.t - H * np.arange(6))) <= 1e-15
+
+
+@pytest.mark.parametrize(("name", "rule"), CASES)
+def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
+    system, start = random_system(name)
+    g, x, mu = motion(name, rule)
+    arguments = {"dt": H, "method": RULES[rule](co.Cayley()), "connection": random_connection(name)}
+    scale = np.max(np.abs(mu)) + 1.0
+    residual = co.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
+    assert residual.shape == (4, GROUPS[name].dim + SIZE)
+    print(f"{name} {rule}: {np.max(np.abs(residual)) / scale:.1e}")
+    assert np.max(np.abs(residual)) <= 2e-13 * scale
+    x = x + 1e-6 * generator("perturbed", name).normal(size=x.shape)
+    away = co.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
+    assert np.all(np.max(np.abs(away), axis=1) > 1e-8)
+
+
+def test_with_the_trivial_connection_they_are_the_equations_of_the_core():
+    """Ω = e, the paper's last remark: σ = F⁻¹, Ad*_{F⁻¹}D^R_σ l = −μ_k."""
+    system, start = random_system("SO3")
+    e = co.DiscreteConnection(co.SO3(), SIZE, lambda x, x_next: jnp.eye(3))
+    found = co.lagrange_poincare(system, start, dt=H, steps=5, method=co.Midpoint(co.Cayley()), connection=e)
+    g, _, _ = motion("SO3", "midpoint")
+    assert apart(found.g, g) <= 2e-13
+    assert apart(found.sigma, np.swapaxes(g[1:], 1, 2) @ g[:-1]) <= 2e-13
+
+
+@pytest.mark.parametrize(("name", "rule"), [("SO3", "midpoint"), ("SE2", "left"), ("SL2", "trapezoidal")])
+def test_the_first_variation_of_the_action_is_the_residual_on_any_sequence(name, rule):
+    """Theorem 6.1, 1 ⇔ 3 ⇔ 4: with g_ε = g e^{εη}, x_ε = x + εδx and fixed ends,
+
+    d/dε Σ Λ(g_k⁻¹g_{k+1}, x_k, x_{k+1}) = Σ ⟨(B35)_k, η_k⟩ + ⟨(B36)_k, δx_k⟩.
+    """
+    system, start = random_system(name)
+    group, method, steps = GROUPS[name], RULES[rule](co.Cayley()), 4
+    connection = random_connection(name)
+    g, x = random_motion(name, steps, scale=0.1)
+    eta, dx = generator("variation", name).normal(size=(2, steps - 1, max(group.dim, SIZE)))
+    eta, dx = eta[:, : group.dim], dx[:, :SIZE]
+    l = ReducedLagrangian(system, method, connection, H)
+
+    def action(epsilon):
+        """The action of the varied motion, with ξ found from F by Newton's method."""
+        total, here = 0.0, []
+        for k in range(steps + 1):
+            at, shape = jax.tree.map(lambda leaf, k=k: jnp.asarray(leaf)[k], g), x[k]
+            if 0 < k < steps:
+                at = group.compose(at, co.Cayley().tau(group, epsilon * eta[k - 1]))
+                shape = shape + epsilon * dx[k - 1]
+            here.append((at, shape))
+        for k in range(steps):
+            (g0, x0), (g1, x1) = here[k], here[k + 1]
+            F = group.compose(group.inverse(g0), g1)
+            sigma = group.compose(group.inverse(F), connection.increment(x0, x1))
+            located = l.located(start.replace(t=start.t + k * H), x0, sigma, x1)
+            total = total + method.discrete_lagrangian(system, located.replace(n=x0, nu=(x1 - x0) / H), H)
+        return total
+
+    slope = evaluate(jax.grad(action), 0.0)
+    residual = co.lagrange_poincare_residual(system, start, dt=H, method=method, connection=connection, g=g, x=x)
+    expected = np.sum(residual[:, group.dim :] * dx) + np.sum(residual[:, : group.dim] * eta)
+    print(name, rule, slope, expected)
+    assert abs(slope - expected) <= 1e-12 * max(1.0, np.max(np.abs(residual)))
+
+
+def test_what_does_not_fit_is_refused_in_one_sentence():
+    system, start = random_system("SO3")
+    good = {"dt": H, "steps": 2, "method": co.Midpoint(), "connection": random_connection("SO3")}
+    forced = co.System(
+        co.SO2(), lambda xi, x, v: xi @ xi + v @ v, additional=co.Trivial(1), forces=lambda motion: co.Force()
+    )
+    for change, says in (
+        ({"connection": random_connection("SE2")}, "The connection is on SE2() with 2 shape coordinates"),
+        ({"connection": None}, "must be a co.DiscreteConnection"),
+        ({"dt": -0.1}, "must be a positive number"),
+        ({"steps": 0}, "`steps` must be a whole number from 1"),
+        ({"method": co.LeftRight()}, "needs a rule of one stage"),
+        ({"method": None}, "must be a method such as co.Midpoint()"),
+    ):
+        with pytest.raises(co.ArgumentError, match=says.replace("(", "\\(").replace(")", "\\)")):
+            co.lagrange_poincare(system, start, **{**good, **change})
+    with pytest.raises(co.ArgumentError, match="hold without forces"):
+        co.lagrange_poincare(forced, forced.state(q=[0.0]), **{**good, "connection": TRIVIAL})
+
+
+def test_a_step_that_has_no_solution_says_so():
+    """Midpoint steps of ẍ = eˣ from rest at x = 0: v = ½h exp(½hv) has no root at h = 2."""
+    system = co.System(co.SO2(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + jnp.exp(x[0]), additional=co.Trivial(1))
+    with pytest.raises(co.StepError, match="no solution at step 0, t = 0 s, that"):
+        co.lagrange_poincare(system, system.state(q=[0.0]), dt=2.0, steps=3, method=co.Midpoint(), connection=TRIVIAL)
