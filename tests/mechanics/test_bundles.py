@@ -242,7 +242,7 @@ REFUSED = {
     ),
     "a composition": (
         lambda: co.discrete_mechanical_connection(kinetic_system("SO3"), co.Suzuki4(co.Midpoint()), 0.1),
-        "needs a rule of one stage",
+        "needs a variational rule of one stage",
     ),
 }
 

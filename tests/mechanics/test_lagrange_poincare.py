@@ -105,8 +105,9 @@ def test_the_first_variation_of_the_action_is_the_residual_on_any_sequence(name,
             (g0, x0), (g1, x1) = here[k], here[k + 1]
             F = group.compose(group.inverse(g0), g1)
             sigma = group.compose(group.inverse(F), connection.increment(x0, x1))
-            located = l.located(start.replace(t=start.t + k * H), x0, sigma, x1)
-            total = total + method.discrete_lagrangian(system, located.replace(n=x0, nu=(x1 - x0) / H), H)
+            now = start.replace(t=start.t + k * H, n=x0)
+            unknowns = jnp.concatenate([l.velocity(now, x0, sigma, x1), (x1 - x0) / H])
+            total = total + method.discrete_lagrangian(system, method.record(system, now, H, unknowns), H)
         return total
 
     slope = evaluate(jax.grad(action), 0.0)
@@ -127,7 +128,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
         ({"connection": None}, "must be a co.DiscreteConnection"),
         ({"dt": -0.1}, "must be a positive number"),
         ({"steps": 0}, "`steps` must be a whole number from 1"),
-        ({"method": co.LeftRight()}, "needs a rule of one stage"),
+        ({"method": co.LeftRight()}, "needs a variational rule of one stage"),
         ({"method": None}, "must be a method such as co.Midpoint()"),
     ):
         with pytest.raises(co.ArgumentError, match=says.replace("(", "\\(").replace(")", "\\)")):

@@ -60,38 +60,43 @@ class ReducedLagrangian:
         group = self.system.group
         return group.compose(self.connection.increment(x, x_next), group.inverse(sigma))
 
-    def located(self, state: State, x: Array, sigma: Element, x_next: Array) -> State:
-        """The state with the ξ of this step, F(hξ) = Ω(x, x⁺)σ⁻¹, found by Newton's method; NaN where there is none."""
-        F = self.increment(x, sigma, x_next)
-        root = newton.solve(lambda xi: self._apart(xi, F), state.xi, self.h, (self.system.group.dim,))
-        group = self.system.group
-        away = group.matrix(self.step.increment(self.system, self.h, root.unknowns)) - group.matrix(F)
+    def velocity(self, state: State, x: Array, sigma: Element, x_next: Array) -> Array:
+        """ξ with F(hξ) = Ω(x, x⁺)σ⁻¹, the chart of the rule inverted by Newton's method; NaN where there is none."""
+        group, F = self.system.group, self.increment(x, sigma, x_next)
+        root = newton.solve(lambda xi: self._apart(state, xi, F), state.xi, self.h, (group.dim,))
+        away = group.matrix(self._turn(state, root.unknowns)) - group.matrix(F)
         found = (root.code == Code.CONVERGED) & (jnp.max(jnp.abs(away)) < 1e-9 * jnp.max(jnp.abs(group.matrix(F))))
-        return state.replace(xi=jnp.where(found, root.unknowns, jnp.nan))
+        return jnp.where(found, root.unknowns, jnp.nan)
 
-    def value(self, state: State, x: Array, sigma: Element, x_next: Array) -> Array:
-        """l(x, σ, x⁺) about a state that is located there: the value and its first derivatives.
+    def value(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Array:
+        """l(x, σ, x⁺) about the ξ of this step: the value and its first derivatives.
 
         One step of Newton's method takes ξ along with x, σ and x⁺, which is exact to first order.
         """
         F = self.increment(x, sigma, x_next)
-        slope = jax.jacfwd(lambda xi: self._apart(xi, F))(state.xi)
-        xi = state.xi - jnp.linalg.solve(slope, self._apart(state.xi, F))
-        at = state.replace(xi=xi, n=x, nu=(x_next - x) / self.h)
-        return self.step.discrete_lagrangian(self.system, at, self.h)
+        slope = jax.jacfwd(lambda xi: self._apart(state, xi, F))(xi)
+        xi = xi - jnp.linalg.solve(slope, self._apart(state, xi, F))
+        unknowns = jnp.concatenate([xi, (x_next - x) / self.h])
+        record = self.step.record(self.system, state.replace(n=x), self.h, unknowns)
+        return self.step.discrete_lagrangian(self.system, record, self.h)
 
-    def _apart(self, xi: Array, F: Element) -> Array:
+    def _turn(self, state: State, xi: Array) -> Element:
+        """F(hξ)."""
+        record = self.step.record(self.system, state, self.h, jnp.concatenate([xi, state.nu]))
+        return self.step.relative(self.system, record, self.h)
+
+    def _apart(self, state: State, xi: Array, F: Element) -> Array:
         """How far F(hξ) is from F, in coordinates of 𝔤."""
         group = self.system.group
-        relative = group.compose(self.step.increment(self.system, self.h, xi), group.inverse(F))
+        relative = group.compose(self._turn(state, xi), group.inverse(F))
         return group.vee(group.matrix(relative) - jnp.eye(group.matrix_size))
 
-    def slopes(self, state: State, x: Array, sigma: Element, x_next: Array) -> Slopes:
-        """D^R_σ l, and what stands with it in the equation of the shapes, about a state that is located there."""
+    def slopes(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Slopes:
+        """D^R_σ l, and what stands with it in the equation of the shapes, about the ξ of this step."""
         group, omega = self.system.group, self.connection.increment
 
         def varied(x, chi, x_next):
-            return self.value(state, x, group.compose(nudge(group, chi), sigma), x_next)
+            return self.value(state, xi, x, group.compose(nudge(group, chi), sigma), x_next)
 
         D1, along_sigma, D3 = jax.grad(varied, argnums=(0, 1, 2))(x, jnp.zeros(group.dim), x_next)
         carried = group.Ad_dual(group.inverse(self.increment(x, sigma, x_next)), along_sigma)
@@ -110,14 +115,11 @@ def nudge(group: LieGroup, chi: Array) -> Element:
 
 
 class _Node(NamedTuple):
-    """Where the reduced algorithm stands: t, x_k, what step k−1 contributes, and guesses for (ξ, ν)."""
+    """Where the reduced algorithm stands: D^R_σ l and the last part of step k−1; t, x_k and guesses in a state."""
 
-    t: Array
-    x: Array
     before: Array
     last: Array
-    xi: Array
-    nu: Array
+    state: State
 
 
 def lagrange_poincare(
@@ -136,40 +138,41 @@ def lagrange_poincare(
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
         raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
     state = method.begin(system, start, dt)
-    at = _Node(state.t, state.n, -state.mu, state.pi, state.xi, state.nu)
-    advance = tabulate(partial(_advance, l), state, at)
+    at = _Node(-state.mu, state.pi, state)
+    advance = tabulate(partial(_advance, l), at)
     shapes, sigmas = [state.n], []
     for k in range(steps):
-        sigma, at, code = advance(state, at)
+        sigma, at, code = advance(at)
         if code != Code.CONVERGED or not np.all(np.isfinite(at.last)):
             raise StepError(
                 f"The Lagrange–Poincaré equations have no solution at step {k}, t = {k * dt:g} s, that Newton's method "
                 "finds: take a smaller dt."
             )
-        shapes.append(at.x)
+        shapes.append(at.state.n)
         sigmas.append(sigma)
     x, sigma = np.stack(shapes), jax.tree.map(lambda *rows: np.stack(rows), *sigmas)
     return BundleMotion(start.t + dt * np.arange(len(x)), x, sigma, reconstructed(connection, start.g, x, sigma))
 
 
-def _advance(l: ReducedLagrangian, state: State, at: _Node) -> tuple[Element, _Node, Array]:
+def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
     """σ_k, the next node, and Newton's code: the unknowns (ξ, ν) stand for σ_k = F(hξ)⁻¹Ω and x_{k+1} = x_k + hν."""
-    group, h, dim = l.system.group, l.h, l.system.group.dim
+    system, step, h, state = l.system, l.step, l.h, at.state
+    group, dim, x = system.group, system.group.dim, at.state.n
 
     def slopes(z):
-        xi, x_next = z[:dim], at.x + h * z[dim:]
-        F = l.step.increment(l.system, h, xi)
-        sigma = group.compose(group.inverse(F), l.connection.increment(at.x, x_next))
-        return l.slopes(state.replace(t=at.t, xi=xi), at.x, sigma, x_next), sigma, x_next
+        record = step.record(system, state, h, z)
+        x_next = x + h * z[dim:]
+        F = step.relative(system, record, h)
+        sigma = group.compose(group.inverse(F), l.connection.increment(x, x_next))
+        return l.slopes(state, z[:dim], x, sigma, x_next), sigma, record.later(h, n=x_next)
 
     def residual(z):
         now, _, _ = slopes(z)
         return jnp.concatenate([now.carried - at.before, now.first + at.last])
 
-    root = newton.solve(residual, jnp.concatenate([at.xi, at.nu]), h, (dim, len(at.nu)))
-    now, sigma, x_next = slopes(root.unknowns)
-    xi, nu = root.unknowns[:dim], root.unknowns[dim:]
-    return sigma, _Node(at.t + h, x_next, now.group, now.last, xi, nu), root.code
+    root = newton.solve(residual, step.guess(system, state, h), h, step.groups(system))
+    now, sigma, after = slopes(root.unknowns)
+    return sigma, _Node(now.group, now.last, after), root.code
 
 
 def lagrange_poincare_residual(
@@ -183,10 +186,12 @@ def lagrange_poincare_residual(
     l = _reduced_lagrangian(system, method, connection, dt)
     x = shapes_of(connection, x)
     sigma = reduced(connection, g, x)
+    state = method.begin(system, start, dt)
     times = start.t + l.h * np.arange(len(x) - 1)
 
     def slopes_at(t, *ends):
-        return l.slopes(l.located(start.replace(t=t), *ends), *ends)
+        here = state.replace(t=t)
+        return l.slopes(here, l.velocity(here, *ends), *ends)
 
     slopes = evaluate(jax.vmap(slopes_at), times, x[:-1], sigma, x[1:])
     turning, moving = slopes.carried[1:] - slopes.group[:-1], slopes.first[1:] + slopes.last[:-1]

@@ -17,7 +17,6 @@ from coadjoint.kernels.program import Code
 from coadjoint.mechanics.check import trace
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, random_shapes
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
-from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Several, Space, Trivial
 from coadjoint.spaces.numbers import float64
@@ -75,21 +74,23 @@ def discrete_mechanical_connection(system: System, method: Any, dt: float) -> Di
     a motion of `method`, a rule of one stage, with momentum zero is the horizontal lift of its shapes. Of kinetic
     energy and a potential of x, Ω does not depend on dt. Where no F is found, Ω is not finite, and what uses it raises.
     """
-    size, step = _timeless(system), one_stage(system, method)
-    h = positive_step(dt)
+    size, step, h = _timeless(system), one_stage(system, method), positive_step(dt)
     group = system.group
-    empty, rest = np.zeros(0), np.zeros(group.dim)
+    at = method.begin(system, system.state(q=random_shapes(size, 1)[0]), h)
+    at = at.replace(mu=np.zeros(group.dim))
 
     def increment(x, x_next):
-        nu = (x_next - x) / h
-        at = State(np.float64(0.0), group.identity(), x, empty, rest, jnp.zeros(size), rest, nu, places=system.places)
+        here, nu = at.replace(n=x), (x_next - x) / h
+
+        def record(xi):
+            return step.record(system, here, h, jnp.concatenate([xi, nu]))
 
         def momentum(xi):
-            return step.equations(system, at.replace(xi=xi), h)[: group.dim]
+            return step.equations(system, record(xi), h)[: group.dim]
 
         root = newton.solve(momentum, jnp.zeros(group.dim), h, (group.dim,))
         xi = jnp.where(root.code == Code.CONVERGED, root.unknowns, jnp.nan)
-        return step.increment(system, h, xi)
+        return step.relative(system, record(xi), h)
 
     return DiscreteConnection(group, size, increment)
 
@@ -100,11 +101,13 @@ def one_stage(system: System, method: Any) -> Any:
     if stages is None:
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {method!r}.")
     step = stages[0][0]
-    if len(stages) != 1 or tuple(step.groups(system)) != (system.group.dim, system.additional.dim(system.group)):
+    unknowns = system.group.dim, system.additional.dim(system.group)
+    if len(stages) != 1 or tuple(step.groups(system)) != unknowns or not method.claims.symplectic:
         raise ArgumentError(
-            f"A bundle needs a rule of one stage, such as co.Midpoint() or co.LeftRectangle(), but got {method.title}."
+            "A bundle needs a variational rule of one stage, such as co.Midpoint() or co.LeftRectangle(), but got "
+            f"{method.title}."
         )
-    step.difference_map.require_fit(system.group)
+    step.require_fit(system)
     return step
 
 
