@@ -52,6 +52,7 @@ _HOMES = {
     "coadjoint.mechanics.system": ("System",),
     "coadjoint.methods": (
         "EnergyMomentum",
+        "Galerkin",
         "GroupVariational",
         "LeftRectangle",
         "LeftRight",

@@ -10,6 +10,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
     EnergyMomentum,
+    Galerkin,
     GroupVariational,
     LeftRectangle,
     LeftRight,
@@ -75,6 +76,9 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Suzuki4(Midpoint)", lambda tau: Suzuki4(Midpoint(tau))),
     Shipped("Suzuki4(Trapezoidal)", lambda tau: Suzuki4(Trapezoidal(tau))),
     Shipped("Suzuki4(LeftRight)", lambda tau: Suzuki4(LeftRight(tau))),
+    Shipped("Galerkin(degree=2)", lambda tau: Galerkin(tau, degree=2)),
+    Shipped("Galerkin(degree=3)", lambda tau: Galerkin(tau, degree=3)),
+    Shipped("Galerkin(degree=4)", lambda tau: Galerkin(tau, degree=4)),
     Shipped("EnergyMomentum", EnergyMomentum),
     Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
 )

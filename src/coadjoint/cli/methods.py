@@ -42,6 +42,11 @@ def _rule(chosen: MethodSection, name: str, start: str) -> Method:
         return kind(_rule(chosen, method_name(chosen.base or "Midpoint"), "momentum"), start=start)
     if chosen.base and name == method_name(chosen.name):
         raise ArgumentError(f"[method] base belongs to a composition such as Suzuki4, not to {name}: leave it out.")
+    if "degree" in signature(kind).parameters:
+        degree = {} if chosen.degree is None else {"degree": chosen.degree}
+        return kind(_map(map_name(chosen.map)), start=start, **degree)
+    if chosen.degree is not None and name == method_name(chosen.name):
+        raise ArgumentError(f"[method] degree belongs to Galerkin, not to {name}: leave it out.")
     return kind(_map(map_name(chosen.map)), start=start)
 
 

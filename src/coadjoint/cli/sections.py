@@ -29,11 +29,13 @@ class SystemSection:
 
 @dataclass(frozen=True)
 class MethodSection:
-    """How it is integrated: the rule, its difference map, the base of a composition, and the start."""
+    """How it is integrated: the rule, its difference map, the base of a composition, the degree of Galerkin's
+    polynomials, and the start."""
 
     name: str = "Midpoint"
     map: str = "Cayley"
     base: str = ""
+    degree: int | None = None
     start: str = "momentum"
 
     def __post_init__(self):

@@ -28,7 +28,7 @@ from coadjoint.kernels.evaluate import evaluate
 
 @dataclass(frozen=True)
 class Cayley(DifferenceMap):
-    """τ(ξ) = (I − ξ̂/2)⁻¹(I + ξ̂/2), dτ⁻¹_ξ χ = (I − ξ̂/2) χ̂ (I + ξ̂/2) (P79, P80).
+    """τ(ξ) = (I − ξ̂/2)⁻¹(I + ξ̂/2), dτ⁻¹_ξ χ = (I − ξ̂/2) χ̂ (I + ξ̂/2) (P79, P80), dτ_ξ χ = ¼(I + τ(ξ)) χ̂ (I + τ(−ξ)).
 
     It fits quadratic groups and their homogeneous extensions (SO(n), Sp(2n), SE(n)), GL(n), SL(2) and unipotent
     groups. On a semidirect product G ⋉ V it is (F, ½(u + Fu)) with F = τ(ξ) that of G: the same formula where ρ(g)
@@ -39,6 +39,9 @@ class Cayley(DifferenceMap):
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         return _tau(group, xi)
+
+    def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        return _dtau(group, xi, chi)
 
     def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         return _dtau_inverse_dual(group, xi, mu)
@@ -52,6 +55,14 @@ def _tau(group: LieGroup, xi: Array) -> Element:
 
 
 @singledispatch
+def _dtau(group: LieGroup, xi: Array, chi: Array) -> Array:
+    """(I − ξ̂/2)⁻¹ χ̂ (I + ξ̂/2)⁻¹, where 2(I − ξ̂/2)⁻¹ = I + τ(ξ)."""
+    one = jnp.eye(group.matrix_size)
+    left, right = (one + group.matrix(_tau(group, x)) for x in (xi, -xi))
+    return 0.25 * group.vee(left @ group.hat(chi) @ right)
+
+
+@singledispatch
 def _dtau_inverse_dual(group: LieGroup, xi: Array, mu: Array) -> Array:
     half = 0.5 * group.hat(xi)
     one = jnp.eye(group.matrix_size)
@@ -61,6 +72,11 @@ def _dtau_inverse_dual(group: LieGroup, xi: Array, mu: Array) -> Array:
 @_tau.register
 def _(group: Translation, xi: Array) -> Element:
     return xi
+
+
+@_dtau.register
+def _(group: Translation, xi: Array, chi: Array) -> Array:
+    return chi
 
 
 @_dtau_inverse_dual.register
@@ -76,6 +92,11 @@ def _(group: SO2, xi: Array) -> Element:
     return jnp.stack([jnp.stack([cosine, -sine]), jnp.stack([sine, cosine])])
 
 
+@_dtau.register
+def _(group: SO2, xi: Array, chi: Array) -> Array:
+    return chi / (1 + 0.25 * xi * xi)
+
+
 @_dtau_inverse_dual.register
 def _(group: SO2, xi: Array, mu: Array) -> Array:
     return (1 + 0.25 * xi * xi) * mu
@@ -86,6 +107,12 @@ def _(group: SO3, xi: Array) -> Element:
     """I + (ω^× + (ω^×)²/2) / (1 + |ω|²/4)."""
     omega = skew(xi)
     return jnp.eye(3) + (omega + 0.5 * (omega @ omega)) / (1 + 0.25 * (xi @ xi))
+
+
+@_dtau.register
+def _(group: SO3, xi: Array, chi: Array) -> Array:
+    """(χ + ½ ξ×χ) / (1 + |ξ|²/4)."""
+    return (chi + 0.5 * jnp.cross(xi, chi)) / (1 + 0.25 * (xi @ xi))
 
 
 @_dtau_inverse_dual.register

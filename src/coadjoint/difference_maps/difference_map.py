@@ -28,6 +28,11 @@ class DifferenceMap:
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         raise NotImplementedError
 
+    def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        """By differentiation of τ."""
+        velocity = jax.jvp(lambda x: group.matrix(self.tau(group, x)), (xi,), (chi,))[1]
+        return group.vee(velocity @ group.matrix(self.tau(group, -xi)))
+
     def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         return jnp.linalg.solve(self._tangent_matrix(group, xi).T, mu)
 
@@ -39,8 +44,15 @@ class DifferenceMap:
         return self._tau(group, xi)
 
     def dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
-        """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹ (P32), by differentiation of τ."""
-        return group.vee(self._tangent(group, xi, chi))
+        """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹ (P32)."""
+        if isinstance(group, DirectProduct):
+            parts = zip(group.factors, group.split(xi), group.split(chi), strict=True)
+            return jnp.concatenate([self.dtau(factor, x, c) for factor, x, c in parts])
+        return self._dtau(group, xi, chi)
+
+    def dtau_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
+        """dτ*_ξ μ, with ⟨dτ*_ξ μ, χ⟩ = ⟨μ, dτ_ξ χ⟩."""
+        return transpose(lambda chi: self.dtau(group, xi, chi), group.dim, mu)
 
     def dtau_inverse(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         """dτ⁻¹_ξ χ (P34), the dual of `dtau_inverse_dual`."""

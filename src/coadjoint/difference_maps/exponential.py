@@ -13,15 +13,22 @@ import numpy as np
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import SO3, DirectProduct, LieGroup
 from coadjoint.groups.group import Array, Element, basis_sizes
-from coadjoint.groups.small_angle import BERNOULLI, cotangent_ratio, cotangent_ratio_derivative
+from coadjoint.groups.small_angle import (
+    BERNOULLI,
+    cotangent_ratio,
+    cotangent_ratio_derivative,
+    cubic_ratio,
+    versine_ratio,
+)
 
 
 @dataclass(frozen=True)
 class Exponential(DifferenceMap):
     """τ = exp, dτ⁻¹_ξ = ad_ξ / (e^{ad_ξ} − 1) (P91, P92). It fits every group.
 
-    SO(3): (dτ⁻¹_ξ)* μ = μ + ½ ξ×μ + β ξ×(ξ×μ), β = (1 − (θ/2) cot(θ/2))/θ², θ = |ξ| < 2π (P94, with the argument
-    θ = h‖ω‖). Where ad_ξ has eigenvalues 0, ±iθ in blocks of size ≤ 2 (SE(2), SE(3), …):
+    SO(3): dτ_ξ χ = χ + (1 − cos θ)/θ² ξ×χ + (θ − sin θ)/θ³ ξ×(ξ×χ), (dτ⁻¹_ξ)* μ = μ + ½ ξ×μ + β ξ×(ξ×μ),
+    β = (1 − (θ/2) cot(θ/2))/θ², θ = |ξ| < 2π (P94, with the argument θ = h‖ω‖). Where ad_ξ has eigenvalues 0, ±iθ in
+    blocks of size ≤ 2 (SE(2), SE(3), …):
     dτ⁻¹_ξ = 1 − ½ ad_ξ + (β − tβ′) ad_ξ² − β′ ad_ξ⁴, t = θ², β′ = dβ/dt. Other groups sum the series of Bernoulli's
     numbers, which is exact to round-off where |ad_ξ⁴|^{1/4} ≤ 2; a step counts as beyond the chart from there on. It
     is the 115° at which the Cayley transform's chart ends, too.
@@ -29,6 +36,12 @@ class Exponential(DifferenceMap):
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         return group.exp(xi)
+
+    def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        if not isinstance(group, SO3):
+            return super()._dtau(group, xi, chi)
+        t, once = xi @ xi, jnp.cross(xi, chi)
+        return chi + versine_ratio(t) * once + cubic_ratio(t) * jnp.cross(xi, once)
 
     def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         t = group.angle_squared(xi)

@@ -15,7 +15,9 @@ from coadjoint.groups.group import Array, Element
 
 @dataclass(frozen=True)
 class Squared(DifferenceMap):
-    """τ₂(ξ) = σ(ξ/2)² of a map σ, with half H = σ(ξ/2); (dτ₂⁻¹_ξ)* = 2 (1 + Ad*_H)⁻¹ (dσ⁻¹_{ξ/2})*.
+    """τ₂(ξ) = σ(ξ/2)² of a map σ, with half H = σ(ξ/2).
+
+    dτ₂_ξ = ½ (1 + Ad_H) dσ_{ξ/2}, (dτ₂⁻¹_ξ)* = 2 (1 + Ad*_H)⁻¹ (dσ⁻¹_{ξ/2})*.
 
     The exponential is its own squared map. Squared Cayley on SO(3) is the Cayley transform of SU(2) and reaches π.
     """
@@ -29,6 +31,10 @@ class Squared(DifferenceMap):
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         root = self.half.tau(group, 0.5 * xi)
         return group.compose(root, root)
+
+    def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
+        moved = 0.5 * self.half.dtau(group, 0.5 * xi, chi)
+        return moved + group.Ad(self.half.tau(group, 0.5 * xi), moved)
 
     def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         root = self.half.tau(group, 0.5 * xi)

@@ -2,6 +2,7 @@
 
 from coadjoint.methods.composition import LeftRight, Suzuki4
 from coadjoint.methods.energy_momentum import EnergyMomentum
+from coadjoint.methods.galerkin import Galerkin
 from coadjoint.methods.group_variational import GroupVariational
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
@@ -14,6 +15,7 @@ from coadjoint.methods.variational import Variational
 __all__ = [
     "Claims",
     "EnergyMomentum",
+    "Galerkin",
     "GroupVariational",
     "LeftRectangle",
     "LeftRight",
