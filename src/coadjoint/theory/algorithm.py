@@ -28,6 +28,8 @@ class Algorithm:
     space: Space
     difference_map: DifferenceMap = Exponential()
     fraction: float = 1.0
+    tolerant: bool = False
+    stops: bool = False
 
     def last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
         """The last increment, the point n that s starts from, and the last velocity (s − n)/h there."""
@@ -57,6 +59,10 @@ class Algorithm:
     @property
     def stages(self) -> tuple[Algorithm, ...]:
         return (self,)
+
+    @property
+    def substeps(self) -> tuple[float, ...]:
+        return (1.0,)
 
     @property
     def groups(self) -> tuple[int, ...]:
@@ -100,8 +106,11 @@ class Algorithm:
     def record(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
         return state
 
-    def advance(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
+    def advance(self, parameters: Any, state: Any, h: Array, z: Array, sound: Array) -> Any:
         return self.following(state, *self._solution(state, h, z))
 
     def certificate(self, parameters: Any, before: Any, h: Array, z: Array, after: Any) -> Mapping[str, Array]:
         return {}
+
+    def stop(self, parameters: Any, before: Any, after: Any) -> Array:
+        return jnp.zeros(())
