@@ -1,6 +1,6 @@
 """Variational methods, a class a file; the default is `Midpoint(Cayley())` (mathematics: sections 6 and 7)."""
 
-from coadjoint.methods.composition import LeftRight, Suzuki4
+from coadjoint.methods.composition import Composition, LeftRight, Symmetrised
 from coadjoint.methods.energy_momentum import EnergyMomentum
 from coadjoint.methods.galerkin import Galerkin
 from coadjoint.methods.group_variational import GroupVariational
@@ -8,23 +8,40 @@ from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.right_rectangle import RightRectangle
+from coadjoint.methods.schemes import (
+    KahanLi6,
+    KahanLi8,
+    SofroniouSpaletta6,
+    SofroniouSpaletta8,
+    SofroniouSpaletta10,
+    Suzuki4,
+    Yoshida4,
+)
 from coadjoint.methods.simpson import Simpson
 from coadjoint.methods.trapezoidal import Trapezoidal
 from coadjoint.methods.variational import Variational
 
 __all__ = [
     "Claims",
+    "Composition",
     "EnergyMomentum",
     "Galerkin",
     "GroupVariational",
+    "KahanLi6",
+    "KahanLi8",
     "LeftRectangle",
     "LeftRight",
     "Method",
     "Midpoint",
     "RightRectangle",
     "Simpson",
+    "SofroniouSpaletta6",
+    "SofroniouSpaletta8",
+    "SofroniouSpaletta10",
     "Step",
     "Suzuki4",
+    "Symmetrised",
     "Trapezoidal",
     "Variational",
+    "Yoshida4",
 ]

@@ -1,13 +1,19 @@
-"""Compositions of a base method: the symmetric left–right pair and Suzuki's fourth order (mathematics: section 7)."""
+"""Compositions of a method with itself and with its adjoint (mathematics: section 7)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.methods.left_rectangle import LeftRectangle
-from coadjoint.methods.method import Method, Start, Step
+from coadjoint.methods.method import Claims, Method, Start, Step
+from coadjoint.methods.order_conditions import composed_order
 from coadjoint.methods.right_rectangle import RightRectangle
+from coadjoint.spaces.numbers import float64
 
 
 @dataclass(frozen=True)
@@ -28,45 +34,125 @@ class LeftRight(Method):
 
 
 @dataclass(frozen=True, init=False)
-class Suzuki4(Method):
-    """Five steps of a symmetric base method of order 2 over (γ, γ, 1 − 4γ, γ, γ)h, γ = 1/(4 − 4^{1/3}): order 4.
-
-    1 − 4γ is negative: with strong dissipation that substep is unsafe, and a run with forces says so. `start` is the
-    base's unless given.
-    """
+class _OverBase(Method):
+    """A method made of steps of another one, `base`; `start` is the base's unless given."""
 
     base: Method
 
-    def __init__(self, base: Method, start: Start | None = None):
-        if not isinstance(base, Method) or base.order != 2 or not base.symmetric:
-            raise ArgumentError(
-                f"Suzuki4 needs a symmetric method of order 2, such as co.Midpoint(co.Cayley()), but got {base!r}."
-            )
-        for name, value in (("difference_map", base.difference_map), ("start", start or base.start), ("base", base)):
+    def _set(self, base: Method, start: Start | None, **more: Any) -> None:
+        values = {"difference_map": base.difference_map, "start": start or base.start, "base": base, **more}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
         self.__post_init__()
-
-    @property
-    def order(self) -> int:
-        return 4
 
     @property
     def symmetric(self) -> bool:
         return True
 
     @property
+    def claims(self) -> Claims:
+        """What the base keeps, at this order."""
+        return self.base.claims._replace(order=self.order, symmetric=True)
+
+    @property
+    def remedies(self) -> tuple[str, str]:
+        return self.base.remedies
+
+    @property
+    def title(self) -> str:
+        return f"{type(self).__name__}({self.base.title})"
+
+
+@dataclass(frozen=True, init=False)
+class Symmetrised(_OverBase):
+    """Φ_{h/2} ∘ Φ*_{h/2} of any method Φ with its adjoint Φ*_h = Φ₋ₕ⁻¹: symmetric, of the next even order at least.
+
+    Over a rule of order 1 this is Strang's symmetrisation; `Symmetrised(RightRectangle())` is `LeftRight()`.
+    Raises ArgumentError for a method whose adjoint is not known.
+    """
+
+    def __init__(self, base: Method, start: Start | None = None):
+        _require_method(base, "Symmetrised")
+        self._set(base, start)
+        self.stages  # noqa: B018  raises where there is no adjoint
+
+    @property
+    def order(self) -> int:
+        return 2 * (self.base.order // 2 + 1) if not self.base.symmetric else self.base.order
+
+    @property
+    def stages(self) -> tuple[tuple[Step, float], ...]:
+        both = (*self.base.adjoint.stages, *self.base.stages)
+        return tuple((step, 0.5 * fraction) for step, fraction in both)
+
+
+@dataclass(frozen=True, init=False)
+class Composition(_OverBase):
+    """Φ_{γ_s h} ∘ … ∘ Φ_{γ_1 h} of a symmetric method Φ, with γ_i = γ_{s+1−i} and Σγ = 1.
+
+    The order is that of the conditions which the coefficients meet, found in the free algebra of the base's error
+    terms; `order` claims one, and is refused unless it is met. A negative γ is a substep backwards, unsafe with
+    strongly dissipative forces.
+    Raises ArgumentError for a base that is not symmetric and for coefficients that do not add up to 1, that do not
+    read the same backwards, or whose order is less than claimed.
+    """
+
+    coefficients: tuple[float, ...]
+
+    def __init__(
+        self, base: Method, coefficients: Sequence[float], order: int | None = None, start: Start | None = None
+    ):
+        _require_method(base, type(self).__name__)
+        if not base.symmetric:
+            raise ArgumentError(
+                f"{type(self).__name__} needs a symmetric method, such as co.Midpoint(co.Cayley()), but got {base!r}; "
+                "co.Symmetrised(method) makes one."
+            )
+        if any(step.tolerant for step, _ in base.stages):
+            raise ArgumentError(f"{type(self).__name__} needs a method of fixed step, but got {base!r}.")
+        self._set(base, start, coefficients=_coefficients(coefficients))
+        if order is not None and self.order < order:
+            raise ArgumentError(
+                f"Argument `coefficients` must give order {order} over a base of order {base.order}, but gives "
+                f"{self.order}: check their digits and signs."
+            )
+
+    @property
+    def order(self) -> int:
+        return composed_order(self.coefficients, self.base.order)
+
+    @property
     def substeps(self) -> tuple[float, ...]:
-        gamma = 1 / (4 - 4 ** (1 / 3))
-        return (gamma, gamma, 1 - 4 * gamma, gamma, gamma)
+        return tuple(part * fraction for part in self.coefficients for fraction in self.base.substeps)
 
     @property
     def pattern(self) -> tuple[tuple[Step, float], ...]:
-        return self.base.stages
+        return self.base.pattern
 
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return tuple((step, part * fraction) for part in self.substeps for step, fraction in self.pattern)
 
-    @property
-    def title(self) -> str:
-        return f"Suzuki4({self.base.title})"
+
+def _require_method(base: Any, name: str) -> None:
+    if not isinstance(base, Method):
+        raise ArgumentError(f"{name} needs a method such as co.Midpoint(co.Cayley()), but got {base!r}.")
+
+
+def _coefficients(given: Any) -> tuple[float, ...]:
+    """Coefficients that are consistent and symmetric."""
+    numbers = np.atleast_1d(float64(given, "Argument `coefficients`"))
+    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers):
+        raise ArgumentError(
+            f"Argument `coefficients` must be a row of numbers other than 0, such as (γ, 1 - 2*γ, γ), but is {given!r}."
+        )
+    if np.max(np.abs(numbers - numbers[::-1])) > 1e-14:
+        raise ArgumentError(
+            "Argument `coefficients` must read the same backwards, so that the composition is symmetric, but is "
+            f"{given!r}."
+        )
+    if abs(np.sum(numbers) - 1) > 1e-13:
+        raise ArgumentError(
+            f"Argument `coefficients` must add up to 1, so that a step lasts h, but adds up to {np.sum(numbers):.16g}."
+        )
+    return tuple(numbers.tolist())

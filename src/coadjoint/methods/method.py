@@ -236,6 +236,13 @@ class Method:
         return "take a smaller dt", "take a smaller dt, or co.Exponential()"
 
     @property
+    def adjoint(self) -> Method:
+        """Φ*_h = Φ₋ₕ⁻¹, the method itself where it is symmetric; raises ArgumentError where it is not known."""
+        if self.symmetric:
+            return self
+        raise ArgumentError(f"The adjoint of {self.title} is not known: use a symmetric method.")
+
+    @property
     def substeps(self) -> tuple[float, ...]:
         """The substeps of a composition, as parts of h."""
         return (1.0,)

@@ -26,6 +26,12 @@ class RightRectangle(Method, Step):
         return 1
 
     @property
+    def adjoint(self) -> Method:
+        from coadjoint.methods.left_rectangle import LeftRectangle
+
+        return LeftRectangle(self.difference_map, self.start)
+
+    @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
