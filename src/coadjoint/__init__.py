@@ -54,6 +54,7 @@ _HOMES = {
         "EnergyMomentum",
         "Galerkin",
         "GroupVariational",
+        "AdjointVariational",
         "Composition",
         "KahanLi6",
         "KahanLi8",

@@ -9,18 +9,27 @@ from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Square
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.system import System
 from coadjoint.methods import (
+    AdjointVariational,
+    Composition,
     EnergyMomentum,
     Galerkin,
     GroupVariational,
+    KahanLi6,
+    KahanLi8,
     LeftRectangle,
     LeftRight,
     Method,
     Midpoint,
     RightRectangle,
     Simpson,
+    SofroniouSpaletta6,
+    SofroniouSpaletta8,
+    SofroniouSpaletta10,
     Suzuki4,
+    Symmetrised,
     Trapezoidal,
     Variational,
+    Yoshida4,
 )
 
 
@@ -64,10 +73,15 @@ MAPS: dict[str, DifferenceMap] = {
     "Squared(Cayley)": Squared(Cayley()),
 }
 
+FIVE = (0.25, 0.375, -0.25, 0.375, 0.25)
+"""Coefficients of a user's own, of no higher order than the base."""
+
 SHIPPED: tuple[Shipped, ...] = (
     Shipped("LeftRectangle", LeftRectangle),
     Shipped("RightRectangle", RightRectangle),
     Shipped("Variational", Variational, with_left_rectangle),
+    Shipped("AdjointVariational", AdjointVariational, with_left_rectangle),
+    Shipped("Symmetrised(Variational)", lambda tau: Symmetrised(Variational(tau)), with_left_rectangle),
     Shipped("GroupVariational", GroupVariational, with_left_rectangle),
     Shipped("Midpoint", Midpoint),
     Shipped("Trapezoidal", Trapezoidal),
@@ -79,6 +93,15 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Galerkin(degree=2)", lambda tau: Galerkin(tau, degree=2)),
     Shipped("Galerkin(degree=3)", lambda tau: Galerkin(tau, degree=3)),
     Shipped("Galerkin(degree=4)", lambda tau: Galerkin(tau, degree=4)),
+    Shipped("Yoshida4(Midpoint)", lambda tau: Yoshida4(Midpoint(tau))),
+    Shipped("KahanLi6(Midpoint)", lambda tau: KahanLi6(Midpoint(tau))),
+    Shipped("KahanLi6(LeftRight)", lambda tau: KahanLi6(LeftRight(tau))),
+    Shipped("SofroniouSpaletta6(Midpoint)", lambda tau: SofroniouSpaletta6(Midpoint(tau))),
+    Shipped("KahanLi8(Midpoint)", lambda tau: KahanLi8(Midpoint(tau))),
+    Shipped("KahanLi8(LeftRight)", lambda tau: KahanLi8(LeftRight(tau))),
+    Shipped("SofroniouSpaletta8(Midpoint)", lambda tau: SofroniouSpaletta8(Midpoint(tau))),
+    Shipped("SofroniouSpaletta10(Midpoint)", lambda tau: SofroniouSpaletta10(Midpoint(tau))),
+    Shipped("Composition(Trapezoidal)", lambda tau: Composition(Trapezoidal(tau), FIVE)),
     Shipped("EnergyMomentum", EnergyMomentum),
     Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
 )

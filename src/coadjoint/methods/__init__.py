@@ -1,5 +1,6 @@
 """Variational methods, a class a file; the default is `Midpoint(Cayley())` (mathematics: sections 6 and 7)."""
 
+from coadjoint.methods.adjoint_variational import AdjointVariational
 from coadjoint.methods.composition import Composition, LeftRight, Symmetrised
 from coadjoint.methods.energy_momentum import EnergyMomentum
 from coadjoint.methods.galerkin import Galerkin
@@ -22,6 +23,7 @@ from coadjoint.methods.trapezoidal import Trapezoidal
 from coadjoint.methods.variational import Variational
 
 __all__ = [
+    "AdjointVariational",
     "Claims",
     "Composition",
     "EnergyMomentum",

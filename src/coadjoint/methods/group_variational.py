@@ -15,7 +15,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Step
+from coadjoint.methods.method import Method, Step
 from coadjoint.methods.variational import Slopes, Variational
 
 SINGULAR = 1e-10
@@ -41,6 +41,10 @@ class GroupVariational(Variational):
     with momenta it is Newton's first guess.
     Raises LagrangianError where F ↦ D^R_FΛ is not invertible at the first increment.
     """
+
+    @property
+    def adjoint(self) -> Method:
+        raise ArgumentError(f"The adjoint of {self.title} is not known: compose Λ in algebra form by co.Variational.")
 
     @property
     def remedies(self) -> tuple[str, str]:
