@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _CONTRACTS = ("Method", "DifferenceMap", "Squared")
 """Names that are no rule or map of their own."""
 
+_OPTIONS = {"base": "a composition such as Suzuki4", "degree": "Galerkin", "coefficients": "Composition"}
+"""Keys of [method] that only some rules take."""
+
 
 def method_name(written: str) -> str:
     """The class name of a rule; raises ArgumentError."""
@@ -38,16 +41,20 @@ def method(chosen: MethodSection) -> Method:
 
 def _rule(chosen: MethodSection, name: str, start: str) -> Method:
     kind: Any = getattr(coadjoint, name)
-    if "base" in signature(kind).parameters:
-        return kind(_rule(chosen, method_name(chosen.base or "Midpoint"), "momentum"), start=start)
-    if chosen.base and name == method_name(chosen.name):
-        raise ArgumentError(f"[method] base belongs to a composition such as Suzuki4, not to {name}: leave it out.")
-    if "degree" in signature(kind).parameters:
-        degree = {} if chosen.degree is None else {"degree": chosen.degree}
-        return kind(_map(map_name(chosen.map)), start=start, **degree)
-    if chosen.degree is not None and name == method_name(chosen.name):
-        raise ArgumentError(f"[method] degree belongs to Galerkin, not to {name}: leave it out.")
-    return kind(_map(map_name(chosen.map)), start=start)
+    takes = signature(kind).parameters
+    outermost = name == method_name(chosen.name)
+    options = {key: getattr(chosen, key) for key in _OPTIONS if getattr(chosen, key) not in (None, "")}
+    for key in options:
+        if outermost and key not in takes and not ("base" in takes and key == "degree"):
+            raise ArgumentError(f"[method] {key} belongs to {_OPTIONS[key]}, not to {name}: leave it out.")
+    options = {key: value for key, value in options.items() if key in takes}
+    if "coefficients" in takes and "coefficients" not in options:
+        raise ArgumentError("[method] Composition needs coefficients, such as coefficients = [0.5, 0.5].")
+    if "base" in takes:
+        options["base"] = _rule(chosen, method_name(chosen.base or "Midpoint"), "momentum")
+    else:
+        options["difference_map"] = _map(map_name(chosen.map))
+    return kind(start=start, **options)
 
 
 def _map(name: str) -> DifferenceMap:

@@ -29,12 +29,13 @@ class SystemSection:
 
 @dataclass(frozen=True)
 class MethodSection:
-    """How it is integrated: the rule, its difference map, the base of a composition, the degree of Galerkin's
-    polynomials, and the start."""
+    """How it is integrated: the rule, its difference map, the base of a composition and its coefficients, the degree
+    of Galerkin's polynomials, and the start."""
 
     name: str = "Midpoint"
     map: str = "Cayley"
     base: str = ""
+    coefficients: tuple[float, ...] | None = None
     degree: int | None = None
     start: str = "momentum"
 
