@@ -1,5 +1,6 @@
 """The theorems of both papers as functions: unreduced and reduced algorithms, reduction, and every printed equation."""
 
+from coadjoint.theory.equations import Equations, Residual, equations_of, printed_equations
 from coadjoint.theory.euler_poincare import (
     Link,
     Momenta,
@@ -41,10 +42,12 @@ from coadjoint.theory.unreduced import (
 
 __all__ = [
     "Configuration",
+    "Equations",
     "Link",
     "Momenta",
     "PoissonLagrangian",
     "PoissonLink",
+    "Residual",
     "SemidirectLink",
     "UnreducedLagrangian",
     "Variation",
@@ -56,6 +59,7 @@ __all__ = [
     "discrete_euler_poincare_algorithm",
     "discrete_euler_poincare_poisson",
     "discrete_euler_poincare_semidirect",
+    "equations_of",
     "induced_variation",
     "invariance_defect",
     "kelvin_noether_poisson",
@@ -64,6 +68,7 @@ __all__ = [
     "poisson_lagrangian",
     "poisson_link",
     "poisson_system",
+    "printed_equations",
     "reconstruct",
     "reduce",
     "reduced_action",

@@ -1,0 +1,278 @@
+"""The printed discrete equations as a health check: the residual of each on a trajectory, in the corrected form.
+
+Everything is differentiated anew from Λ and τ: neither (dτ⁻¹)* nor node forms nor transported momenta of the methods
+are used, so that the check does not share their mistakes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.noether import KelvinNoether
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods import (
+    GroupVariational,
+    LeftRectangle,
+    Method,
+    Midpoint,
+    RightRectangle,
+    Trapezoidal,
+    Variational,
+)
+from coadjoint.theory.euler_poincare import advected
+from coadjoint.theory.poisson import (
+    discrete_euler_poincare_poisson,
+    kelvin_noether_poisson,
+    poisson_lagrangian,
+    poisson_link,
+)
+from coadjoint.theory.reduction import unreduce
+from coadjoint.theory.semidirect import discrete_euler_poincare_semidirect, semidirect_lagrangian, semidirect_link
+from coadjoint.theory.slopes import Slopes, slopes_of, trivialised
+from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, discrete_euler_lagrange, has_points
+
+RULES = (LeftRectangle, RightRectangle, Trapezoidal, Midpoint, Variational)
+
+
+class Residual(NamedTuple):
+    """An equation, what it says, its residual at every node or pair of steps, and the size that it is relative to."""
+
+    equation: str
+    statement: str
+    values: np.ndarray
+    scale: float
+
+    @property
+    def largest(self) -> float:
+        """max |values| / scale."""
+        return float(np.max(np.abs(self.values), initial=0.0)) / self.scale
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The residuals of all equations that a trajectory can be asked for; print it for a table."""
+
+    rows: tuple[Residual, ...]
+
+    def __iter__(self) -> Iterator[Residual]:
+        return iter(self.rows)
+
+    def __getitem__(self, equation: str) -> Residual:
+        return next(row for row in self.rows if row.equation == equation)
+
+    @property
+    def worst(self) -> Residual:
+        """The equation that holds least well."""
+        return max(self.rows, key=lambda row: row.largest)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{row.equation:<8}{row.largest:9.1e}  {row.statement}" for row in self.rows)
+
+
+def printed_equations(
+    run: Any, noether: KelvinNoether | None = None, unreduced: UnreducedLagrangian | None = None
+) -> Equations:
+    """The residuals of (P37)–(P52) and, where Λ is in group form, of (B8)–(B25), over a run that kept every step.
+
+    `noether`: the 𝒦 of (P50)–(P52), by default 𝒦 = c. `unreduced`: L of (P36) for (P37) and (B8), by default that of
+    the system. Raises ArgumentError for runs with forces, compositions, or records that are not consecutive.
+    """
+    if getattr(run, "plan", None) is not None and run.plan.save_every != 1:
+        raise ArgumentError("The equations need consecutive records: run with save_every=1.")
+    return equations_of(run.system, run.method, run.records, run.dt, noether, unreduced)
+
+
+def equations_of(
+    system: System,
+    method: Method,
+    records: State,
+    h: float,
+    noether: KelvinNoether | None = None,
+    unreduced: UnreducedLagrangian | None = None,
+) -> Equations:
+    """`printed_equations` of states with a leading axis: consecutive nodes with the unknowns that start at them."""
+    if system.forces is not None:
+        raise ArgumentError("The printed equations are those of motion without forces, but the system has some.")
+    if not isinstance(method, RULES):
+        raise ArgumentError(
+            f"The printed equations are those of one discrete Lagrangian a step, which {method.title} does not have: "
+            "use co.LeftRectangle, co.RightRectangle, co.Trapezoidal, co.Midpoint, co.Variational or "
+            "co.GroupVariational."
+        )
+    if len(records.t) < 3:
+        raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
+    noether = noether or KelvinNoether(np.ones(system.group.dim))
+    slopes = evaluate(jax.vmap(partial(slopes_of, system, method, h)), records)
+    rows = [*_of_nodes(system, records, slopes), *_of_steps(system, slopes)]
+    rows += _of_noether(system, records, slopes, noether)
+    if isinstance(method, GroupVariational):
+        rows += _of_group_form(system, records, slopes, h, unreduced or unreduce(system))
+        rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
+    else:
+        rows.append(_of_variations(system, method, records, h))
+    return Equations(tuple(rows))
+
+
+def _largest(values: Any) -> float:
+    return max((float(np.max(np.abs(leaf), initial=0.0)) for leaf in jax.tree.leaves(values)), default=0.0)
+
+
+def _pairs(tree: Any) -> tuple[Any, Any]:
+    return jax.tree.map(lambda x: x[:-1], tree), jax.tree.map(lambda x: x[1:], tree)
+
+
+def _row(equation: str, statement: str, values: Any, scale: float) -> Residual:
+    flat = np.asarray(values).reshape(len(values), -1)
+    return Residual(equation, statement, np.max(np.abs(flat), axis=1, initial=0.0), scale or 1.0)
+
+
+def _of_nodes(system: System, records: State, slopes: Slopes) -> list[Residual]:
+    """What relates nodes of the configuration to reduced variables."""
+    group, Q, V = system.places
+    here, after = _pairs(records)
+    link, _ = _pairs(slopes.link)
+    a0 = evaluate(lambda s: V.act(group, s.g, s.a), jax.tree.map(lambda x: x[0], records))
+
+    def places(here, after, link):
+        back = group.inverse(here.g)
+        moved = group.matrix(after.g) - group.matrix(group.compose(here.g, link.F))
+        seen = link.s - Q.act(group, group.compose(back, after.g), after.n)
+        n, a = advected(system, link)
+        return moved, seen, here.a - V.act(group, back, a0), after.n - n, after.a - a
+
+    moved, seen, parameter, n, a = evaluate(jax.vmap(places), here, after, link)
+    size_g, size_n, size_a = _largest(evaluate(jax.vmap(group.matrix), records.g)), _largest(records.n), _largest(
+        records.a
+    )  # fmt: skip
+    return [
+        _row("P38 F", "F_k = g_k⁻¹g_{k+1}", moved, size_g),
+        _row("P38 s", "s_k = g_k⁻¹q_{k+1}", seen, size_n),
+        _row("P39", "a_k = g_k⁻¹a₀", parameter, size_a),
+        _row("P43", "n_{k+1} = F_k⁻¹s_k", n, size_n),
+        _row("P44", "a_{k+1} = F_k⁻¹a_k", a, size_a),
+    ]
+
+
+def _of_steps(system: System, slopes: Slopes) -> list[Residual]:
+    """(P42) with the pull-back of (P46)."""
+    group, Q, V = system.places
+
+    def both(before: Slopes, here: Slopes):
+        torque = V.diamond(group, here.along_a, here.link.a) + Q.diamond(group, here.along_n, here.link.n)
+        torque = torque + Q.diamond(group, here.along_s, here.link.s)
+        pulled = Q.pull(group, before.link.F, here.link.n, before.along_s)
+        return here.right - before.left - torque, Q.coordinates(group, here.link.n, here.along_n + pulled)
+
+    mu, pi = evaluate(jax.vmap(both), *_pairs(slopes))
+    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    return [
+        _row("P42 μ", "D^R_FΛ_k = D^L_FΛ_{k−1} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s", mu, _largest(slopes.right) + lever),
+        _row("P42 π", "∂_nΛ_k = −F*_{k−1}∂_sΛ_{k−1}", pi, _largest((slopes.along_n, slopes.along_s))),
+    ]
+
+
+def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinNoether) -> list[Residual]:
+    group, Q, V = system.places
+    first = jax.tree.map(lambda x: x[0], records)
+
+    def quantities(record: State, at: Slopes):
+        K = noether.momentum_map(system, record)
+        since = group.Ad(group.compose(group.inverse(record.g), first.g), noether.momentum_map(system, first))
+        momentum = at.right - Q.diamond(group, at.along_s, at.link.s)
+        return K, K - since, K @ momentum, K @ V.diamond(group, at.along_a, at.link.a)
+
+    K, off, quantity, source = evaluate(jax.vmap(quantities), records, slopes)
+    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    size = system.group.dim * _largest(K) * (_largest(slopes.right) + lever)
+    return [
+        _row("P50", "𝒦(c_k, a_k) = Ad_{g_k⁻¹g_0} 𝒦(c_0, a_0)", off, _largest(K)),
+        _row("P52", "(P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩", np.diff(quantity) - source[1:], size),
+    ]
+
+
+def _of_variations(system: System, step: Any, records: State, h: float) -> Residual:
+    """(P47): δξ = dτ⁻¹_{−hξ}η⁺/h − dτ⁻¹_{hξ}η/h gives δF = −ηF + Fη⁺, for two fixed η."""
+    group = system.group
+    eta, ahead = np.random.default_rng(47).normal(size=(2, group.dim))
+
+    def off(record: State):
+        there, back = (trivialised(system, step, h, x) for x in (record.xi, -record.xi))
+        change = jnp.linalg.solve(back, ahead) - jnp.linalg.solve(there, eta)
+        F, moved = jax.jvp(lambda x: group.matrix(step.increment(system, h, x)), (record.xi,), (change,))
+        return moved - F @ group.hat(ahead) + group.hat(eta) @ F
+
+    values = evaluate(jax.vmap(off), records)
+    return _row("P47", "hδξ = dτ⁻¹_{−hξ}η⁺ − dτ⁻¹_{hξ}η", values, _largest(eta) + _largest(ahead))
+
+
+def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: UnreducedLagrangian) -> list[Residual]:
+    """(P37) and (B8) in the space frame."""
+    group, _, V = system.places
+    path = Configuration(records.g, records.q)
+    a0 = evaluate(lambda s: V.act(group, s.g, s.a), jax.tree.map(lambda x: x[0], records))
+    first, second = _pairs(path)
+    link, _ = _pairs(slopes.link)
+
+    def value(x, y, link):
+        return L(x, y, a0, h), system.reduced_group_lagrangian(*link, h)
+
+    above, below = evaluate(jax.vmap(value), first, second, link)
+    triple = [jax.tree.map(lambda x, cut=cut: x[cut], path) for cut in (slice(-2), slice(1, -1), slice(2, None))]
+    on_group, on_space = evaluate(jax.vmap(lambda x, y, z: discrete_euler_lagrange(L, x, y, z, a0, h)), *triple)
+    size = _largest(slopes.right) + _largest(slopes.along_s) * (1 + _largest((slopes.link.n, slopes.link.s)))
+    return [
+        _row("P37", "L(g_k, q_k, g_{k+1}, q_{k+1}, a₀) = Λ(F_k, n_k, s_k, a_k)", above - below, _largest(below)),
+        _row("B8 g", "D₃L_{k−1} + D₁L_k = 0", on_group, size),
+        _row("B8 q", "D₄L_{k−1} + D₂L_k = 0", on_space, _largest((slopes.along_s, slopes.along_n))),
+    ]
+
+
+def _of_semidirect(system: System, slopes: Slopes, h: float) -> list[Residual]:
+    """(B13), where there are no advected parameters."""
+    group, Q, V = system.places
+    if not has_points(Q) or has_points(V) or not Q.flat:
+        return []
+    l, link = semidirect_lagrangian(system), partial(semidirect_link, group, Q)
+
+    def both(before, here):
+        return discrete_euler_poincare_semidirect(group, Q, l, link(before), link(here), h)
+
+    on_group, on_space = evaluate(jax.vmap(both), *_pairs(slopes.link))
+    size = _largest(slopes.right) + _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    return [
+        _row("B13 f", "Ad*_{f_k}(D^Rl_k − D₂l_k⋄y_k) = D^Rl_{k−1} − D₂l_{k−1}⋄y_{k−1}", on_group, size),
+        _row("B13 u", "f_k*D₂l_k + D₃l_{k−1} = 0", on_space, _largest(slopes.along_s)),
+    ]
+
+
+def _of_poisson(system: System, records: State, slopes: Slopes, h: float, noether: KelvinNoether) -> list[Residual]:
+    """(B19) and (B25), where there are no additional dynamics."""
+    group, Q, _ = system.places
+    if has_points(Q):
+        return []
+    l, link = poisson_lagrangian(system), partial(poisson_link, group)
+
+    def rows(before, here, record):
+        K = noether.momentum_map(system, record)
+        pair = link(before), link(here)
+        return discrete_euler_poincare_poisson(l, *pair, h), *kelvin_noether_poisson(l, *pair, K, h), K
+
+    later = jax.tree.map(lambda x: x[1:], records)
+    equation, quantity, change, K = evaluate(jax.vmap(rows), *_pairs(slopes.link), later)
+    size = _largest(slopes.right)
+    return [
+        _row("B19", "Ad*_{f_k}D^Rl_k − D^Rl_{k−1} = −D₂l_k⋄a_k", equation, size),
+        _row(
+            "B25", "I_{k+1} − I_k = −⟨D₂l_k⋄a_k, 𝒦_k⟩", np.diff(quantity) - change[:-1], size * _largest(K) * group.dim
+        ),
+    ]

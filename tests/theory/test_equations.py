@@ -1,0 +1,104 @@
+"""The printed equations hold on runs to round-off, and the check sees runs in which they do not."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import theory
+from coadjoint.kernels.evaluate import evaluate
+from discrete import moser_veselov, random_group_system
+from systems import MAPS, RULES, random_system
+
+H, STEPS = 0.1, 12
+ROUND_OFF = 2e-13
+"""Of each equation's own scale: the momenta, levers and points in it."""
+
+SPATIAL = {"P38 F", "P38 s", "P39", "P43", "P44", "P42 μ", "P42 π", "P50", "P52"}
+
+
+@pytest.mark.parametrize(
+    ("world", "tau", "rule"),
+    [
+        ("SO3", "exponential", "left"),
+        ("SE2", "cayley", "midpoint"),
+        ("SE3", "cayley", "right"),
+        ("SL2", "cayley", "trapezoidal"),
+        ("SO3 on a sphere", "cayley", "midpoint"),
+    ],
+)
+def test_the_equations_of_theorems_6_and_7_hold_on_runs_of_every_rule(world, tau, rule):
+    system, start = random_system(world)
+    run = co.simulate(system, start, dt=H, steps=STEPS, method=RULES[rule](MAPS[tau]))
+    found = theory.printed_equations(run)
+    assert {row.equation for row in found} == SPATIAL | {"P47"}
+    assert found.worst.largest < ROUND_OFF, str(found)
+
+
+@pytest.mark.parametrize(
+    ("world", "more"),
+    [("SO3", set()), ("SO3xSE2", set()), ("SO3 alone", {"B19", "B25"}), ("SO2", {"B13 f", "B13 u"})],
+)
+def test_the_equations_of_both_papers_hold_on_runs_in_group_form(world, more):
+    system, start = random_group_system(world)
+    run = co.simulate(system, start, dt=H, steps=STEPS, method=co.GroupVariational(co.Exponential(), "velocity"))
+    found = theory.printed_equations(run)
+    assert {row.equation for row in found} == SPATIAL | {"P37", "B8 g", "B8 q"} | more
+    assert found.worst.largest < ROUND_OFF, str(found)
+
+
+def test_a_momentum_that_was_changed_on_the_way_is_seen():
+    """Two runs after one another, the second with μ off by a millionth."""
+    system, start = random_group_system("SO3 alone")
+    method = co.GroupVariational(co.Exponential(), "velocity")
+    first = co.simulate(system, start, dt=H, steps=STEPS, method=method)
+    pushed = first.final.replace(mu=first.final.mu * (1 + 1e-6))
+    second = co.simulate(system, pushed, dt=H, steps=STEPS, method=method)
+    assert theory.printed_equations(first).worst.largest < ROUND_OFF
+    joined = jax.tree.map(lambda x, y: np.concatenate([x[:-1], y]), first.records, second.records)
+    found = theory.equations_of(system, method, joined, H)
+    assert found["P42 μ"].largest > 1e-8
+    assert found["B19"].largest > 1e-8
+    assert found["P44"].largest < ROUND_OFF
+
+
+def test_a_wrong_difference_map_is_seen():
+    """Records of a run whose unknowns are said to be those of another map."""
+    system, start = random_system("SO3 alone")
+    run = co.simulate(system, start, dt=H, steps=STEPS, method=co.LeftRectangle(co.Cayley()))
+    found = theory.equations_of(system, co.LeftRectangle(co.Exponential()), run.records, H)
+    assert found["P38 F"].largest > 1e-6
+    assert found["P42 μ"].largest > 1e-6
+
+
+def test_an_unreduced_lagrangian_of_another_body_is_seen():
+    system, other = moser_veselov(np.diag([1.0, 2.0, 3.5])), moser_veselov(np.diag([1.0, 2.0, 3.0]))
+    start = system.state(xi=[0.3, 0.2, 0.6])
+    run = co.simulate(system, start, dt=0.5, steps=5, method=co.GroupVariational(co.Exponential(), "velocity"))
+    found = theory.printed_equations(run, unreduced=theory.unreduce(other))
+    assert found["P37"].largest > 1e-3
+    assert found["B8 g"].largest > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "says"),
+    [
+        (co.LeftRight(), {}, "one discrete Lagrangian a step"),
+        (co.Midpoint(), {"save_every": 2}, "consecutive"),
+    ],
+)
+def test_runs_without_one_discrete_lagrangian_a_step_are_refused(method, options, says):
+    system, start = random_system("SO3 alone")
+    run = co.simulate(system, start, dt=H, steps=4, method=method, **options)
+    with pytest.raises(co.ArgumentError, match=says):
+        theory.printed_equations(run)
+
+
+def test_forces_are_refused():
+    system, start = random_system("SO3", forced=True)
+    run = co.simulate(system, start, dt=H, steps=4)
+    with pytest.raises(co.ArgumentError, match="without forces"):
+        theory.printed_equations(run)
+    assert evaluate(lambda s: s.t, run.final) > 0
