@@ -189,10 +189,10 @@ def test_members_decide_for_themselves_whether_a_tolerant_stage_failed():
 
 @pytest.mark.parametrize("substeps", [(1.0,), (0.5, 0.5)])
 @pytest.mark.parametrize("kernel", [native, xla])
-def test_an_event_ends_the_run_with_the_step_in_which_it_happens(kernel, substeps):
+def test_an_event_ends_the_run_at_the_node_before_it(kernel, substeps):
     chunk = kernel.run(Trying(substeps=substeps, stops=True, below=0.5), np.zeros(0), ROOT, 0.1, 20, 1)
-    assert (chunk.code, chunk.steps, len(chunk.records.y)) == (Code.STOPPED, 6, 6)
-    assert chunk.final.y == pytest.approx(0.43)
+    assert (chunk.code, chunk.steps, len(chunk.records.y)) == (Code.STOPPED, 5, 5)
+    assert chunk.final.y == pytest.approx(0.53)
 
 
 def test_an_event_ends_only_the_member_that_it_happens_to():
@@ -200,5 +200,5 @@ def test_an_event_ends_only_the_member_that_it_happens_to():
     program = Trying(stops=True, below=0.5)
     chunk = ensemble.run_ensemble(program, np.zeros(0), states, 0.1, 10, 1, axes=(False, Root(True, False, False)))
     assert np.array_equal(chunk.code, [Code.STOPPED, Code.CONVERGED, Code.STOPPED])
-    assert np.array_equal(chunk.steps, [6, 10, 3])
-    assert chunk.final.y == pytest.approx([0.43, 4.0, 0.42])
+    assert np.array_equal(chunk.steps, [5, 10, 2])
+    assert chunk.final.y == pytest.approx([0.53, 4.0, 0.52])

@@ -108,7 +108,14 @@ def section(kind: type, title: str, given: Any) -> Any:
     return kind(**{name: _typed(f"[{title}] {name}", value, types[name]) for name, value in values.items()})
 
 
-_WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", list: "a list of texts"}
+_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    str: "a text",
+    bool: "true or false",
+    list: "a list of texts",
+    tuple: "a list of numbers",
+}
 
 
 def _typed(what: str, value: Any, expected: Any) -> Any:
@@ -120,6 +127,8 @@ def _typed(what: str, value: Any, expected: Any) -> Any:
             return float(value)
         if plain is int and isinstance(value, float) and value.is_integer():
             return int(value)
+        if plain is tuple and isinstance(value, list) and all(type(inner) in (int, float) for inner in value):
+            return tuple(float(inner) for inner in value)
         if plain is list and isinstance(value, list) and all(isinstance(inner, str) for inner in value):
             return value
         if plain in (int, str, bool) and isinstance(value, plain) and isinstance(value, bool) == (plain is bool):

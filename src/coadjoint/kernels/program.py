@@ -41,7 +41,7 @@ class Code(enum.IntEnum):
     NOT_FINITE = 2
     BEYOND_CHART = 3
     STOPPED = 4
-    """The step is good, and an event ended the run with it."""
+    """The step is good, but an event happens in it: it is not taken."""
 
 
 class Stage(Protocol):
@@ -117,5 +117,5 @@ class Program(Protocol):
         ...
 
     def stop(self, parameters: Parameters, before: State, after: State) -> Scalar:
-        """Positive where an event between two nodes ends the run."""
+        """Positive where an event between two nodes ends the run at the first of them."""
         ...

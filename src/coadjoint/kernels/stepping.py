@@ -146,6 +146,10 @@ class _Stepper:
             seen = finite(self.emit, watched)
             code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
             well = b.and_(well, seen)
+        if plan.stop is not None:
+            event = b.fcmp_ordered(">", self.emit.values([plan.stop])[0], self.emit.constant(0.0))
+            code = b.select(b.and_(well, event), self.emit.counts(Code.STOPPED), code)
+            well = b.and_(well, b.xor(event, self.emit.bit(True)))
         well = b.and_(b.load(self.alive), well)
         if self.width > 1:
             self._finish(done, observed, well, code)
@@ -183,11 +187,10 @@ class _Stepper:
         )
 
     def _finish(self, done: Done, observed: list[Any], well: Any, code: Any) -> None:
-        """Record, observe and take the new state, in the lanes that are well; an event ends the run there."""
+        """Record, observe and take the new state, in the lanes that are well."""
         b = self.builder
         alive = b.load(self.alive)
         self._observe(done, observed, well)
-        stop = self._stop()
 
         def keep(value: Any, place: Any) -> None:
             b.store(value if well is None else b.select(well, value, b.load(place)), place)
@@ -202,17 +205,6 @@ class _Stepper:
             newly = b.and_(alive, b.xor(well, self.emit.bit(True)))
             b.store(b.select(newly, code, b.load(self.code)), self.code)
             b.store(well, self.alive)
-        if stop is not None:
-            stop = stop if well is None else b.and_(stop, well)
-            b.store(b.select(stop, self.emit.counts(Code.STOPPED), b.load(self.code)), self.code)
-            b.store(b.and_(b.load(self.alive), b.xor(stop, self.emit.bit(True))), self.alive)
-
-    def _stop(self) -> Any:
-        """Whether an event between this node and the next ends the run."""
-        if self.plan.stop is None:
-            return None
-        (value,) = self.emit.values([self.plan.stop])
-        return self.builder.fcmp_ordered(">", value, self.emit.constant(0.0))
 
     # Records and monitors.
 

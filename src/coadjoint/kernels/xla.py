@@ -105,10 +105,10 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         watched = [*seen.values(), *result.certificates.values()]
         finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
         code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
-        after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
         if program.stops:
-            ended = program.stop(parameters, state, after) > 0
-            code = jnp.where((code == 0) & ended, int(Code.STOPPED), code)
+            event = program.stop(parameters, state, result.after) > 0
+            code = jnp.where((code == 0) & event, int(Code.STOPPED), code)
+        after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
         return result._replace(after=after, code=code), seen
 
     shapes, seen_shapes = jax.eval_shape(observe, state)
@@ -122,7 +122,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
 
     def advance(carry: _Carry) -> _Carry:
         result, seen = observe(carry.state)
-        good = (result.code == 0) | (result.code == int(Code.STOPPED))
+        good = result.code == 0
         row, phase = carry.done // save_every, carry.done % save_every
         keep = good & (phase == 0)
 

@@ -73,8 +73,11 @@ class StepProgram:
         return self.until is not None
 
     def stop(self, parameters: Constants, before: State, after: State) -> Array:
+        """1 where `until` changes its sign or comes to zero; it may start from zero."""
         assert self.until is not None
-        return -jnp.sign(self.until(before)) * jnp.sign(self.until(after))
+        here, there = self.until(before), self.until(after)
+        crossed = (here != 0) & (jnp.sign(here) != jnp.sign(there))
+        return jnp.where(crossed, 1.0, 0.0)
 
 
 @dataclass(frozen=True)

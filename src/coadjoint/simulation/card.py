@@ -26,6 +26,8 @@ def certificate(run: Run) -> dict[str, Any]:
         "seconds": run.seconds,
         "set_up_seconds": run.set_up_seconds,
     }
+    if run.plan.program.stops:
+        found["event"] = run.event
     if not run.count:
         return found
     for name in ("energy", "discrete_energy", "kelvin_noether"):
@@ -59,6 +61,9 @@ def card(run: Run) -> str:
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
     lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
+    if run.plan.program.stops:
+        ended = "never happened: the run went on to its end"
+        lines.append(("event", ended if run.event is None else f"ended the run at t = {run.event:.10g} s"))
     lines.append(("saved", f"{run.count:,} nodes, every {run.plan.save_every}, float64"))
     for name, title in (
         ("energy", "energy"),

@@ -30,8 +30,8 @@ class Position:
     """Where a run stands: all that going on from here needs, and the certificate so far.
 
     `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
-    over those steps, `iterations` Newton's; `code` tells how the last step ended; `complete` that the last node has
-    been recorded too.
+    over those steps, `iterations` Newton's; `code` tells how the last step ended; `event` when an event ended the run;
+    `complete` that the last node has been recorded too.
     """
 
     state: State
@@ -41,12 +41,18 @@ class Position:
     seconds: float = 0.0
     extrema: Extrema = field(default_factory=dict)
     code: Code = Code.CONVERGED
+    event: float | None = None
     complete: bool = False
 
     @property
     def ended(self) -> bool:
         """Whether nothing more will come."""
-        return self.complete or bool(self.code)
+        return self.complete or self.failed
+
+    @property
+    def failed(self) -> bool:
+        """Whether a step failed."""
+        return self.code not in (Code.CONVERGED, Code.STOPPED)
 
     def advance(self, chunk: Chunk) -> None:
         """Move to the end of a chunk."""
@@ -127,8 +133,23 @@ class Driver:
                 done, spent = position.steps - before[0], position.seconds - before[1]
                 speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
                 bar.advance(done, position.seconds)
+        if position.code is Code.STOPPED:
+            self._end_at_event(position)
         if not position.code:
             self._close(position)
+
+    def _end_at_event(self, position: Position) -> None:
+        """Take the part of a step that leads to the event."""
+        from coadjoint.simulation.events import crossing, part_of_step, without_event
+
+        free = without_event(self.plan)
+        chunk = part_of_step(free, position.state, crossing(self.plan, position.state), monitors=True)
+        if position.steps % self.plan.save_every == 0 and chunk.steps:
+            self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
+        position.advance(chunk)
+        position.event = float(position.state.t)
+        self.plan = free
+        self.sink.checkpoint(position)
 
     def _stretch(self, position: Position, speed: float) -> None:
         """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""

@@ -39,6 +39,8 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
         (stage.certificate, (constants, state, h, np.zeros(sum(stage.groups)), state)) for stage in different.values()
     ]
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.monitors else []
+    if program.stops:
+        functions.append((program.stop, (constants, state, state)))
     order = {step: i for i, step in enumerate(different)}
     stages = [program.substeps, *((order[stage.step], stage.fraction) for stage in program.stages)]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)

@@ -48,7 +48,15 @@ def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> 
         "method": method_form(run.method),
         "title": run.title,
         "start": form,
-        "again": [name for name, it in (("inputs", run.plan.program.inputs), ("kelvin_noether", chosen)) if it],
+        "again": [
+            name
+            for name, it in (
+                ("inputs", run.plan.program.inputs),
+                ("kelvin_noether", chosen),
+                ("until", run.plan.program.until),
+            )
+            if it
+        ],
     }
     return _with_store(run, create(folder, run, (header, numbers)))
 
@@ -72,14 +80,15 @@ def resume(
     method: Method | None = None,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Callable[[Any], Any] | None = None,
+    until: Callable[[State], Any] | None = None,
     progress: bool | None = None,
 ) -> Run:
     """Go on with a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
 
     The result is the same to the bit as that of a run that was never interrupted (on the same kind of processor). A
     finished run is returned as it is. `system` is the system of the run; the step size, the start, the method and the
-    grid are in the folder. Functions are not: give `inputs` and `kelvin_noether` again where the run had them, and a
-    method that is not the library's own.
+    grid are in the folder. Functions are not: give `inputs`, `until` and `kelvin_noether` again where the run had
+    them, and a method that is not the library's own.
     Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
     run, is damaged, or is in use; StepError as co.simulate does.
     """
@@ -89,7 +98,7 @@ def resume(
     place = Path(folder).absolute()
     header, numbers = read_configuration(place)
     _require_readable(place, header)
-    given = {"inputs": inputs, "kelvin_noether": kelvin_noether}
+    given = {"inputs": inputs, "kelvin_noether": kelvin_noether, "until": until}
     for name in header["again"]:
         if given[name] is None:
             raise ArgumentError(f"This run was begun with `{name}`, which its folder does not keep: give it again.")
@@ -98,7 +107,7 @@ def resume(
         raise ArgumentError("The method of this run is not the library's own: give `method` again.")
     start = start_from(header["start"], numbers, system) if start is None else start
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
-    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"])
+    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until)
     _require_same(place, header, fingerprint(run.plan, run.position.state, run.one))
     lock = _locked(place)
     try:

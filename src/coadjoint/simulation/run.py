@@ -75,6 +75,21 @@ class Run(Recording):
         return self.position.extrema
 
     @property
+    def event(self) -> float | None:
+        """When `until` crossed zero and ended the run, s; None where it did not."""
+        return self.position.event
+
+    def at(self, times: Any) -> State:
+        """The records at times between the nodes (k,), s: a State with a leading axis.
+
+        The method's own steps lead from the saved node before: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h, so that momenta are as exact as
+        at the nodes and the order is the method's. Raises ArgumentError for times outside the run.
+        """
+        from coadjoint.simulation.dense import at_times
+
+        return at_times(self.plan, self.records, times)
+
+    @property
     def count(self) -> int:
         """The number of records."""
         return sum(len(steps) for steps in self.memory.steps)

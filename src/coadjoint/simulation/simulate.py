@@ -39,6 +39,7 @@ from coadjoint.simulation.ensemble import (
     with_own_directions,
 )
 from coadjoint.simulation.ensemble_driver import MembersPosition, drive
+from coadjoint.simulation.events import require_event
 from coadjoint.simulation.run import Run
 from coadjoint.spaces.named import named
 
@@ -58,6 +59,7 @@ def simulate(
     monitors: bool = True,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
     inputs: Callable[[Any], Any] | None = None,
+    until: Callable[[State], Any] | None = None,
     progress: bool | None = None,
     backend: Backend = "auto",
     store: str | os.PathLike[str] | None = None,
@@ -67,8 +69,10 @@ def simulate(
     Give `duration` (s) or `steps`. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
     and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
-    motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`. A progress bar
-    appears for runs over a second on a terminal (`progress=False`: never).
+    motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`.
+    `until` is a function of the state, such as `lambda state: state.q[2] - 10.0`: the run ends where its sign changes
+    between two nodes, located on the dense output; `run.event` is that time, or None where it never does. A progress
+    bar appears for runs over a second on a terminal (`progress=False`: never).
     With `co.each` on parameters or start, all members run at once and an `Ensemble` comes back, with `dataset`, `plot`,
     `records` and `save` like a run and a dimension `member`; one that fails is reported and masked, the others finish.
     `backend`: "native" code for small systems, "xla" for what it cannot trace; "auto" chooses.
@@ -84,7 +88,7 @@ def simulate(
         raise ArgumentError("co.simulate cannot be differentiated or mapped by JAX: use co.trajectory, which can.")
     h, steps = grid(dt, duration, steps)
     save_every = whole(save_every, "save_every")
-    run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
+    run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until)
     if store is not None:
         from coadjoint.simulation.resume import streamed
 
@@ -96,17 +100,20 @@ def simulate(
 
 def prepare(
     system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
-    kelvin_noether: Any, inputs: Any, backend: Backend,
+    kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None,
 ) -> Any:  # fmt: skip
     """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun."""
     if (count := count_of(system, start)) is not None:
+        if until is not None:
+            raise ArgumentError("Argument `until` ends one run at its own time: leave it out for an ensemble.")
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
         return _prepare_members(system, start, method, *whole)
     start = _with_inputs(system, start, inputs)
     warnings = system.check(start) + _backwards(system, method)
     state = with_ledger(system, method.begin(system, start, h), monitors)
     _require_chart(system, method, state, h)
-    program, constants = _program(system, method, state, kelvin_noether, inputs, monitors)
+    require_event(until, state)
+    program, constants = _program(system, method, state, kelvin_noether, inputs, monitors, until)
     chosen = kernels.choose(program, constants, state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
     return Run(system, method, start, plan, Position(state), Memory(), warnings)
@@ -128,7 +135,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | 
         sink.release()
     if isinstance(run, Ensemble):
         return run
-    if run.position.code:
+    if run.position.failed:
         raise StepError(_sentence(run), run)
     run.warnings += _lost_energy(run) + budget.gap(run)
     return run
@@ -143,7 +150,7 @@ def _lost_energy(run: Run) -> list[str]:
     return [f"The energy, which nothing changes, is off by {much:.0%}: the motion is too fast for dt = {run.dt:g}."]
 
 
-def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[StepProgram, Constants]:
+def _program(system, method, state, kelvin_noether, inputs, monitors, until=None) -> tuple[StepProgram, Constants]:
     observed, watching = [], {}
     chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
     if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
@@ -167,8 +174,10 @@ def _program(system, method, state, kelvin_noether, inputs, monitors) -> tuple[S
     functions = [partial(quantity.quantity, system) for quantity in chosen]
     if inputs is not None:
         functions.append(partial(_inputs_at, system, inputs))
+    if until is not None:
+        functions.append(until)
     digest = version(system, state, *functions)
-    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs, digest)
+    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs, digest, until)
     return program, Constants(system.parameters, watching)
 
 

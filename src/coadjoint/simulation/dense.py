@@ -1,0 +1,61 @@
+"""The motion between saved nodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels import backend as kernels
+from coadjoint.mechanics.state import State
+from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.events import part_of_step, without_event
+from coadjoint.spaces.numbers import float64
+
+
+def at_times(plan: Plan, records: State, times: Any) -> State:
+    """Records at `times` (k,) of a run, by steps of the method itself from the saved node before each.
+
+    From a node the run's own steps are taken again, and then one of the part that is left: Φ_{θh} ∘ Φ_h ∘ … ∘ Φ_h. So
+    the state is on the group, its momenta are as exact as at the nodes, and the order is that of the method.
+    Raises ArgumentError for times outside the run, and for a method that chooses its own step sizes.
+    """
+    if any(stage.tolerant for stage in plan.program.stages):
+        raise ArgumentError("A method that chooses its own step sizes has no dense output: save every step instead.")
+    wanted = np.atleast_1d(float64(times, "Argument `times`"))
+    nodes, forward = np.asarray(records.t), 1.0 if plan.h > 0 else -1.0
+    slack = 1e-9 * abs(plan.h)
+    inside = (forward * (wanted - nodes[0]) >= -slack) & (forward * (wanted - nodes[-1]) <= slack)
+    if wanted.ndim != 1 or not np.all(inside):
+        raise ArgumentError(
+            f"Argument `times` must be one time, or a row of times, between {nodes[0]:g} and {nodes[-1]:g} s, the "
+            f"first and the last that the run saved, but is {times!r}."
+        )
+    free = without_event(plan)
+    before = np.clip(np.searchsorted(forward * nodes, forward * wanted, side="right") - 1, 0, len(nodes) - 1)
+    rows = [_record(free, _row(records, i), t) for i, t in zip(before, wanted, strict=True)]
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
+
+
+def _row(records: State, index: int) -> State:
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], records)
+
+
+def _record(plan: Plan, state: State, time: float) -> State:
+    """The record at a time, from a node before it."""
+    steps = (time - float(state.t)) / plan.h
+    whole = max(int(np.floor(steps + 1e-9)), 0)
+    if whole:
+        state = _sound(kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, whole, False)).final
+    if (rest := (time - float(state.t)) / plan.h) > 1e-9:
+        state = _sound(part_of_step(plan, state, rest)).final
+    opened = _sound(part_of_step(plan, state, 1.0)).records
+    return _row(opened, 0)
+
+
+def _sound(chunk: Any) -> Any:
+    if chunk.code:
+        raise StepError("A step to a time between the nodes failed; take a smaller dt.")
+    return chunk

@@ -1,0 +1,164 @@
+"""Runs that an event ends, and the motion between the nodes."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.noether import spatial_momentum
+
+
+@pytest.fixture(scope="module")
+def top():
+    entry = co.models.catalogue["heavy_top"]
+    system = entry.make()
+    return system, entry.start(system)
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    entry = co.models.catalogue["underwater_vehicle"]
+    system = entry.make()
+    return system, entry.start(system)
+
+
+DEPTH = 12.0
+
+
+def deep(state):
+    return state.q[2] - DEPTH
+
+
+@pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint(), co.KahanLi6(co.LeftRight())], ids=repr)
+@pytest.mark.parametrize("backend", ["native", "xla"])
+def test_a_dive_ends_at_its_depth(vehicle, method, backend):
+    if backend == "xla" and not isinstance(method, co.Midpoint):
+        pytest.skip("one method is enough for the second path")
+    system, start = vehicle
+    run = co.simulate(
+        system, start, dt=0.05, duration=100.0, method=method, save_every=7, until=deep, progress=False, backend=backend
+    )
+    assert run.event is not None and 1.0 < run.event < 100.0
+    assert run.final.q[2] == pytest.approx(DEPTH, abs=1e-11)
+    assert float(run.final.t) == run.event
+    assert run.event - 0.05 < float(run.records.t[-2]) + 7 * 0.05
+    assert f"ended the run at t = {run.event:.10g} s" in str(run)
+    assert run.relative_change("kelvin_noether") < 1e-12
+    before = run.records.q[:-1, 2]
+    assert np.all(before < DEPTH)
+
+
+def test_the_event_is_located_to_the_order_of_the_method(vehicle):
+    system, start = vehicle
+    fine = co.simulate(
+        system, start, dt=0.01, duration=100.0, method=co.KahanLi8(co.Midpoint()), until=deep, progress=False
+    ).event
+    errors = [
+        abs(co.simulate(system, start, dt=dt, duration=100.0, until=deep, progress=False).event - fine)
+        for dt in (0.2, 0.1)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+
+
+def test_an_event_that_never_occurs_lets_the_run_end_and_says_so(vehicle):
+    system, start = vehicle
+    run = co.simulate(system, start, dt=0.1, steps=50, until=lambda state: state.q[2] + 1e6, progress=False)
+    assert run.event is None and run.good_steps == 50
+    assert "never happened" in str(run)
+    assert run.summary()["event"] is None
+
+
+def test_a_run_may_start_where_its_event_is_zero(vehicle):
+    system, start = vehicle
+    run = co.simulate(system, start, dt=0.1, steps=20, until=lambda state: state.q[2] - 1.0, progress=False)
+    assert run.event is None
+
+
+def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle, tmp_path):
+    system, start = vehicle
+    plain = co.simulate(system, start, dt=0.05, duration=100.0, until=deep, progress=False, save_every=3)
+    stored = co.simulate(
+        system, start, dt=0.05, duration=100.0, until=deep, progress=False, save_every=3, store=tmp_path / "dive"
+    )
+    assert stored.event == plain.event
+    assert np.array_equal(stored.dataset["q"].values, plain.dataset["q"].values)
+    again = co.resume(tmp_path / "dive", system, until=deep)
+    assert again.event == plain.event
+    with pytest.raises(co.ArgumentError, match="begun with `until`"):
+        co.resume(tmp_path / "dive", system)
+    plain.save(tmp_path / "dive.nc")
+    assert "ended the run" in str(co.load(tmp_path / "dive.nc"))
+
+
+@pytest.mark.parametrize(
+    ("until", "sentence"),
+    [
+        (3.0, "must be a function of the state"),
+        (lambda state: state.q, "must return one number"),
+        (lambda state: state.q[2] > 3.0, "must return one number"),
+        (lambda state: {"depth": state.q[2]}, "must return one number"),
+        (lambda state: jnp.sqrt(-1.0 - state.q[2] ** 2), "must be finite"),
+        (lambda state: state.depth, "until"),
+    ],
+)
+def test_a_function_that_is_no_event_is_refused(vehicle, until, sentence):
+    system, start = vehicle
+    with pytest.raises(co.LagrangianError, match=sentence):
+        co.simulate(system, start, dt=0.1, steps=5, until=until, progress=False)
+
+
+def test_an_ensemble_has_no_event(vehicle):
+    system, start = vehicle
+    with pytest.raises(co.ArgumentError, match="`until`"):
+        co.simulate(system.replace(mass=co.each([120.0, 130.0])), start, dt=0.1, steps=5, until=deep, progress=False)
+
+
+@pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
+def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
+    system, start = top
+    run = co.simulate(system, start, dt=0.01, steps=30, method=method, save_every=10, progress=False)
+    times = np.array([0.0, 0.1, 0.1034, 0.1999999, 0.2, 0.25, 0.3])
+    found = run.at(times)
+    assert found.t == pytest.approx(times, abs=1e-12)
+    for row, index in ((0, 0), (1, 1), (4, 2), (6, 3)):
+        assert np.max(np.abs(found.g[row] - run.records.g[index])) < 1e-12
+        assert np.max(np.abs(found.xi[row] - run.records.xi[index])) < 1e-9 * np.max(np.abs(found.xi[row]))
+    assert np.max(np.abs(np.einsum("tij,tkj->tik", found.g, found.g) - np.eye(3))) < 1e-13
+    momenta = np.array([evaluate(lambda s: spatial_momentum(system, s), state) for state in _rows(found)])
+    vertical = momenta @ np.asarray(evaluate(lambda s: system.advected.act(system.group, s.g, s.a), start))
+    assert np.ptp(vertical) < 1e-12 * np.max(np.abs(momenta))
+
+
+def _rows(records):
+    import jax
+
+    return [jax.tree.map(lambda leaf, i=i: leaf[i], records) for i in range(len(records.t))]
+
+
+@pytest.mark.parametrize("method", [co.Midpoint(co.Exponential()), co.Suzuki4(co.LeftRight())], ids=repr)
+def test_dense_output_has_the_order_of_the_method(top, method):
+    system, start = top
+    times = np.array([0.0137, 0.0311])
+    exact = co.simulate(
+        system, start, dt=0.0002, duration=0.04, method=co.KahanLi8(co.Midpoint()), progress=False, save_every=50
+    ).at(times)
+    errors = [
+        np.max(
+            np.abs(
+                co.simulate(system, start, dt=dt, duration=0.04, method=method, progress=False).at(times).g - exact.g
+            )
+        )
+        for dt in (0.004, 0.002)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
+
+
+@pytest.mark.parametrize("times", [-0.1, [0.1, 5.0], [[0.1]], "soon", np.nan])
+def test_times_outside_the_run_are_refused(top, times):
+    system, start = top
+    run = co.simulate(system, start, dt=0.01, steps=10, progress=False)
+    with pytest.raises(co.ArgumentError, match="`times`"):
+        run.at(times)
