@@ -70,6 +70,7 @@ _HOMES = {
         "Suzuki4",
         "Symmetrised",
         "Trapezoidal",
+        "VariableStep",
         "Variational",
         "Yoshida4",
     ),

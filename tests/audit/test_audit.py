@@ -54,6 +54,14 @@ def test_a_method_shows_what_it_claims(name):
     assert {"order", "symplectic", "momentum", "energy"} <= set(found)
 
 
+@pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
+def test_the_variable_step_shows_its_order_and_an_exact_discrete_energy(tau):
+    """Over the exponential many steps of this top are fixed, and tell so; the claim is about the others."""
+    found = findings(BY_NAME["VariableStep(Simpson)"], tau)
+    assert set(found) == {"order", "momentum", "energy"}
+    assert not not_shown(found) and found["energy"].measured <= 1e-14
+
+
 def test_forces_leave_the_order_of_a_symmetric_pair():
     found = findings(BY_NAME["LeftRight"], co.Cayley(), PROBLEMS["driven top"])
     assert set(found) == {"order", "symmetric"}

@@ -7,7 +7,6 @@ from functools import lru_cache
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_unforced_steps import carry, tangents
 
 import coadjoint as co
 import paper_vehicle
@@ -17,6 +16,7 @@ from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum
 from coadjoint.models import catalogue
 from stepping import Leap, Stepper, tabulated
 from systems import SL2, generator, random_system, system_on
+from two_form import carry, tangents
 
 H, STEPS, POINTS = 0.03, 6, 4
 """At four points the random Lagrangians' means are exact to round-off."""

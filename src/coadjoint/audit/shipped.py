@@ -28,6 +28,7 @@ from coadjoint.methods import (
     Suzuki4,
     Symmetrised,
     Trapezoidal,
+    VariableStep,
     Variational,
     Yoshida4,
 )
@@ -92,6 +93,7 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Suzuki4(LeftRight)", lambda tau: Suzuki4(LeftRight(tau))),
     Shipped("Galerkin(degree=2)", lambda tau: Galerkin(tau, degree=2)),
     Shipped("Galerkin(degree=3)", lambda tau: Galerkin(tau, degree=3)),
+    Shipped("Galerkin(degree=4)", lambda tau: Galerkin(tau, degree=4)),
     Shipped("Yoshida4(Midpoint)", lambda tau: Yoshida4(Midpoint(tau))),
     Shipped("KahanLi6(Midpoint)", lambda tau: KahanLi6(Midpoint(tau))),
     Shipped("KahanLi6(LeftRight)", lambda tau: KahanLi6(LeftRight(tau))),
@@ -101,6 +103,7 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("SofroniouSpaletta8(Midpoint)", lambda tau: SofroniouSpaletta8(Midpoint(tau))),
     Shipped("SofroniouSpaletta10(Midpoint)", lambda tau: SofroniouSpaletta10(Midpoint(tau))),
     Shipped("Composition(Trapezoidal)", lambda tau: Composition(Trapezoidal(tau), FIVE)),
+    Shipped("VariableStep(Simpson)", lambda tau: VariableStep(Simpson(tau))),
     Shipped("EnergyMomentum", EnergyMomentum),
     Shipped("EnergyMomentum(points=4)", lambda tau: EnergyMomentum(tau, points=4)),
 )

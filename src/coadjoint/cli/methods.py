@@ -17,8 +17,17 @@ if TYPE_CHECKING:
 _CONTRACTS = ("Method", "DifferenceMap", "Squared")
 """Names that are no rule or map of their own."""
 
-_OPTIONS = {"base": "a composition such as Suzuki4", "degree": "Galerkin", "coefficients": "Composition"}
+_OPTIONS = {
+    "base": "a method over another, such as Suzuki4",
+    "degree": "Galerkin",
+    "coefficients": "Composition",
+    "points": "EnergyMomentum",
+    "within": "VariableStep",
+}
 """Keys of [method] that only some rules take."""
+
+_BASES = {"VariableStep": "Simpson"}
+"""What a method is over where [method] base is not given; Midpoint for all others."""
 
 
 def method_name(written: str) -> str:
@@ -45,13 +54,13 @@ def _rule(chosen: MethodSection, name: str, start: str) -> Method:
     outermost = name == method_name(chosen.name)
     options = {key: getattr(chosen, key) for key in _OPTIONS if getattr(chosen, key) not in (None, "")}
     for key in options:
-        if outermost and key not in takes and not ("base" in takes and key == "degree"):
+        if outermost and key not in takes and not ("base" in takes and key in ("degree", "points")):
             raise ArgumentError(f"[method] {key} belongs to {_OPTIONS[key]}, not to {name}: leave it out.")
     options = {key: value for key, value in options.items() if key in takes}
     if "coefficients" in takes and "coefficients" not in options:
         raise ArgumentError("[method] Composition needs coefficients, such as coefficients = [0.5, 0.5].")
     if "base" in takes:
-        options["base"] = _rule(chosen, method_name(chosen.base or "Midpoint"), "momentum")
+        options["base"] = _rule(chosen, method_name(chosen.base or _BASES.get(name, "Midpoint")), "momentum")
     else:
         options["difference_map"] = _map(map_name(chosen.map))
     return kind(start=start, **options)

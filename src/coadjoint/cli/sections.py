@@ -30,13 +30,15 @@ class SystemSection:
 @dataclass(frozen=True)
 class MethodSection:
     """How it is integrated: the rule, its difference map, the base of a composition and its coefficients, the degree
-    of Galerkin's polynomials, and the start."""
+    of Galerkin's polynomials, the points of EnergyMomentum, the bounds of VariableStep, and the start."""
 
     name: str = "Midpoint"
     map: str = "Cayley"
     base: str = ""
     coefficients: tuple[float, ...] | None = None
     degree: int | None = None
+    points: int | None = None
+    within: tuple[float, ...] | None = None
     start: str = "momentum"
 
     def __post_init__(self):

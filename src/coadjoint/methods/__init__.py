@@ -20,6 +20,7 @@ from coadjoint.methods.schemes import (
 )
 from coadjoint.methods.simpson import Simpson
 from coadjoint.methods.trapezoidal import Trapezoidal
+from coadjoint.methods.variable_step import VariableStep
 from coadjoint.methods.variational import Variational
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "Suzuki4",
     "Symmetrised",
     "Trapezoidal",
+    "VariableStep",
     "Variational",
     "Yoshida4",
 ]

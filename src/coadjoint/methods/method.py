@@ -146,6 +146,10 @@ class Step:
         """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s: Σ w E(node). Left: K_k + U_k of (P68–P69)."""
         return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
+    def size(self, record: State, h: Array) -> Array:
+        """The size of the step that starts at the record."""
+        return h
+
     def work(self, system: System, record: State, h: Array) -> Array:
         """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time: E_{k+1} − E_k + O(h^{p+1})."""
         return h * sum(weight * at.power for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
@@ -224,6 +228,15 @@ class Method:
     def claims(self) -> Claims:
         """What the method keeps: a variational method with fixed steps keeps all of it, and energy within a band."""
         return Claims(self.order, self.symmetric)
+
+    @property
+    def variable(self) -> bool:
+        """Whether steps have sizes of their own, so that nodes are not at whole multiples of dt."""
+        return False
+
+    def holds(self, records: State) -> Array:
+        """Of which records' steps the claim on energy holds, (rows,): all, unless the method tells otherwise."""
+        return np.ones(np.shape(records.t), bool)
 
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:

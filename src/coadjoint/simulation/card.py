@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.simulation import step_sizes
 from coadjoint.simulation.budget import budget, sentence
 
 if TYPE_CHECKING:
@@ -28,9 +29,10 @@ def certificate(run: Run) -> dict[str, Any]:
     }
     if run.plan.program.stops:
         found["event"] = run.event
+    found |= step_sizes.step_sizes(run)
     if not run.count:
         return found
-    for name in ("energy", "discrete_energy", "kelvin_noether", *dict(run.system.quantities)):
+    for name in ("energy", "discrete_energy", "kelvin_noether"):
         if name in run.ends:
             first, last = run.ends[name]
             found[f"{name}_initial"] = first.tolist()
@@ -64,12 +66,13 @@ def card(run: Run) -> str:
     if run.plan.program.stops:
         ended = "never happened: the run went on to its end"
         lines.append(("event", ended if run.event is None else f"ended the run at t = {run.event:.10g} s"))
+    if run.method.variable:
+        lines.append(("step size", step_sizes.sentence(run)))
     lines.append(("saved", f"{run.count:,} nodes, every {run.plan.save_every}, float64"))
     for name, title in (
         ("energy", "energy"),
         ("discrete_energy", "energy, discrete"),
         ("kelvin_noether", "Kelvin–Noether"),
-        *((name, name.replace("_", " ")) for name, _ in run.system.quantities),
     ):
         if f"{name}_initial" in c:
             lines.append((title, _change(c, name, run.size(name) > 0)))
@@ -113,7 +116,6 @@ def ensemble_card(ensemble: Ensemble) -> str:
     for name, title in (
         ("energy", "energy"),
         ("kelvin_noether", "Kelvin–Noether"),
-        *((name, name.replace("_", " ")) for name, _ in ensemble.system.quantities),
         ("energy_budget", "energy budget"),
         ("kelvin_noether_budget", "momentum budget"),
     ):

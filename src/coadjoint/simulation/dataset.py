@@ -11,9 +11,9 @@ import xarray
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.simulation.step_sizes import times
 from coadjoint.spaces import Space
 
 if TYPE_CHECKING:
@@ -36,17 +36,10 @@ _MEANINGS = {
     "work": "energy that this has put in since the start",
     "energy_budget": "Legendre energy less what was put in",
     "kelvin_noether_budget": "Kelvin–Noether quantities less the momentum that was put in",
+    "step_size": "h of the step that starts at the node",
     "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",
 }
-
-
-def reserved(system: System) -> set[str]:
-    """Names of variables that every dataset of the system has, or may have."""
-    group, Q, V = system.places
-    parts = [Q.components(group, name) for name in ("n", "nu", "pi", "q", "qdot")] + [V.components(group, "a")]
-    always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
-    return always.union(_MEANINGS, *parts)
 
 
 Variables = dict[str, tuple[tuple[str, ...], Any]]
@@ -56,7 +49,10 @@ def dataset(run: Run) -> xarray.Dataset:
     """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`."""
     made = xarray.Dataset(
         variables(run.system, run.records, run.monitors),
-        coords={"time": run.start.t + run.dt * run.steps_saved, "step": ("time", run.steps_saved)},
+        coords={
+            "time": times(run.method, run.start, run.dt, run.steps_saved, run.records),
+            "step": ("time", run.steps_saved),
+        },
         attrs=attributes(run),
     )
     return labelled(made, meanings(made, run.system))
@@ -159,15 +155,14 @@ def derived(records: State) -> dict[str, Any]:
 
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, str]]:
     """Unit and meaning of each variable, where known."""
-    units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
+    units = {"time": "s", "step_size": "s", "euler_angles": "rad", **dict(system.units)}
     if "energy" in units:
         units = {"work": units["energy"], "energy_budget": units["energy"], **units}
     found: dict[str, dict[str, str]] = {}
-    watched = dict(system.quantities)
     for name in (*map(str, made), "time"):
-        base = name if name in _MEANINGS or name in watched else name.split("_")[0]
+        base = name if name in _MEANINGS else name.split("_")[0]
         unit = units.get(name, units.get(base))
-        told = {"units": unit, "long_name": meaning(watched[name]) if name in watched else _MEANINGS.get(base)}
+        told = {"units": unit, "long_name": _MEANINGS.get(base)}
         found[name] = {key: value for key, value in told.items() if value is not None}
     return found
 

@@ -11,7 +11,6 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
-from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Step
@@ -40,11 +39,6 @@ def kelvin_noether(system: System, step: Step, record: State, h: Array, constant
     return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
 
 
-def quantities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-    """The system's own scalars."""
-    return {name: jnp.asarray(value(system, function, record)) for name, function in system.quantities}
-
-
 @dataclass(frozen=True)
 class Chosen:
     """I = ⟨𝒦(c, a), m⟩ of quantities that the user chose."""
@@ -62,6 +56,11 @@ def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[s
     if record.ledger is None:
         return {"kelvin_noether": now}
     return {"kelvin_noether": now, "kelvin_noether_budget": now - c0 @ momentum_put_in(system, record)}
+
+
+def step_size(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+    """h of the step, s."""
+    return {"step_size": step.size(record, h)}
 
 
 def group_defect(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:

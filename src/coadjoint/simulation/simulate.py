@@ -19,7 +19,6 @@ from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.check import require_float64
 from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
-from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -28,7 +27,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import budget
 from coadjoint.simulation import monitors as observe
-from coadjoint.simulation.arguments import grid, require_kinds, require_quantities, whole
+from coadjoint.simulation.arguments import grid, require_kinds, whole
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -42,6 +41,7 @@ from coadjoint.simulation.ensemble import (
 from coadjoint.simulation.ensemble_driver import MembersPosition, drive
 from coadjoint.simulation.events import require_event
 from coadjoint.simulation.run import Run
+from coadjoint.simulation.step_sizes import fixed_steps
 from coadjoint.spaces.named import named
 
 TOO_MUCH_ENERGY = 0.1
@@ -67,9 +67,9 @@ def simulate(
 ) -> Run:
     """Integrate `system` from `start` and return the run: dataset, plots, and a certificate when printed.
 
-    Give `duration` (s) or `steps`. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
-    and residuals are watched at every step nevertheless, unless `monitors=False`, and so are the system's `quantities`
-    (`system.watching({name: function})` adds some). `kelvin_noether` chooses quantities
+    Give `duration` (s) or `steps`; a method with variable steps takes duration/dt of them, and the card tells to which
+    t they led. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
+    and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
     motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`.
     `until` is a function of the state, such as `lambda state: state.q[2] - 10.0`: the run ends where its sign changes
@@ -115,6 +115,10 @@ def prepare(
     state = with_ledger(system, method.begin(system, start, h), monitors)
     _require_chart(system, method, state, h)
     require_event(until, state)
+    if until is not None and method.variable:
+        raise ArgumentError(
+            f"Argument `until` locates an event by parts of a step, but {method.title} chooses its own: leave it out."
+        )
     program, constants = _program(system, method, state, kelvin_noether, inputs, monitors, until)
     chosen = kernels.choose(program, constants, state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
@@ -139,7 +143,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | 
         return run
     if run.position.failed:
         raise StepError(_sentence(run), run)
-    run.warnings += _lost_energy(run) + budget.gap(run)
+    run.warnings += _lost_energy(run) + budget.gap(run) + fixed_steps(run)
     return run
 
 
@@ -171,13 +175,11 @@ def _program(system, method, state, kelvin_noether, inputs, monitors, until=None
                 observed.append(observe.kelvin_noether)
         if energy_lines(system):
             observed.append(observe.energy_budget)
+        if method.variable:
+            observed.append(observe.step_size)
         if system.group.constrained:
             observed.append(observe.group_defect)
-        if system.quantities:
-            require_quantities(system, state)
-            observed.append(observe.quantities)
     functions = [partial(quantity.quantity, system) for quantity in chosen]
-    functions += [partial(value, system, function) for _, function in system.quantities if monitors]
     if inputs is not None:
         functions.append(partial(_inputs_at, system, inputs))
     if until is not None:
@@ -191,6 +193,8 @@ def _prepare_members(
     system, start, method, count, h, steps, save_every, monitors, kelvin_noether, inputs, backend
 ) -> Ensemble:
     """`prepare` for an ensemble: what is the same for all members is checked on the first."""
+    if method.variable:
+        raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
     if inputs is not None:
         at_first = _with_inputs(*first_member(system, start), inputs).inputs
         spread = [np.broadcast_to(leaf, (count, *leaf.shape)) for leaf in jax.tree.leaves(at_first)]
@@ -246,7 +250,7 @@ def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
     unsolved, beyond = run.method.remedies
-    where = f"Step {index} of {run.steps} (t = {run.start.t + index * run.dt:.6g} s)"
+    where = f"Step {index} of {run.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = f"{MAX_ITERATIONS} Newton iterations"
         return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."

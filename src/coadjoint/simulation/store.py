@@ -36,6 +36,7 @@ from coadjoint.simulation.reading import (
     require_whole,
 )
 from coadjoint.simulation.run import Run
+from coadjoint.simulation.step_sizes import times
 
 BATCH = 1024
 """Records whose derived variables are computed at once. Always this many, so that no value depends on which others
@@ -86,7 +87,7 @@ class Store:
         program, h = self.plan.program, np.float64(self.plan.h)
         seen = evaluate(program.monitors, constants, state, h) if self.plan.monitors else {}
         seen = {name: np.asarray(x)[None] for name, x in seen.items()}
-        found = {**self._grid(np.zeros(1, np.int64)), **variables(self.system, rows, seen, self._derived)}
+        found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
         told = meanings(found, self.system)
         group = zarr.create_group(self.folder / RECORDS, zarr_format=3, attributes={"order": list(found)})
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
@@ -179,14 +180,14 @@ class Store:
         """The rows of a chunk, the same for all variables."""
         return self._arrays["time"].chunks[0]
 
-    def _grid(self, steps: np.ndarray) -> Variables:
-        time = np.ravel(self.start.t)[0] + self.plan.h * steps
+    def _grid(self, steps: np.ndarray, records: State) -> Variables:
+        time = times(self.plan.program.method, self.start, self.plan.h, steps, records)
         return {"time": (("time",), time), "step": (("time",), steps.astype(np.int64))}
 
     def _variables(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> Variables:
         """`time`, `step` and the variables of `run.dataset`."""
         of = variables if self.members is None else member_variables
-        return {**self._grid(steps), **of(self.system, records, monitors, self._derived)}
+        return {**self._grid(steps, records), **of(self.system, records, monitors, self._derived)}
 
     def _derived(self, records: State) -> dict[str, Any]:
         """`derived` of every record, BATCH of them at a time."""

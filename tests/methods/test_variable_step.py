@@ -1,0 +1,223 @@
+"""The variable step holds the discrete energy to round-off over 100 000 steps, and says where it cannot."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels import native, xla
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.models import catalogue
+from systems import generator, random_system
+from two_form import Tangents, tangents, two_form
+
+MODELS = {
+    "heavy_top": (1e-4, 1e-13),
+    "simo_wong_top": (5e-3, 1e-13),
+    "kirchhoff_ellipsoid": (0.02, 1e-13),
+    "underwater_vehicle": (0.01, 1e-12),
+}
+"""dt and the limit of the relative change of the discrete energy."""
+
+
+@lru_cache(maxsize=8)
+def held(name: str, method: co.Method, steps: int = 100_000):
+    model = catalogue[name]
+    body = model.make()
+    return co.simulate(body, model.start(body), dt=MODELS[name][0], steps=steps, method=method, save_every=10)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_discrete_energy_is_constant_over_100000_steps(name):
+    run = held(name, co.VariableStep())
+    print(run)
+    told = run.summary()
+    assert run.relative_change("discrete_energy") <= MODELS[name][1]
+    assert told["steps_fixed"] == 0 and "no step fixed" in str(run) and not run.warnings
+    dt = MODELS[name][0]
+    assert 0.25 * dt < told["step_size_min"] < 0.999999 * dt and told["step_size_max"] < 2 * dt
+    # What varies is the other energy, of (μ, π), at the order of the rule.
+    assert run.relative_change("energy") > 1e-9
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_momenta_are_kept_as_with_fixed_steps(name):
+    run, fixed = held(name, co.VariableStep()), held(name, co.Simpson())
+    changes = [one.relative_change("kelvin_noether") for one in (run, fixed)]
+    print(f"{name}: {changes}")
+    assert changes[0] <= max(3 * changes[1], 2e-13)
+    assert run.largest("balance") <= 2e-15 and run.largest("newton_residual") <= 2e-15
+
+
+def excess(name: str, rule: co.Method) -> np.ndarray:
+    """E_k − ½(ℋ_k + ℋ_{k+1}) over h² along fixed steps of the rule."""
+    model = catalogue[name]
+    body = model.make()
+    run = co.simulate(body, model.start(body), dt=MODELS[name][0], steps=5_000, method=rule)
+    E, H = run.monitors["discrete_energy"], run.monitors["energy"]
+    return (E[:-1] - 0.5 * (H[1:] + H[:-1])) / MODELS[name][0] ** 2
+
+
+@pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
+def test_the_discrete_energy_of_simpson_stays_on_one_side(tau):
+    """It must, for an h to exist everywhere; that of the midpoint rule crosses over."""
+    assert np.all(excess("kirchhoff_ellipsoid", co.Simpson(tau)) < 0)
+    assert np.all(excess("underwater_vehicle", co.Simpson(tau)) < 0)
+    crossing = excess("kirchhoff_ellipsoid", co.Midpoint(tau))
+    assert np.any(crossing < 0) and np.any(crossing > 0)
+
+
+def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
+    run = held("kirchhoff_ellipsoid", co.VariableStep(co.Midpoint()), 5_000)
+    fixed = run.summary()["steps_fixed"]
+    print(run)
+    assert 0 < fixed < 5_000
+    assert f"{fixed:,} of 5,000 steps" in str(run) and len(run.warnings) == 1 and f"{fixed:,} of" in run.warnings[0]
+
+
+def test_energy_is_held_over_the_steps_that_are_not_fixed():
+    model = catalogue["kirchhoff_ellipsoid"]
+    body = model.make()
+    method = co.VariableStep(co.Midpoint(), within=(0.5, 2.0))
+    run = co.simulate(body, model.start(body), dt=0.02, steps=3_000, method=method)
+    energy, memory = run.monitors["discrete_energy"], run.records.memory
+    found = np.diff(memory.fixed, prepend=0.0) == 0
+    assert 0 < np.sum(~found) < 3_000
+    assert np.ptp(energy[found]) <= 1e-14 * abs(energy[0]) < 1e-6 * np.ptp(energy[~found])
+    assert np.all(memory.ratio[~found] == 1.0)
+    assert np.all((memory.ratio > 0.5) & (memory.ratio < 2.0))
+
+
+def test_at_a_relative_equilibrium_all_steps_are_fixed():
+    """A body that spins about its axis: any h holds the energy, and round-off must not choose one."""
+    model = catalogue["free_rigid_body"]
+    body = model.make()
+    start = model.start(body, angular_velocity=(0.0, 0.0, 1.0))
+    run = co.simulate(body, start, dt=0.05, steps=500, method=co.VariableStep(co.Simpson(co.Exponential())))
+    assert run.summary()["steps_fixed"] == 499
+    assert "499 of 500 steps (99.80%) fixed" in str(run) and "relative equilibrium" in run.warnings[0]
+    assert run.final.t == pytest.approx(25.0, rel=1e-14)
+
+
+def test_symplectic_in_extended_phase_space():
+    """ω + δ₁E δ₂t − δ₂E δ₁t is kept by (g, n, μ, π, t) ↦ the next node on the surface E_k = E, and ω alone is not."""
+    system, start = timeless("SO3")
+    method, random = co.VariableStep(co.Midpoint()), generator("extended")
+    program, constants, h = (
+        StepProgram(replace_parameters(system, None), method),
+        Constants(system.parameters, None),
+        0.1,
+    )
+    step = tabulate(lambda s: xla.step(program, constants, s, h, certify=False).after, start_of(method, system, start))
+    state = step(step(start_of(method, system, start)))
+    pair = [tangents(system, state, random) for _ in range(2)]
+    dE = random.normal(size=2)
+    before, after, plain, size = evaluate(
+        lambda s, a, b, e: carried(system, program, constants, s, h, a, b, e), state, *pair, dE
+    )
+    assert abs(after - before) <= 1e-12 * size
+    assert abs(plain - before) > 1e-4 * size
+
+
+def timeless(world: str) -> tuple[co.System, co.State]:
+    """A random system whose Lagrangian does not take t."""
+    timed, start = random_system(world)
+    ell = timed.lagrangian
+
+    def lagrangian(xi, n, nu, a, p):
+        return ell(xi, n, nu, a, p, t=0.0)
+
+    places = {"additional": timed.additional, "advected": timed.advected}
+    return co.System(timed.group, lagrangian, **places, parameters=timed.parameters), start
+
+
+def start_of(method, system, start):
+    return method.begin(system, start, 0.1)
+
+
+def carried(system, program, constants, state, h, d1: Tangents, d2: Tangents, dE):
+    """The two-form before, after, after without its part of t and E, and the size of its terms."""
+    group, Q, V = system.places
+
+    def map_(g, n, a, mu, pi, E):
+        here = state.replace(g=g, n=n, a=a, mu=mu, pi=pi, memory=state.memory._replace(energy=E))
+        after = xla.step(program, constants, here, h, certify=False).after
+        return (group.matrix(after.g), after.n, after.mu, after.pi, after.t), after
+
+    at = (state.g, state.n, state.a, state.mu, state.pi, state.memory.energy)
+
+    def through(d: Tangents, dE):
+        dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
+        dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
+        (g, n, *_), (dg, dn, dmu, dpi, dt), after = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi, dE), has_aux=True)
+        eta = group.vee(jnp.linalg.solve(g, dg))
+        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), dt, after
+
+    (e1, t1, after), (e2, t2, _) = through(d1, dE[0]), through(d2, dE[1])
+    before, size = two_form(system, state, d1, d2)
+    plain, size_after = two_form(system, after, e1, e2)
+    return before, plain + dE[0] * t2 - dE[1] * t1, plain, size + size_after
+
+
+def test_native_and_reference_steps_are_the_same():
+    model, h = catalogue["simo_wong_top"], 0.02
+    system = model.make()
+    method = co.VariableStep()
+    program, constants = StepProgram(replace_parameters(system, None), method), Constants(system.parameters, None)
+    state = method.begin(system, model.start(system), h)
+    chunk = native.run(program, constants, state, h, 20, 1, monitors=False)
+    step = tabulate(lambda s: xla.step(program, constants, s, h, certify=False), state)
+    for row in range(20):
+        result = step(state)
+        assert result.code == 0 and chunk.code == 0
+        for ours, theirs in zip(*map(jax.tree.leaves, (chunk.records, result.record)), strict=True):
+            # E changes by about 1e-7 of itself with h, so that round-off in E moves each h by 1e-9 of itself.
+            assert np.allclose(
+                ours[row], theirs, rtol=0, atol=2e-8 * (row + 1) * (1 + np.max(np.abs(theirs), initial=0))
+            )
+        state = result.after
+
+
+def test_times_are_those_of_the_nodes_in_memory_and_in_a_store(tmp_path):
+    model = catalogue["simo_wong_top"]
+    top = model.make()
+    one = co.simulate(top, model.start(top), dt=0.02, steps=300, method=co.VariableStep(), save_every=7)
+    other = co.simulate(
+        top, model.start(top), dt=0.02, steps=300, method=co.VariableStep(), save_every=7, store=tmp_path / "run"
+    )
+    time = one.dataset.time.values
+    np.testing.assert_array_equal(time, one.records.t)
+    np.testing.assert_array_equal(time, other.dataset.time.values)
+    assert np.max(np.abs(time - 0.02 * one.steps_saved)) > 1e-6
+    every = co.simulate(top, model.start(top), dt=0.02, steps=300, method=co.VariableStep()).dataset
+    np.testing.assert_allclose(np.diff(every.time), every.step_size[:-1], rtol=1e-11)
+    assert one.dataset.attrs["time_final"] == time[-1] == one.final.t
+
+
+def test_what_does_not_fit_is_refused():
+    for base in (co.LeftRectangle(), co.LeftRight(), co.EnergyMomentum(), co.VariableStep(), co.Suzuki4(co.Midpoint())):
+        with pytest.raises(co.ArgumentError, match="needs a symmetric rule of one stage"):
+            co.VariableStep(base)
+    for within in ((0.0, 2.0), (1.0, 2.0), (0.5, np.inf), 3.0):
+        with pytest.raises(co.ArgumentError, match="0 < low < 1 < high"):
+            co.VariableStep(within=within)  # pyright: ignore[reportArgumentType]
+    forced, start = random_system("SO3", forced=True)
+    with pytest.raises(co.ArgumentError, match="forces, explicit time and inputs change"):
+        co.simulate(forced, start, dt=0.1, steps=1, method=co.VariableStep())
+    sphere, start = timeless("SO3 on a sphere")
+    with pytest.raises(co.ArgumentError, match="needs a flat space"):
+        co.simulate(sphere, start, dt=0.1, steps=1, method=co.VariableStep())
+    model = catalogue["heavy_top"]
+    with pytest.raises(co.ArgumentError, match="by parts of a step"):
+        top = model.make()
+        co.simulate(top, model.start(top), dt=1e-4, steps=1, method=co.VariableStep(), until=lambda s: s.t - 1.0)
+    tops = model.make().replace(mass=co.each([15.0, 16.0]))
+    with pytest.raises(co.ArgumentError, match="share their times"):
+        co.simulate(tops, model.start(model.make()), dt=1e-4, steps=1, method=co.VariableStep())
