@@ -144,9 +144,13 @@ KNOWN = {
 }
 
 
+def formulas(system: co.System) -> list[str]:
+    return [str(casimir) for casimir in co.casimirs(system).values()]
+
+
 @pytest.mark.parametrize("name", KNOWN)
 def test_the_casimirs_of_every_group_are_those_of_the_textbooks(name):
-    assert list(co.casimirs(co.System(GROUPS[name], lambda xi: 0.0))) == KNOWN[name]
+    assert formulas(co.System(GROUPS[name], lambda xi: 0.0)) == KNOWN[name]
 
 
 def symplectic_algebra(n: int) -> list[np.ndarray]:
@@ -166,7 +170,7 @@ def test_a_group_of_the_user_has_its_casimirs_too():
 
 def test_the_casimirs_of_the_heavy_top_and_of_its_underwater_relative():
     top = co.System(co.SO3(), lambda xi, a: 0.0, advected=co.Defining())
-    assert set(co.casimirs(top)) == {"a0^2 + a1^2 + a2^2", "m0 a0 + m1 a1 + m2 a2"}
+    assert set(formulas(top)) == {"a0^2 + a1^2 + a2^2", "m0 a0 + m1 a1 + m2 a2"}
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -182,7 +186,7 @@ def test_casimirs_commute_with_everything_and_are_kept_by_every_step(world):
     for name, casimir in found.items():
         values = [float(evaluate(casimir, s)) for s in (state, after)]
         size = 1 + max(m, float(np.max(np.abs(state.a), initial=0.0)), 1.0) ** sum(casimir.exponents[0])
-        print(f"{world}: {name[:40]} changes by {abs(values[1] - values[0]) / size:.1e}")
+        print(f"{world}: {str(casimir)[:40]} changes by {abs(values[1] - values[0]) / size:.1e}")
         assert abs(values[1] - values[0]) <= 1e-12 * size * len(casimir.exponents), name
         if tensor.size:
             slope = evaluate(jax.grad(lambda s, c=casimir: c(s), allow_int=True), state.replace(t=0.0))

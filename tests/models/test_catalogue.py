@@ -58,7 +58,7 @@ def test_every_model_runs_from_its_defaults_and_keeps_its_invariants(entry: Entr
 
 def cancellation(records: co.State) -> float:
     """How far |π||n|, whose round-off m = μ − π⋄n carries, exceeds |μ| + |π⋄n|, to which the balance is relative."""
-    if records.n.shape[1] == 0:
+    if records.n.shape[1] != 3:
         return 0.0
     pi, n, mu = records.pi, records.n, records.mu
     total = np.linalg.norm(mu, axis=1) + np.linalg.norm(np.cross(pi, n), axis=1)

@@ -38,8 +38,8 @@ def test_a_step_of_a_model_uses_known_primitives_only_and_compiles(name):
     z, h = np.zeros(system.unknowns), np.float64(entry.dt)
     stage = program.stages[0]
     met = set()
-    for function in (stage.residual, stage.advance, stage.chart):
-        met |= primitives(jaxpr_of(function, constants, state, h, z)[0].jaxpr)
+    for function, more in ((stage.residual, ()), (stage.advance, (1.0,)), (stage.chart, ())):
+        met |= primitives(jaxpr_of(function, constants, state, h, z, *more)[0].jaxpr)
     unknown = met - set(NUMERIC) - set(CONTROL)
     assert not unknown, f"The tracer has no rule for {', '.join(sorted(unknown))}, which {name} needs."
     assert len(met) > 15

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from free_rigid_body import FREE_RIGID_BODIES
+from gyrostats import GYROSTATS
 from heavy_tops import HEAVY_TOPS
 from problem import Problem
 from vehicles import VEHICLES
@@ -21,7 +22,7 @@ METHODS: list[co.Method] = [
     co.LeftRight(co.Cayley()),
     co.Suzuki4(co.Midpoint(co.Exponential())),
 ]
-PROBLEMS: list[Problem] = [*FREE_RIGID_BODIES, *HEAVY_TOPS, *VEHICLES]
+PROBLEMS: list[Problem] = [*FREE_RIGID_BODIES, *GYROSTATS, *HEAVY_TOPS, *VEHICLES]
 ULP_A_STAGE = 4e-16
 """Round-off that a stage may leave in g and in the momentum: in a relative equilibrium every step rounds alike, so that
 it adds up (measured: 2e-16 a stage at worst)."""

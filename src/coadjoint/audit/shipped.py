@@ -93,7 +93,6 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Suzuki4(LeftRight)", lambda tau: Suzuki4(LeftRight(tau))),
     Shipped("Galerkin(degree=2)", lambda tau: Galerkin(tau, degree=2)),
     Shipped("Galerkin(degree=3)", lambda tau: Galerkin(tau, degree=3)),
-    Shipped("Galerkin(degree=4)", lambda tau: Galerkin(tau, degree=4)),
     Shipped("Yoshida4(Midpoint)", lambda tau: Yoshida4(Midpoint(tau))),
     Shipped("KahanLi6(Midpoint)", lambda tau: KahanLi6(Midpoint(tau))),
     Shipped("KahanLi6(LeftRight)", lambda tau: KahanLi6(LeftRight(tau))),

@@ -34,7 +34,8 @@ KERNEL = 1e-9
 class Casimir:
     """A polynomial C(m, a) with {C, k} = 0 for every k, m = μ − π⋄n: ad*_{∂C/∂m} m = ∂C/∂a⋄a and (∂C/∂m)·a = 0.
 
-    `exponents`: a row of powers of (m, a) for each term; `coefficients`. Called with a state, it is its value there.
+    `exponents`: a row of powers of (m, a) for each term; `coefficients`. Called with a state, it is its value there;
+    printed, its formula.
     """
 
     exponents: tuple[tuple[int, ...], ...]
@@ -70,7 +71,7 @@ class Casimir:
 
 
 def casimirs(system: System) -> dict[str, Casimir]:
-    """The polynomial Casimir functions of a system, by their formulas: `simulate(…, quantities=co.casimirs(system))`.
+    """The polynomial Casimir functions of a system; runs of `system.watching(co.casimirs(system))` watch them.
 
     A basis of those that generate all others up to degree 4, found from the structure constants of 𝔤 and its action
     on V: C is a Casimir where it is constant along m ↦ ad*_ξ m, a ↦ −ξ·a and along m ↦ w⋄a, for every ξ ∈ 𝔤 and
@@ -78,7 +79,7 @@ def casimirs(system: System) -> dict[str, Casimir]:
     Casimirs that are no polynomials of degree ≤ 4, as those of a group without enough invariants, are not found.
     """
     found = _casimirs(system.group, system.advected)
-    return {str(c): c for c in found}
+    return {f"casimir_{i}": c for i, c in enumerate(found, start=1)}
 
 
 @lru_cache(maxsize=64)

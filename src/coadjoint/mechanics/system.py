@@ -16,6 +16,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics import legendre
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Force, Motion, Places, State
 from coadjoint.spaces import Several, Space, Trivial
@@ -37,6 +38,7 @@ class System:
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
     `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
     up, and the energy budget of a run has a line for each.
+    `quantities`: functions (state) or (state, p) by their names, each a number that runs watch at every step.
     `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -49,6 +51,7 @@ class System:
     discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     group_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
     hamiltonian: Callable[..., Any] | None = field(metadata={"static": True})
+    quantities: Quantities = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
     units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
     parameters: Parameters | None
@@ -65,6 +68,7 @@ class System:
         discrete_lagrangian: Callable[..., Any] | None = None,
         group_lagrangian: Callable[..., Any] | None = None,
         hamiltonian: Callable[..., Any] | None = None,
+        quantities: Mapping[str, Callable[..., Any]] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
     ):
@@ -84,6 +88,7 @@ class System:
             "discrete_lagrangian": discrete_lagrangian,
             "group_lagrangian": group_lagrangian,
             "hamiltonian": hamiltonian,
+            "quantities": quantities_from(quantities),
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "parameters": parameters,
@@ -109,6 +114,12 @@ class System:
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
         return replace_parameters(self, self.parameters.replace(**values))
+
+    def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
+        """A copy whose runs watch more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
+        made = replace_parameters(self, self.parameters)
+        object.__setattr__(made, "quantities", quantities_from({**dict(self.quantities), **quantities}))
+        return made
 
     @property
     def continuous(self) -> bool:

@@ -10,6 +10,7 @@ from math import radians
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.models.entry import Entry
+from coadjoint.models.integrable import INTEGRABLE
 from coadjoint.models.underwater.tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ _ENTRIES = (
         dt=0.005,
         duration=10.0,
     ),
+    *INTEGRABLE,
     Entry(
         "underwater_vehicle",
         "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import traced
+from coadjoint.mechanics import quantities
+from coadjoint.mechanics.check import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -24,6 +27,18 @@ def require_kinds(system: Any, start: Any, method: Any) -> None:
         raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
     if not isinstance(method, Method):
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(co.Cayley()), but is {method!r}.")
+
+
+def require_quantities(system: System, state: State) -> None:
+    """Raise ArgumentError where a quantity has a name that a dataset has already; LagrangianError unless a number."""
+    from coadjoint.simulation.dataset import reserved
+
+    for name, function in system.quantities:
+        if name in reserved(system) or name.startswith(("work_", "inputs_")):
+            raise ArgumentError(
+                f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
+            )
+        require_scalar(partial(quantities.value, system, function), f"The quantity `{name}`", (state,))
 
 
 def whole(value: Any, name: str) -> int:

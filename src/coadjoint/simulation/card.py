@@ -32,7 +32,7 @@ def certificate(run: Run) -> dict[str, Any]:
     found |= step_sizes.step_sizes(run)
     if not run.count:
         return found
-    for name in ("energy", "discrete_energy", "kelvin_noether"):
+    for name in ("energy", "discrete_energy", "kelvin_noether", *dict(run.system.quantities)):
         if name in run.ends:
             first, last = run.ends[name]
             found[f"{name}_initial"] = first.tolist()
@@ -73,6 +73,7 @@ def card(run: Run) -> str:
         ("energy", "energy"),
         ("discrete_energy", "energy, discrete"),
         ("kelvin_noether", "Kelvin–Noether"),
+        *((name, name.replace("_", " ")) for name, _ in run.system.quantities),
     ):
         if f"{name}_initial" in c:
             lines.append((title, _change(c, name, run.size(name) > 0)))
@@ -116,6 +117,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     for name, title in (
         ("energy", "energy"),
         ("kelvin_noether", "Kelvin–Noether"),
+        *((name, name.replace("_", " ")) for name, _ in ensemble.system.quantities),
         ("energy_budget", "energy budget"),
         ("kelvin_noether_budget", "momentum budget"),
     ):

@@ -11,6 +11,7 @@ import xarray
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.step_sizes import times
@@ -40,6 +41,14 @@ _MEANINGS = {
     "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",
 }
+
+
+def reserved(system: System) -> set[str]:
+    """Names of variables that every dataset of the system has, or may have."""
+    group, Q, V = system.places
+    parts = [Q.components(group, name) for name in ("n", "nu", "pi", "q", "qdot")] + [V.components(group, "a")]
+    always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
+    return always.union(_MEANINGS, *parts)
 
 
 Variables = dict[str, tuple[tuple[str, ...], Any]]
@@ -159,10 +168,11 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, str
     if "energy" in units:
         units = {"work": units["energy"], "energy_budget": units["energy"], **units}
     found: dict[str, dict[str, str]] = {}
+    watched = dict(system.quantities)
     for name in (*map(str, made), "time"):
-        base = name if name in _MEANINGS else name.split("_")[0]
+        base = name if name in _MEANINGS or name in watched else name.split("_")[0]
         unit = units.get(name, units.get(base))
-        told = {"units": unit, "long_name": _MEANINGS.get(base)}
+        told = {"units": unit, "long_name": meaning(watched[name]) if name in watched else _MEANINGS.get(base)}
         found[name] = {key: value for key, value in told.items() if value is not None}
     return found
 

@@ -11,6 +11,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
+from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Step
@@ -37,6 +38,11 @@ def kelvin_noether(system: System, step: Step, record: State, h: Array, constant
     """⟨Ad_{g⁻¹}c₀, m⟩ for every row c₀ of constants["c0"]: conserved where c₀·a₀ = 0 and nothing forces."""
     c0 = constants["c0"]
     return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
+
+
+def quantities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+    """The system's own scalars."""
+    return {name: jnp.asarray(value(system, function, record)) for name, function in system.quantities}
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.check import require_float64
 from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
+from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -27,7 +28,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import budget
 from coadjoint.simulation import monitors as observe
-from coadjoint.simulation.arguments import grid, require_kinds, whole
+from coadjoint.simulation.arguments import grid, require_kinds, require_quantities, whole
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -69,7 +70,8 @@ def simulate(
 
     Give `duration` (s) or `steps`; a method with variable steps takes duration/dt of them, and the card tells to which
     t they led. Every save_every-th node is kept, and the last; energies, Kelvin–Noether quantities
-    and residuals are watched at every step nevertheless, unless `monitors=False`. `kelvin_noether` chooses quantities
+    and residuals are watched at every step nevertheless, unless `monitors=False`, and so are the system's `quantities`
+    (`system.watching({name: function})` adds some). `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
     motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`.
     `until` is a function of the state, such as `lambda state: state.q[2] - 10.0`: the run ends where its sign changes
@@ -179,7 +181,11 @@ def _program(system, method, state, kelvin_noether, inputs, monitors, until=None
             observed.append(observe.step_size)
         if system.group.constrained:
             observed.append(observe.group_defect)
+        if system.quantities:
+            require_quantities(system, state)
+            observed.append(observe.quantities)
     functions = [partial(quantity.quantity, system) for quantity in chosen]
+    functions += [partial(value, system, function) for _, function in system.quantities if monitors]
     if inputs is not None:
         functions.append(partial(_inputs_at, system, inputs))
     if until is not None:

@@ -1,0 +1,41 @@
+"""Scalars that a system's runs watch at every step: integrals of the motion, Casimir functions, whatever one likes."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
+
+Quantities = tuple[tuple[str, Callable[..., Any]], ...]
+
+
+def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None) -> Quantities:
+    """Names and functions; raises ArgumentError for what is neither."""
+    found = tuple(dict(given or {}).items())
+    for name, function in found:
+        if not (isinstance(name, str) and name.isidentifier()):
+            raise ArgumentError(f"A quantity must have a name such as `height`, but is called {name!r}.")
+        if not callable(function):
+            raise ArgumentError(f"Quantity `{name}` must be a function of the state, but is {function!r}.")
+    return found
+
+
+def value(system: System, function: Callable[..., Any], state: State) -> Array:
+    """function(state), or function(state, p) of two arguments with the system's parameters."""
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    takes = [p for p in inspect.signature(function).parameters.values() if p.kind in kinds and p.default is p.empty]
+    return function(state) if len(takes) < 2 else function(state, system.parameters)
+
+
+def meaning(function: Callable[..., Any]) -> str | None:
+    """What a dataset says of a quantity: its formula, or the first sentence of its docstring."""
+    if not inspect.isfunction(function):
+        return str(function)
+    return function.__doc__.strip().split("\n")[0].rstrip(".") if function.__doc__ else None

@@ -1,0 +1,62 @@
+"""A rigid body with a rotor: a gyrostat, whose rotor's angle is a shape that no rotation moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from coadjoint.groups import SO3
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import direction, number, positive, positive_definite
+from coadjoint.models.rigid_body import UNITS
+from coadjoint.spaces import Trivial
+
+_UNITS = {**UNITS, "n": "rad", "nu": "rad/s", "q": "rad", "qdot": "rad/s", "pi": "kg m²/s", "momentum_squared": "J² s²"}
+
+
+def lagrangian(xi, n, nu, p):
+    """ℓ(ω, φ, φ̇) = ½ ω·Jω + ½ I(e·ω + φ̇)², J without the rotor's spin about its axis e."""
+    return 0.5 * xi @ p.inertia @ xi + 0.5 * p.rotor_inertia * (p.axis @ xi + nu[0]) ** 2
+
+
+def momentum_squared(state):
+    """|μ|², the Casimir function of SO(3); the momentum of a free rotor, π = I(e·ω + φ̇), is conserved too."""
+    return state.mu @ state.mu
+
+
+def make(*, inertia: Any, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> System:
+    """A free rigid body with a rotor that turns freely about an axis of the body: μ̇ = μ×ω, π̇ = 0.
+
+    μ = Jω + πe, so that a fast rotor holds the body: about a principal axis e = eₖ the body turns stably at rate ω
+    where (Jₖ − Jᵢ)ω + π, i ≠ k, have one sign.
+
+    inertia: J of the body with the rotor's mass, but not its spin, (3, 3) or its diagonal, kg m². rotor_inertia: I,
+    kg m². axis: e, (3,), a unit vector in the body frame.
+    """
+    p = Parameters(
+        inertia=positive_definite(inertia, "inertia"),
+        rotor_inertia=positive(rotor_inertia, "rotor_inertia"),
+        axis=direction(axis, "axis"),
+    )
+    watched = {"momentum_squared": momentum_squared}
+    spaces = {"additional": Trivial(1), "parameters": p, "quantities": watched}
+    return System(SO3(), lagrangian, **spaces, name="rigid body with a rotor", units=_UNITS)
+
+
+def start(
+    body: System,
+    *,
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    angular_velocity: Any = None,
+    euler_rates: Any = None,
+    rotor_angle: Any = 0.0,
+    rotor_rate: Any = 0.0,
+) -> State:
+    """The state of a body, its rotor at φ, rad, with the rate φ̇ relative to the body, rad/s; see `orientation`."""
+    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
+    angle, rate = number(rotor_angle, "rotor_angle"), number(rotor_rate, "rotor_rate")
+    return body.state(g=R, xi=omega, q=[angle], qdot=[rate])
