@@ -98,6 +98,8 @@ MAPS: dict[str, DifferenceMap] = {
     "exponential": co.Exponential(),
     "squared": co.Squared(co.Cayley()),
     "bent": Bent(),
+    "pade": co.Pade(2),
+    "second kind": co.SecondKind(),
 }
 
 RULES: dict[str, Any] = {

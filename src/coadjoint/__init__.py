@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 _HOMES = {
-    "coadjoint.difference_maps": ("Cayley", "DifferenceMap", "Exponential", "Squared"),
+    "coadjoint.difference_maps": ("Cayley", "DifferenceMap", "Exponential", "Pade", "SecondKind", "Squared"),
     "coadjoint.errors": (
         "ArgumentError",
         "CoadjointError",

@@ -24,13 +24,15 @@ def close(found, expected, size=1.0):
         np.testing.assert_allclose(x, y, rtol=0, atol=ROUND_OFF * max(size, np.max(np.abs(y), initial=0.0)))
 
 
-UNFIT_PAIRS = {("SLn3", "cayley"), ("SLn3", "squared"), ("SLn3", "bent")}
+ALL_MAPS = MAPS | {"pade3": co.Pade(3)}
+UNFIT_PAIRS = {("SLn3", name) for name in ("cayley", "squared", "bent", "pade", "pade3")}
+PAIRS = [(g, m) for g in GROUPS for m in ALL_MAPS if (g, m) not in UNFIT_PAIRS]
 
 
-@pytest.fixture(params=[(g, m) for g in GROUPS for m in MAPS if (g, m) not in UNFIT_PAIRS], ids="-".join)
+@pytest.fixture(params=PAIRS, ids="-".join)
 def pair(request):
     """(τ, group, ξ, χ, μ) at random, ξ inside the chart."""
-    group, tau = GROUPS[request.param[0]], MAPS[request.param[1]]
+    group, tau = GROUPS[request.param[0]], ALL_MAPS[request.param[1]]
     xi, chi, mu = generator("map", *request.param).normal(scale=0.8, size=(3, group.dim))
     far = evaluate(lambda xi: tau.chart(group, xi), xi)
     return tau, group, xi * min(1.0, 0.95 / max(far, 1e-300)), chi, mu
@@ -123,6 +125,69 @@ def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
 def test_every_map_here_fits_every_group_here(pair):
     tau, group, *_ = pair
     tau.require_fit(group)
+
+
+@pytest.mark.parametrize("pair_of_names", sorted(UNFIT_PAIRS), ids="-".join)
+def test_every_other_map_is_refused(pair_of_names):
+    group, tau = pair_of_names
+    with pytest.raises(GroupError, match="leaves the algebra"):
+        ALL_MAPS[tau].require_fit(GROUPS[group])
+
+
+def test_pade_is_refused_where_the_representation_has_another():
+    """ρ(τ(ξ)) of SL(2) on its algebra is not the Padé approximant of ad_ξ, so τ(−ξ) is not τ(ξ)⁻¹ on the vectors."""
+    group = co.SemidirectProduct(GROUPS["Sp1"], co.Adjoint())
+    with pytest.raises(GroupError, match="is no group difference map"):
+        co.Pade(2).require_fit(group)
+    for tau in (co.Cayley(), co.SecondKind(), co.Exponential()):
+        tau.require_fit(group)
+
+
+@pytest.mark.parametrize("name", ["SO3", "SE3", "SL2_dual", "Sp2", "H2"])
+def test_first_pade_approximant_is_the_cayley_transform(name):
+    group = GROUPS[name]
+    xi, mu = generator("pade", name).normal(scale=0.4, size=(2, group.dim))
+
+    def both(xi, mu):
+        return [(t.tau(group, xi), t.dtau_inverse_dual(group, xi, mu)) for t in (co.Pade(1), co.Cayley())]
+
+    close(*evaluate(both, xi, mu), size=10)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_pade_approximants_are_the_exponential_up_to_their_order(order):
+    """|N(−X)⁻¹N(X) − e^X| → |X^{2m+1}| (m!)²/((2m)!(2m+1)!)."""
+    xi = generator("order").normal(size=3)
+    xi /= np.linalg.norm(xi)
+
+    def error(xi):
+        return jnp.max(jnp.abs(co.Pade(order).tau(co.SO3(), xi) - co.SO3().exp(xi)))
+
+    coarse, fine = (float(evaluate(error, scale * xi)) for scale in (0.4, 0.2))
+    assert np.log2(coarse / fine) == pytest.approx(2 * order + 1, abs=0.1)
+
+
+@pytest.mark.parametrize("tau", [co.Cayley(), co.Pade(2), co.SecondKind()], ids=repr)
+def test_only_the_exponential_is_its_own_squared_map(tau):
+    """τ(ξ/2)² = τ(ξ) for the exponential; the others need Squared where F must be the square of H."""
+    xi = np.array([0.7, -0.4, 0.5])
+
+    def gap(t):
+        return float(evaluate(lambda xi: jnp.max(jnp.abs(t.tau(co.SO3(), xi) - co.Squared(t).tau(co.SO3(), xi))), xi))
+
+    assert gap(co.Exponential()) < 1e-15
+    assert gap(tau) > 1e-5
+
+
+def test_second_kind_goes_forwards_and_backwards():
+    xi = np.array([0.7, -0.4, 0.5])
+    x, y, z = (co.SO3().exp for _ in range(3))
+
+    def product(xi):
+        a, b, c = (turn(0.5 * xi * e) for turn, e in zip((x, y, z), np.eye(3), strict=True))
+        return co.SecondKind().tau(co.SO3(), xi), a @ b @ c @ c @ b @ a
+
+    close(*evaluate(product, xi))
 
 
 def test_closed_forms_of_the_specification_on_rotations():

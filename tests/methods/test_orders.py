@@ -20,6 +20,8 @@ PLACES = {
     "SE3-exponential-forced": ("SE3", "exponential", True),
     "SL2-squared": ("SL2", "squared", False),
     "SE2-bent-forced": ("SE2", "bent", True),
+    "SE2-pade": ("SE2", "pade", False),
+    "SO3-second kind": ("SO3", "second kind", False),
 }
 
 
