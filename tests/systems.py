@@ -15,12 +15,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.groups import LieGroup
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Several, Space
 
 SEED = 20260117
@@ -123,6 +125,13 @@ class World:
     advected: Any = None
 
 
+def _frame(x):
+    return jnp.stack([x.e @ x.e - 1, x.f @ x.f - 1, x.e @ x.f])
+
+
+FRAMES = co.Submanifold(_frame, co.Several({"e": co.Defining(), "f": co.Defining()}))
+"""Pairs of orthonormal vectors: a Stiefel manifold."""
+
 WORLDS: dict[str, World] = {
     "SO3 alone": World(co.SO3()),
     "SO3": World(co.SO3(), co.Defining(), {"down": co.Defining(), "spin": co.Adjoint()}),
@@ -135,13 +144,24 @@ WORLDS: dict[str, World] = {
     "R3": World(co.Translation(3), co.Trivial(1), co.Dual()),
     "SO3xSE2": World(GROUPS["SO3xSE2"], co.Defining(), co.Coadjoint()),
     "SO3 on a sphere": World(co.SO3(), co.Sphere(), co.Defining()),
+    "SL2_dual": World(GROUPS["SL2_dual"], co.Points(), co.Dual()),
+    "curved and flat": World(
+        co.SO3(),
+        {"frame": FRAMES, "shape": co.Trivial(1)},
+        {"down": co.Sphere(), "spin": co.Adjoint()},
+    ),
 }
+
+
+LARGE = {"SL2_dual": ("cayley", "right"), "curved and flat": ("cayley", "midpoint")}
+"""Worlds whose steps take long to trace, with the one map and rule that short runs of the tests take."""
 
 
 def pairwise_cases() -> list[tuple[str, str, str]]:
     """(world, map, rule) such that every two of them meet: each world with each rule, the maps in turn."""
-    maps = list(MAPS)
-    return [(world, maps[(i + j) % len(maps)], rule) for i, world in enumerate(WORLDS) for j, rule in enumerate(RULES)]
+    maps, worlds = list(MAPS), [world for world in WORLDS if world not in LARGE]
+    every = [(world, maps[(i + j) % len(maps)], rule) for i, world in enumerate(worlds) for j, rule in enumerate(RULES)]
+    return every + [(world, *case) for world, case in LARGE.items()]
 
 
 def all_cases() -> list[tuple[str, str, str]]:
@@ -155,16 +175,12 @@ def generator(*words: object) -> np.random.Generator:
 
 
 def flat(value: Any) -> Any:
-    """A point as one array, whether it came as an array or by names."""
-    if hasattr(value, "asdict"):
-        return jnp.concatenate([flat(part) for part in value.asdict().values()])
-    return value
+    """A point as one array, whether it came as an array, as an element or by names."""
+    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(value)])
 
 
 def element(group: LieGroup, random: np.random.Generator, scale: float = 0.7) -> Any:
     """A random group element."""
-    from coadjoint.kernels.evaluate import evaluate
-
     eta, chi = random.normal(scale=scale, size=(2, group.dim))
     return evaluate(lambda eta, chi: group.compose(group.exp(eta), group.exp(chi)), eta, chi)
 
@@ -174,7 +190,20 @@ def point(space: Space, group: LieGroup, random: np.random.Generator) -> Any:
     if isinstance(space, Several):
         return {name: point(s, group, random) for name, s in zip(space.names, space.factors, strict=True)}
     x = random.normal(size=space.ambient(group))
+    if isinstance(space, co.GroupItself):
+        return element(group, random)
+    if isinstance(space, co.Submanifold):
+        found = evaluate(lambda x: space.view(group, _nearest(space, group, x)), x)
+        return found if isinstance(found, np.ndarray) else found.asdict()
     return x if space.flat else x / np.linalg.norm(x)
+
+
+def _nearest(space: co.Submanifold, group: LieGroup, x):
+    """The point of Q that Gauss–Newton leads to."""
+    for _ in range(30):
+        rows = space.normals(group, x)
+        x = x - rows.T @ jnp.linalg.solve(rows @ rows.T, space.equations(group, x))
+    return x
 
 
 def velocity(space: Space, group: LieGroup, at: Any, random: np.random.Generator) -> Any:
@@ -182,7 +211,9 @@ def velocity(space: Space, group: LieGroup, at: Any, random: np.random.Generator
     if isinstance(space, Several):
         return {n: velocity(s, group, at[n], random) for n, s in zip(space.names, space.factors, strict=True)}
     v = 0.7 * random.normal(size=space.ambient(group))
-    return v if space.flat else v - (v @ at) * at
+    x = space.point(group, at, "at")
+    found = evaluate(lambda x, v: space.view(group, space.tangent(group, x, space.coordinates(group, x, v))), x, v)
+    return found.asdict() if hasattr(found, "asdict") else found
 
 
 @lru_cache(maxsize=256)

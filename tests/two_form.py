@@ -10,6 +10,7 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.kernels import xla
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram
@@ -62,13 +63,15 @@ def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: T
 
 
 def tangents(system: co.System, state: co.State, random: np.random.Generator) -> Tangents:
-    """Random ones; on a curved Q, w tangent to Q and δπ to T*Q, π·n = 0."""
+    """Random ones; on a curved Q, w is tangent to Q and δπ to T*Q: π = Pπ for the projection P at n."""
     Q, group = system.additional, system.group
     w, pi = random.normal(size=(2, Q.ambient(group)))
     eta, mu = random.normal(size=(2, group.dim))
-    if not Q.flat:
-        n = state.n
-        w = w - (w @ n) * n
-        dn = w - np.cross(eta, n)
-        pi = pi - (pi @ n) * n - (state.pi @ dn) * n
+
+    def along(n, at, eta, w, pi):
+        w = Q.project(group, n, w)
+        dn = w - Q.infinitesimal(group, eta, n)
+        return w, Q.project(group, n, pi) + jax.jvp(lambda x: Q.project(group, x, at), (n,), (dn,))[1]
+
+    w, pi = evaluate(along, state.n, state.pi, eta, w, pi)
     return Tangents(eta, w, mu, pi)

@@ -83,9 +83,12 @@ _HOMES = {
         "Coadjoint",
         "Defining",
         "Dual",
+        "GroupItself",
         "Points",
+        "Several",
         "Space",
         "Sphere",
+        "Submanifold",
         "Trivial",
     ),
 }

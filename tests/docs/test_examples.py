@@ -65,6 +65,19 @@ def test_the_charged_particle_runs_round_its_circle(run_example):
     assert Path("heisenberg.png").stat().st_size > 10_000
 
 
+def test_the_spherical_pendulum_keeps_its_sphere_and_the_vertical_momentum(run_example):
+    found = run_example("spherical_pendulum", 10)
+    assert found["off_sphere"] < 1e-13
+    bands = {
+        name: np.max(np.abs(run.dataset.energy.values / run.dataset.energy.values[0] - 1))
+        for name, run in found["runs"].items()
+    }
+    for run in found["runs"].values():
+        assert run.relative_change("kelvin_noether") < 1e-13
+    assert bands["Suzuki 4"] < 0.1 * bands["midpoint"] < 1e-3
+    assert Path("spherical_pendulum.png").stat().st_size > 10_000
+
+
 def test_a_fleet_of_plates_keeps_its_horizontal_momenta(run_example):
     found = run_example("falling_plates", 2)
     momenta = found["fleet"].dataset.kelvin_noether.transpose("member", "time", ...).values

@@ -13,7 +13,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Representation, Several, Space
-from systems import GROUPS, element, flat, generator, point
+from systems import FRAMES, GROUPS, element, flat, generator, point
 
 ROUND_OFF = 1e-13
 """Of the largest entry of the result, of 1, and of the products of matrices of norm up to 10 that enter."""
@@ -29,10 +29,18 @@ SEVERAL = Several({"buoy": co.Points(), "row": co.Dual(), "fill": co.Trivial(1)}
 PLACES = [(g, s) for g in GROUPS for s in LINEAR]
 PLACES += [(g, s) for g in ("SE2", "SE3") for s in ("Points", "Several")]
 PLACES += [("SO3", "Sphere"), ("SO4", "Sphere"), ("SO2", "Sphere")]
+CURVED = [("SO3", "frames"), ("SO4", "frames"), ("Sp1", "hyperboloid")]
+CURVED += [(g, "itself") for g in ("SO3", "SE3", "SL2", "quaternions", "SO3xSE2", "H2")]
+CURVED += [(g, "conjugation") for g in ("SE3", "Sp1")]
+PLACES += CURVED
 SPACES = LINEAR | {
     "Points": co.Points(),
     "Sphere": co.Sphere(),
     "Several": SEVERAL,
+    "frames": FRAMES,
+    "itself": co.GroupItself(),
+    "conjugation": co.GroupItself("conjugation"),
+    "hyperboloid": co.Submanifold(lambda m: m[0] ** 2 + 4 * m[1] * m[2] - 1.0, co.Coadjoint()),
 }
 
 
@@ -302,6 +310,115 @@ def test_sphere_projection_leaves_the_pairing_with_tangents(sphere):
 def test_sphere_refuses_a_point_off_it():
     with pytest.raises(ArgumentError, match="unit vector"):
         co.Sphere().point(co.SO3(), [1, 0, 1e-3], "q")
+
+
+@pytest.fixture(params=CURVED, ids="-".join)
+def curved(request):
+    """(group, space, x, y): a random point of a curved space and frame coordinates."""
+    group, space = GROUPS[request.param[0]], SPACES[request.param[1]]
+    random = generator("curved", *request.param)
+    x = space.point(group, point(space, group, random), "x")
+    return group, space, x, 0.4 * random.normal(size=space.dim(group))
+
+
+def test_frames_are_orthonormal_and_span_the_tangent_space(curved):
+    """EᵀE = 1, and EEᵀ takes a covector to the one of T*Q that pairs alike with tangents."""
+    group, space, x, y = curved
+    b = generator("b").normal(size=x.size)
+
+    def parts(x, y, b):
+        frame = jax.vmap(lambda e: space.tangent(group, x, e), out_axes=1)(jnp.eye(y.size))
+        u, projected = space.tangent(group, x, y), space.project(group, x, b)
+        return frame.T @ frame, space.coordinates(group, x, u), projected @ u - b @ u, frame @ (frame.T @ b) - projected
+
+    gram, back, pairing, rest = evaluate(parts, x, y, b)
+    close(gram, np.eye(y.size))
+    close(back, y)
+    close(pairing, 0.0)
+    close(rest, np.zeros(x.size), 10)
+
+
+def test_retractions_stay_on_the_space_and_start_along_their_tangent(curved):
+    group, space, x, y = curved
+
+    def parts(x, y):
+        def moved(e):
+            return x + space.difference(group, x, space.tangent(group, x, e * y))
+
+        return space.defect(group, moved(1.0)), jax.jvp(moved, (0.0,), (1.0,))[1], space.tangent(group, x, y)
+
+    off, slope, u = evaluate(parts, x, y)
+    close(off, 0.0, 100)
+    close(slope, u)
+
+
+def test_orbits_are_tangent_to_curved_spaces(curved):
+    """ξ·x ∈ T_xQ and gx ∈ Q."""
+    group, space, x, _ = curved
+    random = generator("orbit")
+    g, xi = element(group, random), random.normal(size=group.dim)
+
+    def parts(g, xi, x):
+        v = space.infinitesimal(group, xi, x)
+        within = space.tangent(group, x, space.coordinates(group, x, v))
+        return space.defect(group, space.act(group, g, x)), within - v
+
+    off, outside = evaluate(parts, g, xi, x)
+    close(off, 0.0, 300)
+    close(outside, np.zeros(x.size), 100)
+
+
+@pytest.mark.parametrize("group", ["SO2", "SO3", "SO4"])
+def test_a_sphere_is_the_submanifold_of_its_constraint(group):
+    """Another frame and retraction, the same tangents, momenta and action."""
+    group = GROUPS[group]
+    space = co.Submanifold(lambda x: x @ x - 1)
+    x, b = generator("both").normal(size=(2, group.matrix_size))
+    x /= np.linalg.norm(x)
+    assert space.dim(group) == co.Sphere().dim(group)
+    close(*evaluate(lambda x, b: [s.project(group, x, b) for s in (space, co.Sphere())], x, b))
+
+
+def test_submanifolds_refuse_what_is_none():
+    rotations, sphere = co.SO3(), co.Submanifold(lambda x: x @ x - 1)
+    with pytest.raises(GroupError, match="must leave a Submanifold invariant"):
+        co.Submanifold(lambda x: x[0] ** 2 + 2 * x[1] ** 2 + x[2] ** 2 - 1).require_fit(rotations)
+    with pytest.raises(GroupError, match="must leave a Submanifold invariant"):
+        sphere.require_fit(GROUPS["SL2"])
+    twice = co.Submanifold(lambda x: jnp.stack([x @ x - 1, 2 * x @ x - 2]))
+    with pytest.raises(GroupError, match="constraints of a Submanifold must be independent, but of 2 only 1"):
+        twice.point(rotations, [1, 0, 0], "q")
+    with pytest.raises(ArgumentError, match="`q` must lie in its space, but the constraint there is 1"):
+        sphere.point(rotations, [1, 1, 0], "q")
+    with pytest.raises(ArgumentError, match="Submanifold needs a function"):
+        co.Submanifold(3)  # type: ignore[arg-type]
+
+
+def test_a_group_as_a_space_takes_its_elements_only():
+    space = co.GroupItself()
+    np.testing.assert_array_equal(space.point(co.SE3(), (np.eye(3), [1.0, 2.0, 3.0]), "q")[-3:], [1, 2, 3])
+    with pytest.raises(ArgumentError, match=r"`q` must be an element of SO3\(\), but is outside by 7"):
+        space.point(co.SO3(), 2 * np.eye(3), "q")
+    with pytest.raises(ArgumentError, match=r"`q` must have shape \(9,\)"):
+        space.point(co.SO3(), np.eye(2), "q")
+    with pytest.raises(ArgumentError, match='must be "multiplication" or "conjugation"'):
+        co.GroupItself("right")  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class _FromTheRight(Representation):
+    """x ↦ gᵀx: an action from the right."""
+
+    def ambient(self, group):
+        return group.matrix_size
+
+    def act(self, group, g, x):
+        return group.matrix(g).T @ x
+
+
+def test_an_action_from_the_right_is_refused():
+    with pytest.raises(co.GroupError, match=r"must carry a left action of SO3\(\), act\(gh, x\)"):
+        co.System(co.SO3(), lambda xi, a: xi @ xi, advected=_FromTheRight())
 
 
 @dataclass(frozen=True)

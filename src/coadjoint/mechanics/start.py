@@ -18,7 +18,6 @@ from coadjoint.mechanics.each import Each, count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
-from coadjoint.spaces import Several, Space
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
@@ -196,11 +195,7 @@ def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
     point = Q.point(group, q, "q")
     if qdot is None:
         return point, np.zeros(size)
-    if isinstance(Q, Several):
-        factors = Several(dict(zip(Q.names, map(_Velocities, Q.factors), strict=True)))
-        velocity = factors.point(group, qdot, "qdot")
-    else:
-        velocity = checked_vector(qdot, size, "qdot")
+    velocity = Q.velocity(group, qdot, "qdot")
     _require_tangent(system, point, velocity)
     return point, velocity
 
@@ -217,16 +212,6 @@ def _require_tangent(system: System, point: Any, velocity: Any) -> None:
             f"Argument `qdot` must be tangent to the space at `q`, but leaves it by {leaves:.3g}: take away its part "
             "along the normal."
         )
-
-
-class _Velocities(Space):
-    """The ambient velocities of a space, checked for their shape only."""
-
-    def __init__(self, space: Space):
-        self.space = space
-
-    def ambient(self, group: LieGroup) -> int:
-        return self.space.ambient(group)
 
 
 def _advected(system: System, a0: Any) -> Any:

@@ -1,21 +1,25 @@
 """What a group acts on, and the diamond (mathematics: section 2)."""
 
+from coadjoint.spaces.group_itself import GroupItself
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
 from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space
 from coadjoint.spaces.sphere import Sphere
+from coadjoint.spaces.submanifold import Submanifold
 
 __all__ = [
     "Adjoint",
     "Coadjoint",
     "Defining",
     "Dual",
+    "GroupItself",
     "Named",
     "Points",
     "Representation",
     "Several",
     "Space",
     "Sphere",
+    "Submanifold",
     "Trivial",
 ]

@@ -106,12 +106,19 @@ class Several(Space):
         return Named(**{name: s.view(group, part) for name, (s, part) in zip(self.names, parts, strict=True)})
 
     def point(self, group: LieGroup, value: Any, name: str) -> Any:
+        return self._joined("point", group, value, name)
+
+    def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
+        return self._joined("velocity", group, value, name)
+
+    def _joined(self, method: str, group: LieGroup, value: Any, name: str) -> Any:
         if isinstance(value, Named):
             value = value.asdict()
         if not isinstance(value, Mapping) or set(value) != set(self.names):
             given = sorted(value) if isinstance(value, Mapping) else value
             raise ArgumentError(f"Argument `{name}` must be a dictionary of {', '.join(self.names)}, but is {given!r}.")
-        parts = [s.point(group, value[key], f"{name}.{key}") for key, s in zip(self.names, self.factors, strict=True)]
+        spaces = zip(self.names, self.factors, strict=True)
+        parts = [getattr(s, method)(group, value[key], f"{name}.{key}") for key, s in spaces]
         concatenate = np.concatenate if all(isinstance(p, np.ndarray) for p in parts) else jnp.concatenate
         return concatenate(parts)
 

@@ -108,6 +108,10 @@ class Space:
         """The user's point as a flat float64 array; raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
+    def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
+        """The user's velocity likewise; whether it is tangent is not seen here."""
+        return checked_vector(value, self.ambient(group), name)
+
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:
         """How arrays of points are named in a dataset."""
         return {name: slice(0, self.ambient(group))}

@@ -1,0 +1,113 @@
+"""A group as a curved space on which it acts itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.groups.matrix_exponential import exponential_minus_one
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.spaces.space import Space, checked_vector
+
+ON_GROUP = 1e-9
+"""How far outside its group a point may be by round-off."""
+
+
+@dataclass(frozen=True)
+class GroupItself(Space):
+    """Q = G with g·x = gx (`action="multiplication"`) or g·x = gxg⁻¹ (`action="conjugation"`).
+
+    The user's functions see an element x, and a velocity of the same structure: xη̂ for the body velocity η of x.
+    Ambient coordinates are the numbers of an element; ρ(x, xη̂) = x exp η, and the frame is that of xê_i made
+    orthonormal. Raises GroupError for a group whose product is not affine in the second factor.
+    """
+
+    action: Literal["multiplication", "conjugation"] = "multiplication"
+    flat = False
+
+    def __post_init__(self):
+        if self.action not in ("multiplication", "conjugation"):
+            raise ArgumentError(
+                f'Argument `action` of GroupItself must be "multiplication" or "conjugation", but is {self.action!r}.'
+            )
+
+    def ambient(self, group: LieGroup) -> int:
+        return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(jax.eval_shape(group.identity)))
+
+    def dim(self, group: LieGroup) -> int:
+        return group.dim
+
+    def view(self, group: LieGroup, x: Array) -> Element:
+        leaves, structure = jax.tree.flatten(jax.eval_shape(group.identity))
+        ends = np.cumsum([0, *(int(np.prod(leaf.shape)) for leaf in leaves)])
+        parts = [jnp.reshape(x[a:b], s.shape) for a, b, s in zip(ends[:-1], ends[1:], leaves, strict=True)]
+        return jax.tree.unflatten(structure, parts)
+
+    def act(self, group: LieGroup, g: Element, x: Array) -> Array:
+        moved = group.compose(g, self.view(group, x))
+        return _flat(moved if self.action == "multiplication" else group.compose(moved, group.inverse(g)))
+
+    def _spanning(self, group: LieGroup, x: Array) -> Array:
+        """The columns xê_i, (ambient, dim): tangent vectors at x."""
+        one, at = group.identity(), self.view(group, x)
+        along = jax.vmap(lambda e: jax.jvp(lambda h: _flat(group.compose(at, h)), (one,), (group.tangent(e),))[1])
+        return along(jnp.eye(group.dim)).T
+
+    def body_velocity(self, group: LieGroup, x: Array, v: Array) -> Array:
+        """η with v = xη̂, (dim,)."""
+        B = self._spanning(group, x)
+        return jnp.linalg.solve(B.T @ B, B.T @ v)
+
+    def _frame(self, group: LieGroup, x: Array) -> Array:
+        """E = BL⁻ᵀ with BᵀB = LLᵀ for the columns B = (xê_i)."""
+        B = self._spanning(group, x)
+        return jax.scipy.linalg.solve_triangular(jnp.linalg.cholesky(B.T @ B), B.T, lower=True).T
+
+    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
+        return self._frame(group, x) @ y
+
+    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
+        return self._frame(group, x).T @ b
+
+    def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
+        """x(exp η − 1) for u = xη̂."""
+        less = exponential_minus_one(group.hat(self.body_velocity(group, x, u)))
+        at, one = self.view(group, x), group.identity()
+        return jax.jvp(lambda h: _flat(group.compose(at, h)), (one,), (group.from_matrix(less),))[1]
+
+    def project(self, group: LieGroup, x: Array, b: Array) -> Array:
+        frame = self._frame(group, x)
+        return frame @ (frame.T @ b)
+
+    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
+        return self.project(group, x, legendre)
+
+    def defect(self, group: LieGroup, x: Array) -> Array | float:
+        return group.defect(self.view(group, x)) if group.constrained else 0.0
+
+    def point(self, group: LieGroup, value: Any, name: str) -> Any:
+        array = self.velocity(group, value, name)
+        if isinstance(array, np.ndarray):
+            off = float(evaluate(lambda x: group.outside(self.view(group, x)), array))
+            if not off <= ON_GROUP:
+                raise ArgumentError(f"Argument `{name}` must be an element of {group!r}, but is outside by {off:.3g}.")
+        return array
+
+    def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
+        """Numbers in the structure of an element, or end to end."""
+        leaves = [np.ravel(leaf) for leaf in jax.tree.leaves(value)]
+        return checked_vector(
+            np.concatenate(leaves) if leaves and not traced(value) else value, self.ambient(group), name
+        )
+
+
+def _flat(g: Element) -> Array:
+    """The numbers of an element, end to end."""
+    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(g)])
