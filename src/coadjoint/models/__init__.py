@@ -14,11 +14,15 @@ from coadjoint.models.integrable import INTEGRABLE
 from coadjoint.models.underwater.tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:
+    from coadjoint.models import beanie as beanie
+    from coadjoint.models import falling_cat as falling_cat
     from coadjoint.models import heavy_top as heavy_top
     from coadjoint.models import rigid_body as rigid_body
+    from coadjoint.models import swimmer as swimmer
     from coadjoint.models import underwater as underwater
 
-__all__ = ["Entry", "catalogue", "heavy_top", "rigid_body", "underwater"]
+_MODULES = ("beanie", "falling_cat", "heavy_top", "rigid_body", "swimmer", "underwater")
+__all__ = ["Entry", "catalogue", *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 _TURNING = {
     "rotation": None,
@@ -138,6 +142,48 @@ _ENTRIES = (
         dt=0.02,
         duration=100.0,
     ),
+    Entry(
+        "elroys_beanie",
+        "Two bodies in the plane on one hinge, with a spring: the simplest bundle, with a flat connection.",
+        "beanie:make",
+        "beanie:start",
+        {"body": 2.0, "cap": 1.0, "stiffness": 1.0},
+        {"angle": 0.0, "angular_velocity": 0.5, "cap_angle": 1.0, "cap_rate": 0.0},
+        dt=0.02,
+        duration=50.0,
+    ),
+    Entry(
+        "falling_cat",
+        "Two bodies of revolution on a joint that bends and does not twist, in free fall (Kane and Scher 1969).",
+        "falling_cat:make",
+        "falling_cat:start",
+        {
+            "mass": (1.5, 1.5),
+            "axial": (0.0025, 0.0025),
+            "transverse": (0.01, 0.01),
+            "reach": (0.12, 0.12),
+            "stiffness": 0.5,
+        },
+        {**_TURNING, "angular_velocity": (1.0, 0.2, 0.0), "bend": (0.6, 0.0), "bend_rate": (0.0, 2.0)},
+        dt=0.002,
+        duration=5.0,
+    ),
+    Entry(
+        "three_link_swimmer",
+        "Three hinged ellipses in an ideal fluid in the plane, on SE(2) with two joint angles.",
+        "swimmer:make",
+        "swimmer:start",
+        {"semi_axes": (0.5, 0.1), "density": 1.0, "stiffness": 0.1},
+        {
+            "angle": 0.0,
+            "position": (0.0, 0.0),
+            "velocity": (0.1, 0.3, 0.0),
+            "bend": (0.8, 0.4),
+            "bend_rate": (0.0, 0.0),
+        },
+        dt=0.01,
+        duration=20.0,
+    ),
 )
 
 catalogue: dict[str, Entry] = {entry.name: entry for entry in _ENTRIES}
@@ -145,7 +191,7 @@ catalogue: dict[str, Entry] = {entry.name: entry for entry in _ENTRIES}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in ("heavy_top", "rigid_body", "underwater"):
+    if name not in _MODULES:
         raise AttributeError(f"coadjoint.models has no `{name}`; it has: {', '.join(__all__)}.")
     return import_module(f"{__name__}.{name}")
 

@@ -1,0 +1,59 @@
+"""Elroy's beanie: two bodies in the plane on one hinge through both mass centres (Marsden, Montgomery, Ratiu 1990)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.groups import SO2
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.quantities import number, positive
+from coadjoint.spaces import Trivial
+
+UNITS = {
+    "xi": "rad/s",
+    "xi_spatial": "rad/s",
+    "mu": "kg m²/s",
+    "q": "rad",
+    "energy": "J",
+    "discrete_energy": "J",
+    "kelvin_noether": "kg m²/s",
+}
+
+
+def lagrangian(xi, x, v, p):
+    """ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ²."""
+    body, cap = xi[0], xi[0] + v[0]
+    return 0.5 * p.body * body**2 + 0.5 * p.cap * cap**2 - 0.5 * p.stiffness * x[0] ** 2
+
+
+def make(*, body: Any, cap: Any, stiffness: Any) -> System:
+    """A body that turns in the plane with a cap on it, on SO(2) with the angle ψ of the cap against it as its shape.
+
+    ℓ = ½ I₁ω² + ½ I₂(ω + ψ̇)² − ½kψ². The mechanical connection A = I₂/(I₁ + I₂) is flat: with momentum zero, a whole
+    turn of the cap turns the body by −2πI₂/(I₁ + I₂).
+    body, cap: I₁, I₂, kg m². stiffness: k of the spring between them, N m. Raises ArgumentError for what no body has.
+    """
+    p = Parameters(
+        body=positive(body, "body"),
+        cap=positive(cap, "cap"),
+        stiffness=number(stiffness, "stiffness", at_least=0.0),
+    )
+    return System(SO2(), lagrangian, additional=Trivial(1), parameters=p, name="Elroy's beanie", units=UNITS)
+
+
+def start(
+    beanie: System, *, angle: Any = 0.0, angular_velocity: Any = 0.0, cap_angle: Any = 0.0, cap_rate: Any = 0.0
+) -> State:
+    """The state at angle θ (rad) of the body, its angular velocity ω (rad/s), the cap's angle ψ and rate ψ̇."""
+    theta = number(angle, "angle")
+    omega, psi, rate = (
+        number(value, name)
+        for value, name in ((angular_velocity, "angular_velocity"), (cap_angle, "cap_angle"), (cap_rate, "cap_rate"))
+    )
+    c, s = np.cos(theta), np.sin(theta)
+    turned = np.array([[c, -s], [s, c]])
+    return beanie.state(g=turned, xi=[omega], q=[psi], qdot=[rate])

@@ -1,0 +1,88 @@
+"""A falling cat: two bodies of revolution on a joint that bends but does not twist (Kane and Scher 1969)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.groups import SO3
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import number, positive, vector
+from coadjoint.spaces import Trivial
+
+UNITS = {
+    "xi": "rad/s",
+    "xi_spatial": "rad/s",
+    "mu": "kg m²/s",
+    "q": "rad",
+    "energy": "J",
+    "discrete_energy": "J",
+    "kelvin_noether": "kg m²/s",
+}
+
+
+def halves(x: Array) -> tuple[Array, Array]:
+    """The attitudes of the front and the rear body in the middle frame, R± = exp(±½(0, x₁, x₂)^).
+
+    The first axis points forward along the spine. x is the rotation vector of the bend: the spine bends by the angle
+    |x| in a direction that x gives, and never twists.
+    """
+    half = 0.5 * jnp.concatenate([jnp.zeros(1), x])
+    return SO3().exp(half), SO3().exp(-half)
+
+
+def lagrangian(xi, x, v, p):
+    """ℓ = ½ Σ ω·Jω + ½ m_r |ḋ|² − ½k|x|², with d from the rear to the front mass centre and m_r = m₁m₂/(m₁ + m₂)."""
+    front, rear = halves(x)
+    turning = jax.jvp(halves, (x,), (v,))[1]
+    kinetic = 0.0
+    for R, slope, axial, transverse in zip((front, rear), turning, p.axial, p.transverse, strict=True):
+        omega = R.T @ xi + SO3().vee(R.T @ slope)
+        kinetic += 0.5 * (axial * omega[0] ** 2 + transverse * (omega[1] ** 2 + omega[2] ** 2))
+    reach = p.reach[0] * front[:, 0] + p.reach[1] * rear[:, 0]
+    opening = p.reach[0] * turning[0][:, 0] + p.reach[1] * turning[1][:, 0]
+    reduced_mass = p.mass[0] * p.mass[1] / (p.mass[0] + p.mass[1])
+    apart = jnp.cross(xi, reach) + opening
+    return kinetic + 0.5 * reduced_mass * apart @ apart - 0.5 * p.stiffness * x @ x
+
+
+def make(*, mass: Any, axial: Any, transverse: Any, reach: Any, stiffness: Any) -> System:
+    """A cat in free fall, seen from its mass centre: SO(3) with the bend x ∈ ℝ² of its spine as shape.
+
+    Front and rear body stand in the attitudes R± of `halves` to the middle frame; what couples them is the joint alone.
+    Each argument but the last is a pair, front and rear. mass: kg. axial, transverse: moments of inertia about the
+    body's own mass centre, along and across the spine, kg m². reach: from the joint to the mass centres, m.
+    stiffness: k of a spring that straightens the spine, N m. Raises ArgumentError for what no body can have.
+    """
+    pairs = {"mass": mass, "axial": axial, "transverse": transverse}
+    values = {name: vector(value, name, 2) for name, value in pairs.items()}
+    for name, pair in values.items():
+        for value in pair:
+            positive(value, name)
+    p = Parameters(**values, reach=vector(reach, "reach", 2), stiffness=number(stiffness, "stiffness", at_least=0.0))
+    return System(SO3(), lagrangian, additional=Trivial(2), parameters=p, name="falling cat", units=UNITS)
+
+
+def start(
+    cat: System,
+    *,
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    angular_velocity: Any = None,
+    euler_rates: Any = None,
+    bend: Any = (0.0, 0.0),
+    bend_rate: Any = (0.0, 0.0),
+) -> State:
+    """The state of a cat whose middle frame has an attitude and angular velocity, given as in `orientation`.
+
+    bend, bend_rate: x and ẋ, (2,), rad and rad/s.
+    """
+    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
+    return cat.state(g=R, xi=omega, q=vector(bend, "bend", 2), qdot=vector(bend_rate, "bend_rate", 2))
