@@ -15,6 +15,7 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.check import trace
+from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
 ROUND_OFF = 1e-9
@@ -56,7 +57,7 @@ class Connection:
     def curvature(self, x: Any) -> np.ndarray:
         """B(u, v) = DA(u)v − DA(v)u − [A u, A v] as an array (dim G, m, m).
 
-        The holonomy of a small loop with sides εu, then εv is exp(−ε²B(u, v)) up to ε³.
+        The holonomy of a small loop with sides εu, then εv is exp(−ε²B(u, v)) up to ε³. Of shapes (k, m), one for each.
         """
 
         def bent(x):
@@ -65,7 +66,10 @@ class Connection:
             brackets = jax.vmap(lambda u: jax.vmap(lambda v: self.group.ad(u, v))(columns))(columns)
             return slope - jnp.swapaxes(slope, 1, 2) - jnp.moveaxis(brackets, 2, 0)
 
-        return finite(evaluate(bent, checked_vector(x, self.size, "x")), "The curvature")
+        x = float64(x, "Argument `x`")
+        if x.ndim not in (1, 2) or x.shape[-1] != self.size:
+            raise ArgumentError(f"Argument `x` must have shape ({self.size},) or (k, {self.size}), but has {x.shape}.")
+        return finite(evaluate(bent if x.ndim == 1 else jax.vmap(bent), x), "The curvature")
 
 
 def require_bundle(group: Any, size: Any) -> None:
