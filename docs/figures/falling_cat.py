@@ -54,8 +54,7 @@ def rod(start, end, radius, final=None, columns=12, rows=5):
     ring = np.cos(v)[:, None] * side[0] + np.sin(v)[:, None] * side[1]
     radii = radius + ((radius if final is None else final) - radius) * s
     points = start + s[:, None, None] * (end - start) + radii[:, None, None] * ring
-    quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], 2).reshape(-1, 4, 3)
-    return quads
+    return np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], 2).reshape(-1, 4, 3)
 
 
 def cat(g, x):
@@ -118,18 +117,18 @@ relative = upside_down.T @ g
 turn = np.degrees(np.unwrap(np.arctan2(relative[:, 2, 1], relative[:, 1, 1])))
 
 plt.rcParams.update({"font.size": 8, "axes.spines.top": False, "axes.spines.right": False})
-figure = plt.figure(figsize=(7.4, 4.5))
-fall = figure.add_axes((0.01, 0.43, 0.98, 0.56))
+figure = plt.figure(figsize=(7.4, 4.2))
+fall = figure.add_axes((0.005, 0.43, 0.99, 0.57))
 moments = [0.0, 0.12, 0.2, 0.25, 0.3, 0.38, 0.5]
 for k, t in enumerate(moments):
     index = round(t / DURATION * 200)
-    place = np.array([0.72 * k, -1.1 * t**2 / 0.5])
+    place = np.array([0.73 * k, -1.1 * t**2 / 0.5])
     draw(fall, cat(g[index], x[index]), place)
     fall.text(place[0], place[1] - 0.47, f"{t:.2f} s\n{abs(turn[index]):.0f}°", ha="center", va="center", color="0.35")
-fall.set(xlim=(-0.45, 4.77), ylim=(-1.12, 0.42), aspect="equal")
+fall.set(xlim=(-0.45, 4.8), ylim=(-1.14, 0.3), aspect="equal")
 fall.axis("off")
 
-angle = figure.add_axes((0.08, 0.10, 0.40, 0.30))
+angle = figure.add_axes((0.08, 0.105, 0.42, 0.31))
 angle.plot(times, abs(turn), color="#0072B2", linewidth=1.6, label="turn about the spine")
 angle.plot(times, np.degrees(np.hypot(*x.T)), color="#D55E00", linewidth=1.2, label="bend of the spine")
 angle.plot(moments, np.interp(moments, times, abs(turn)), "o", color="#0072B2", markersize=3)
@@ -137,15 +136,14 @@ angle.set(xlabel="time (s)", ylabel="angle (°)", yticks=[0, 60, 120, 180], xlim
 angle.grid(alpha=0.25)
 angle.legend(frameon=False, loc="upper left", fontsize=7.5)
 
-plane = figure.add_axes((0.60, 0.10, 0.30, 0.30))
+plane = figure.add_axes((0.58, 0.105, 0.30, 0.31))
 side = np.linspace(-1.5, 1.5, 61)
 grid = np.stack(np.meshgrid(side, side), -1)
 field = connection.curvature(grid.reshape(-1, 2))[:, 0, 0, 1].reshape(61, 61)
 map_ = plane.pcolormesh(np.degrees(side), np.degrees(side), field, cmap="YlGnBu", shading="gouraud", rasterized=True)
 plane.plot(*np.degrees(x.T), color="#D55E00", linewidth=1.5)
-plane.annotate(
-    "", np.degrees(x[100]) + [0, -9], np.degrees(x[100]) + [0, 9], arrowprops={"color": "#D55E00", "arrowstyle": "->"}
-)
+low, high = np.degrees(x[[98, 102]])
+plane.annotate("", high, low, arrowprops={"color": "#D55E00", "arrowstyle": "->", "lw": 1.5})
 plane.set(
     xlabel="bend towards the belly (°)",
     ylabel="to the side (°)",
@@ -153,6 +151,6 @@ plane.set(
     xticks=[-60, 0, 60],
     yticks=[-60, 0, 60],
 )
-figure.colorbar(map_, cax=figure.add_axes((0.90, 0.10, 0.012, 0.30)), label="curvature about the spine")
+figure.colorbar(map_, cax=figure.add_axes((0.865, 0.105, 0.012, 0.31)), label="curvature about the spine")
 figure.savefig(Path(__file__).with_name("falling_cat.png"), dpi=130)
 print(f"turn {abs(turn[-1]):.10f}°")
