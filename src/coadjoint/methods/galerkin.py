@@ -121,10 +121,22 @@ class Galerkin(Method, Step):
         return state.replace(xi=middle @ omega, nu=middle @ v, memory=z)
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """The polynomials of the last step, continued."""
-        omega, v = self._velocities(system, state.memory)
-        ahead = gauss(self.degree).ahead
-        return jnp.concatenate([jnp.ravel(ahead @ omega), jnp.ravel(ahead @ v)])
+        """The curve of the last step, continued by its polynomials and seen from the new middle.
+
+        With the old chart's Θ_i at the new nodes, ξ_i = dτ_{−Θ_i} Ω_i stays, and the new chart has dτ⁻¹_{−Θ_i} ξ_i.
+        """
+        group, Q, _ = system.places
+        tau, rule = self.difference_map, gauss(self.degree)
+        omega, v = (rule.ahead @ old for old in self._velocities(system, state.memory))
+        theta = self._ends(system, state, h)[1] + h * (rule.until @ omega)
+        xi = [tau.dtau(group, -at, old) for at, old in zip(theta, omega, strict=True)]
+        theta = h * (rule.centred @ omega)
+        omega = jnp.stack([tau.dtau_inverse(group, -at, own) for at, own in zip(theta, xi, strict=True)])
+        last = self._ends(system, state, h)[1]
+        first = -h * (rule.half @ omega)
+        turned = group.compose(tau.tau(group, first), tau.tau(group, -last))
+        v = jnp.stack([Q.push(group, turned, state.n, at) for at in v])
+        return jnp.concatenate([jnp.ravel(omega), jnp.ravel(v)])
 
     def _ends(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         """Θ₀ and Θ₁."""
