@@ -11,6 +11,8 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
+from coadjoint.cli.methods import method as method_of
+from coadjoint.cli.sections import MethodSection
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import reference
@@ -262,6 +264,28 @@ def test_a_run_goes_on_from_its_last_record_with_another_degree():
     first = vehicle_run(co.Galerkin(degree=2))
     for method in (co.Galerkin(degree=2), co.Galerkin(degree=3), co.Midpoint()):
         co.simulate(vehicle, first.final, dt=0.05, duration=0.1, method=method)
+
+
+def test_a_run_file_gives_the_degree():
+    assert method_of(MethodSection(name="galerkin", map="squared cayley", degree=3)) == co.Galerkin(
+        co.Squared(co.Cayley()), degree=3
+    )
+    with pytest.raises(ArgumentError, match="degree belongs to Galerkin"):
+        method_of(MethodSection(name="Midpoint", degree=3))
+
+
+def test_newton_starts_from_the_last_curve_as_its_new_frame_sees_it():
+    """Two iterations a step where constant velocities would need three; the guess is off by O(h^s)."""
+    vehicle = paper_vehicle.system()
+    start = paper_vehicle.start(vehicle)
+    misses = []
+    for h in (0.1, 0.05):
+        step = co.Galerkin(degree=3)
+        after = Stepper(vehicle, step).final(start, h, 4)
+        guess = evaluate(partial(step.guess, vehicle), after, h)
+        leap = Stepper(vehicle, step).leaps(after, h)[-1]
+        misses.append(np.max(np.abs(guess - leap.record.memory)))
+    assert np.log2(misses[0] / misses[1]) > 2.5
 
 
 def test_what_galerkin_refuses():

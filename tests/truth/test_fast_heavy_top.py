@@ -52,6 +52,14 @@ def test_order_four_meets_the_reference_in_all_its_digits():
     assert np.max(found) <= 3e-12
 
 
+@pytest.mark.parametrize(
+    ("degree", "dt", "at_most"), [(3, 5e-4, 5e-11), (4, 4e-3, 2e-9), (4, 2e-3, 1e-11)], ids=lambda value: f"{value:g}"
+)
+def test_single_steps_of_high_order_are_long(degree: int, dt: float, at_most: float):
+    """0.3 rad a step at dt = 2e-3, where other programs are off by 3e-3 or fail."""
+    assert np.max(errors(co.Galerkin(degree=degree), dt)) <= at_most
+
+
 @pytest.mark.parametrize("tau", [EXPONENTIAL, CAYLEY], ids=repr)
 def test_the_top_of_simo_and_wong_keeps_its_energy_where_a_reference_code_loses_a_thousandth(tau):
     entry = catalogue["simo_wong_top"]
