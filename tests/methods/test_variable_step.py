@@ -15,6 +15,7 @@ from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
+from coadjoint.simulation.driver import Driver
 from systems import generator, random_system
 from two_form import Tangents, tangents, two_form
 
@@ -221,3 +222,26 @@ def test_what_does_not_fit_is_refused():
     tops = model.make().replace(mass=co.each([15.0, 16.0]))
     with pytest.raises(co.ArgumentError, match="share their times"):
         co.simulate(tops, model.start(model.make()), dt=1e-4, steps=1, method=co.VariableStep())
+
+
+def test_an_interrupted_run_goes_on_with_its_energy_and_its_last_step(tmp_path, monkeypatch):
+    model = catalogue["simo_wong_top"]
+    top = model.make()
+    given = {"dt": 0.02, "steps": 3_000, "method": co.VariableStep(), "save_every": 7}
+    whole, stretch, done = co.simulate(top, model.start(top), **given), Driver._stretch, []
+
+    def interrupted(driver, position, speed):
+        if len(done) == 4:
+            raise KeyboardInterrupt
+        done.append(position.steps)
+        stretch(driver, position, 2_000.0)
+
+    monkeypatch.setattr("coadjoint.simulation.store.PERIOD", 0.0)
+    monkeypatch.setattr("coadjoint.simulation.store.BURDEN", 0.0)
+    with monkeypatch.context() as cut, pytest.raises(KeyboardInterrupt):
+        cut.setattr(Driver, "_stretch", interrupted)
+        co.simulate(top, model.start(top), store=tmp_path / "run", **given)
+    again = co.resume(tmp_path / "run", top)
+    assert 0 < done[-1] < 3_000 and again.summary()["steps_fixed"] == 0
+    for name in ("time", "xi", "mu", "step_size", "discrete_energy"):
+        np.testing.assert_array_equal(again.dataset[name], whole.dataset[name])
