@@ -75,6 +75,31 @@ def test_the_discrete_energy_of_simpson_stays_on_one_side(tau):
     assert np.any(crossing < 0) and np.any(crossing > 0)
 
 
+def test_the_excess_of_a_steady_turn_over_cayley_has_its_closed_form():
+    """3K = −|ω|²⟨μ, ω⟩/16 for H = cay(hξ/2), because ξ = ω(1 + h²|ω|²/48)."""
+    model = catalogue["free_rigid_body"]
+    body = model.make()
+    run = co.simulate(body, model.start(body, angular_velocity=(0, 0, 2.0)), dt=1e-3, steps=1, method=co.Simpson())
+    found = (run.monitors["discrete_energy"][0] - run.monitors["energy"][0]) / 1e-6
+    assert found == pytest.approx(-(2.0**2) * (3.0 * 2.0 * 2.0) / 16, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["underwater_vehicle", "kirchhoff_ellipsoid"])
+def test_h_goes_with_the_cube_root_of_the_excess(name):
+    """E − ℋ = 3h²K, and h³K is constant along the orbit up to O(h²), where K itself varies by its own size."""
+    model = catalogue[name]
+    body = model.make()
+    seen = co.simulate(body, model.start(body), dt=MODELS[name][0], steps=2_000, method=co.VariableStep()).monitors
+    E, H, h = (seen[key] for key in ("discrete_energy", "energy", "step_size"))
+    K = (E[:-1] - 0.5 * (H[1:] + H[:-1])) / (3 * h[:-1] ** 2)
+
+    def variation(values):
+        return np.ptp(values[1:]) / np.abs(np.mean(values[1:]))
+
+    print(f"{name}: h³K varies by {variation(h[:-1] ** 3 * K):.1e}, K by {variation(K):.1e}")
+    assert variation(h[:-1] ** 3 * K) < 1e-3 and variation(K) > 0.5
+
+
 def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
     run = held("kirchhoff_ellipsoid", co.VariableStep(co.Midpoint()), 5_000)
     fixed = run.summary()["steps_fixed"]
