@@ -42,12 +42,14 @@ _HOMES = {
     "coadjoint.mechanics.bundle": ("holonomy", "horizontal_lift"),
     "coadjoint.mechanics.connection": ("Connection",),
     "coadjoint.mechanics.discrete_connection": ("DiscreteConnection",),
+    "coadjoint.mechanics.damping": ("quadratic_drag", "rayleigh"),
     "coadjoint.mechanics.each": ("each",),
     "coadjoint.mechanics.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
     "coadjoint.mechanics.mechanical_connection": ("discrete_mechanical_connection", "mechanical_connection"),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
     "coadjoint.mechanics.poisson": ("poisson_bracket",),
+    "coadjoint.mechanics.signals": ("Held", "Linear", "Signal"),
     "coadjoint.mechanics.state": ("Force", "Motion", "State"),
     "coadjoint.mechanics.system": ("System",),
     "coadjoint.methods": (
@@ -109,6 +111,8 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.bundle import horizontal_lift as horizontal_lift
     from coadjoint.mechanics.casimirs import casimirs as casimirs
     from coadjoint.mechanics.connection import Connection as Connection
+    from coadjoint.mechanics.damping import quadratic_drag as quadratic_drag
+    from coadjoint.mechanics.damping import rayleigh as rayleigh
     from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection
     from coadjoint.mechanics.each import each as each
     from coadjoint.mechanics.lagrange_poincare import lagrange_poincare as lagrange_poincare
@@ -120,6 +124,9 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
+    from coadjoint.mechanics.signals import Held as Held
+    from coadjoint.mechanics.signals import Linear as Linear
+    from coadjoint.mechanics.signals import Signal as Signal
     from coadjoint.mechanics.state import Force as Force
     from coadjoint.mechanics.state import Motion as Motion
     from coadjoint.mechanics.state import State as State

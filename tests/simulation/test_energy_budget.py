@@ -11,8 +11,8 @@ from systems import RULES, random_system
 
 METHODS = {
     **{name: rule(co.Cayley()) for name, rule in RULES.items()},
-    "suzuki of midpoint": co.Suzuki4(co.Midpoint(co.Cayley())),
-    "suzuki of the pair": co.Suzuki4(co.LeftRight(co.Cayley())),
+    "suzuki of midpoint": co.Suzuki4(co.Midpoint(co.Cayley()), negative_substeps="allow"),
+    "suzuki of the pair": co.Suzuki4(co.LeftRight(co.Cayley()), negative_substeps="allow"),
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.kernels.evaluate import evaluate, tabulate, traced
+from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -29,9 +30,7 @@ def check(system: System, start: State) -> list[str]:
     """
     if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
-    if system.forces is not None:
-        motion = system.motion(start.xi, start.n, start.nu, start.a, start.t, start.inputs, start.internal)
-        require_float64(lambda m: system.body_force(m), "The function `forces`", (motion,))
+    _check_forces(system, start)
     if not system.continuous:
         return []
     what, function = given(system)
@@ -74,6 +73,43 @@ def _check_discrete(system: System, start: State) -> None:
         require_scalar(in_algebra, "The discrete Lagrangian", (start.xi, *rest))
     if system.group_lagrangian is not None:
         require_scalar(in_group, "The discrete Lagrangian in group form", (start.g, *rest))
+
+
+def _check_forces(system: System, start: State) -> None:
+    """Raise unless every force is finite and float64 at the start, with a finite derivative in the velocities."""
+    if system.forces is None:
+        return
+    velocities = start.xi, start.nu
+
+    def at(velocities, t):
+        motion = system.motion(velocities[0], start.n, velocities[1], start.a, t, start.inputs, start.internal)
+        return system.body_forces(motion)
+
+    names = system.forces.names
+    what = [f"The force `{name}`" if name != UNNAMED else "The function `forces`" for name in names]
+    for i, name in enumerate(what):
+        require_float64(lambda *given, i=i: at(*given)[i], name, (velocities, start.t))
+    if traced(system.parameters, start):
+        return
+    for name, value, slope in zip(
+        what, *evaluate(lambda *given: (at(*given), jax.jacfwd(at)(*given)), velocities, start.t), strict=True
+    ):
+        if not _finite(value):
+            raise LagrangianError(f"{name} must be finite at the start, but is {_rounded(value)}.")
+        if not _finite(slope):
+            raise LagrangianError(
+                f"The derivative of {name[0].lower()}{name[1:]} in the velocities must be finite at the start, but is "
+                "not: a norm has none at rest; co.quadratic_drag is smooth there."
+            )
+
+
+def _finite(tree: Any) -> bool:
+    return all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(tree))
+
+
+def _rounded(force: Any) -> str:
+    torque, along_q = (np.round(part, 6).tolist() for part in force)
+    return f"torque {torque}, force {along_q}" if along_q else f"torque {torque}"
 
 
 def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:

@@ -1,8 +1,8 @@
 """What forces and explicit time have given to a system since the start: energy by name, and momentum.
 
-A ledger is an array (2, lines + dim G): the energy that each force and explicit time have put in, Σ hw⟨T, ξ⟩ + ⟨f, ν⟩
-and Σ −hw ∂_tℓ over all nodes of all stages, and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is what
-rounding has cut off the first (Kahan's summation).
+A ledger is an array (2, lines + dim G). Its first row: the energy that each force has put in, Σ hw(⟨T, ξ⟩ + ⟨f, ν⟩),
+and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where inputs are held; and the spatial
+momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is what rounding has cut off the first (Kahan's summation).
 """
 
 from __future__ import annotations
@@ -11,15 +11,23 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.forces import TIME
+from coadjoint.mechanics.continuous import energy
+from coadjoint.mechanics.forces import INPUTS, TIME
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of what changes the energy: the forces, and `time` where ℓ depends on it."""
+    """The names of what changes the energy: the forces, `time` and held `inputs` where ℓ depends on them."""
     forces = system.forces.names if system.forces is not None else ()
-    return (*forces, TIME) if system.depends_on_time else forces
+    time = (TIME,) if system.depends_on_time else ()
+    return (*forces, *time, INPUTS) if _held_inputs_enter(system) else (*forces, *time)
+
+
+def _held_inputs_enter(system: System) -> bool:
+    """Whether ℓ takes inputs that change in jumps, from step to step."""
+    jumping = system.inputs is not None and system.inputs.holds
+    return jumping and system.takes("inputs") and system.lagrangian is not None
 
 
 def with_ledger(system: System, state: State, asked: bool) -> State:
@@ -28,10 +36,24 @@ def with_ledger(system: System, state: State, asked: bool) -> State:
     return state.replace(ledger=np.zeros((2, lines + system.group.dim)) if asked and lines else None)
 
 
-def entered(ledger: Array, energy: Array, momentum: Array) -> Array:
-    """The ledger with the energy (lines,) and the spatial momentum (dim G,) of one more stage."""
+def with_jump(system: System, before: State, after: State) -> State:
+    """`after`, which differs from `before` in its held inputs, with the change of ℋ in its ledger."""
+    if not _held_inputs_enter(system):
+        return after
+    place = len(energy_lines(system)) - 1
+    change = jnp.zeros(np.shape(before.ledger)[1]).at[place].set(energy(system, after) - energy(system, before))
+    return after.replace(ledger=_added(before.ledger, change))
+
+
+def entered(ledger: Array, power: Array, momentum: Array) -> Array:
+    """The ledger with the energy of forces and of time, and the spatial momentum (dim G,), of one more stage."""
+    others = jnp.zeros(np.shape(ledger)[1] - len(power) - len(momentum))
+    return _added(ledger, jnp.concatenate([power, others, momentum]))
+
+
+def _added(ledger: Array, step: Array) -> Array:
     total, rest = ledger
-    step = jnp.concatenate([energy, momentum]) + rest
+    step = step + rest
     after = total + step
     return jnp.stack([after, step - (after - total)])
 

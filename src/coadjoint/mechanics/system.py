@@ -15,6 +15,7 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import legendre
 from coadjoint.mechanics.forces import Forces, forces_from
+from coadjoint.mechanics.inputs import Inputs, inputs_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only, require_signature
@@ -54,6 +55,7 @@ class System:
     quantities: Quantities = field(metadata={"static": True})
     name: str = field(metadata={"static": True})
     units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
+    inputs: Inputs | None = field(metadata={"static": True})
     parameters: Parameters | None
 
     def __init__(
@@ -91,6 +93,7 @@ class System:
             "quantities": quantities_from(quantities),
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
+            "inputs": None,
             "parameters": parameters,
         }
         for key, value in values.items():
@@ -114,6 +117,14 @@ class System:
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
         return replace_parameters(self, self.parameters.replace(**values))
+
+    def driven(self, inputs: Any) -> System:
+        """A copy driven by the `inputs` of a run, as co.simulate takes them."""
+        return _replaced(self, inputs=inputs_from(inputs))
+
+    def inputs_at(self, t, held) -> Any:
+        """What ℓ and forces see of the inputs at time t of a step over which `held` is held."""
+        return held if self.inputs is None else self.inputs.at(t, held)
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs watch more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
@@ -174,25 +185,23 @@ class System:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether ℓ, ℋ or Λ depends on time, so that −∂_tℓ changes the energy."""
-        return self.takes("t")
+        """Whether ℓ, ℋ or Λ depends on time, by itself or through signals, so that −∂_tℓ changes the energy."""
+        return self.takes("t") or (self.inputs is not None and self.takes("inputs"))
 
     def takes(self, key: str) -> bool:
         """Whether ℓ, ℋ or Λ takes the keyword `t` or `inputs`."""
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    @staticmethod
-    def _keywords(function: Callable[..., Any], t, inputs) -> dict[str, Any]:
+    def _keywords(self, function: Callable[..., Any], t, held) -> dict[str, Any]:
         known = inspect.signature(function).parameters
-        return {key: value for key, value in (("t", t), ("inputs", inputs)) if keyword_only(known, key)}
+        found = {"t": t} if keyword_only(known, "t") else {}
+        return {**found, "inputs": self.inputs_at(t, held)} if keyword_only(known, "inputs") else found
 
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
         """What forces and inputs see."""
-        view = self.additional.view
-        return Motion(
-            xi, view(self.group, n), view(self.group, nu), self.advected.view(self.group, a), t, inputs, internal
-        )
+        n, nu = (self.additional.view(self.group, x) for x in (n, nu))
+        return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
 
     def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
         """(T, f) of every force of `forces`, in their order."""
@@ -245,9 +254,13 @@ class System:
 
 def replace_parameters(system: System, parameters: Parameters | None) -> System:
     """A copy of the system with these parameters; with None, its static skeleton."""
+    return _replaced(system, parameters=parameters)
+
+
+def _replaced(system: System, **values: Any) -> System:
     leaves = {name: getattr(system, name) for name in System.__dataclass_fields__}
     made = object.__new__(System)
-    for name, value in {**leaves, "parameters": parameters}.items():
+    for name, value in {**leaves, **values}.items():
         object.__setattr__(made, name, value)
     return made
 

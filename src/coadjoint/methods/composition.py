@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from coadjoint.methods.method import Claims, Method, Start, Step
 from coadjoint.methods.order_conditions import composed_order
 from coadjoint.methods.right_rectangle import RightRectangle
 from coadjoint.spaces.numbers import float64
+
+NegativeSubsteps = Literal["refuse", "allow"]
 
 
 @dataclass(frozen=True)
@@ -91,16 +93,22 @@ class Composition(_OverBase):
     """Φ_{γ_s h} ∘ … ∘ Φ_{γ_1 h} of a symmetric method Φ, with γ_i = γ_{s+1−i} and Σγ = 1.
 
     The order is that of the conditions which the coefficients meet, found in the free algebra of the base's error
-    terms; `order` claims one, and is refused unless it is met. A negative γ is a substep backwards, unsafe with
-    strongly dissipative forces.
+    terms; `order` claims one, and is refused unless it is met. A negative γ is a substep backwards, which amplifies
+    what forces damp: runs with dissipation are refused unless `negative_substeps="allow"`.
     Raises ArgumentError for a base that is not symmetric and for coefficients that do not add up to 1, that do not
     read the same backwards, or whose order is less than claimed.
     """
 
     coefficients: tuple[float, ...]
+    negative_substeps: NegativeSubsteps
 
     def __init__(
-        self, base: Method, coefficients: Sequence[float], order: int | None = None, start: Start | None = None
+        self,
+        base: Method,
+        coefficients: Sequence[float],
+        order: int | None = None,
+        start: Start | None = None,
+        negative_substeps: NegativeSubsteps = "refuse",
     ):
         _require_method(base, type(self).__name__)
         if not base.symmetric:
@@ -110,7 +118,11 @@ class Composition(_OverBase):
             )
         if any(step.tolerant for step, _ in base.stages):
             raise ArgumentError(f"{type(self).__name__} needs a method of fixed step, but got {base!r}.")
-        self._set(base, start, coefficients=_coefficients(coefficients))
+        if negative_substeps not in ("refuse", "allow"):
+            raise ArgumentError(
+                f'Argument `negative_substeps` must be "refuse" or "allow", but is {negative_substeps!r}.'
+            )
+        self._set(base, start, coefficients=_coefficients(coefficients), negative_substeps=negative_substeps)
         if order is not None and self.order < order:
             raise ArgumentError(
                 f"Argument `coefficients` must give order {order} over a base of order {base.order}, but gives "

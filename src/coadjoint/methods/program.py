@@ -10,11 +10,10 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.ledger import entered
+from coadjoint.mechanics.ledger import entered, with_jump
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method, Step
-from coadjoint.spaces.named import named
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,6 @@ class Constants:
 jax.tree_util.register_dataclass(Constants, ["system", "monitors"], [])
 
 Monitor = Callable[[System, Step, State, Any, Any], Any]
-Inputs = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,6 @@ class StepProgram:
     skeleton: System
     method: Method
     observed: tuple[Monitor, ...] = ()
-    inputs: Inputs | None = None
     version: str = ""
     """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
     until: Callable[[State], Any] | None = None
@@ -53,12 +50,13 @@ class StepProgram:
         return self.method.substeps
 
     def prepare(self, parameters: Constants, state: State) -> State:
-        if self.inputs is None:
-            return state
+        """The state with the inputs that are held over the step; a ledger takes up by how much they change ℋ."""
         system = replace_parameters(self.skeleton, parameters.system)
+        if system.inputs is None or not system.inputs.holds:
+            return state
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
-        given = named(self.inputs(motion))
-        return state.replace(inputs=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), given))
+        after = state.replace(inputs=system.inputs.held(motion))
+        return after if state.ledger is None else with_jump(system, state, after)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from coadjoint.errors import ArgumentError
-from coadjoint.methods.composition import Composition
+from coadjoint.methods.composition import Composition, NegativeSubsteps
 from coadjoint.methods.method import Method, Start
 
 
@@ -13,13 +13,13 @@ from coadjoint.methods.method import Method, Start
 class _Scheme(Composition):
     """A composition over a symmetric method of order 2; `first` are its coefficients up to the middle one."""
 
-    def __init__(self, base: Method, start: Start | None = None):
+    def __init__(self, base: Method, start: Start | None = None, negative_substeps: NegativeSubsteps = "refuse"):
         if not isinstance(base, Method) or base.order != 2 or not base.symmetric:
             raise ArgumentError(
                 f"{type(self).__name__} needs a symmetric method of order 2, such as co.Midpoint(co.Cayley()), "
                 f"but got {base!r}."
             )
-        super().__init__(base, _mirrored(self.first), start=start)
+        super().__init__(base, _mirrored(self.first), start=start, negative_substeps=negative_substeps)
 
     @property
     def first(self) -> tuple[float, ...]:

@@ -18,17 +18,18 @@ POORLY = 0.1
 def budget(run: Run) -> dict[str, Any]:
     """E_N − E_0, the energy that each force has put in, and the largest |E_k − E_0 − ΣW_k| over every step.
 
-    The last is relative to the largest energy that anything has exchanged; absolute where nothing has.
+    The last is relative to the largest energy that anything has exchanged; where that is round-off, to the energy.
     """
     if "energy_budget" not in run.ends:
         return {}
     stored = "energy" if "energy" in run.ends else "discrete_energy"
     names = [stored, *(f"work_{line}" for line in energy_lines(run.system))]
-    moved = [_widest(run, name) for name in names]
-    gap = _widest(run, "energy_budget")
+    moved = max(_widest(run, name) for name in names)
+    whole = float(np.max(np.abs(run.extrema[stored])))
+    size = moved if moved > 1e-9 * whole else whole
     return {
         **{f"{name}_change": float(run.ends[name][1] - run.ends[name][0]) for name in names},
-        "energy_budget_error_max": gap / (max(moved) or 1.0),
+        "energy_budget_error_max": _widest(run, "energy_budget") / (size or 1.0),
     }
 
 

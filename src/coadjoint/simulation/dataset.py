@@ -136,8 +136,9 @@ def variables(
     for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
-    if records.inputs is not None:
-        for path, leaf in jax.tree_util.tree_leaves_with_path(records.inputs):
+    inputs = evaluate(jax.vmap(system.inputs_at), records.t, records.inputs) if system.inputs else records.inputs
+    if inputs is not None:
+        for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
             name = "inputs" + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
             found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
     if rotation is not None:

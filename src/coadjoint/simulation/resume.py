@@ -11,6 +11,7 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.digest import digest
+from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -51,7 +52,7 @@ def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> 
         "again": [
             name
             for name, it in (
-                ("inputs", run.plan.program.inputs),
+                ("inputs", run.system.inputs),
                 ("kelvin_noether", chosen),
                 ("until", run.plan.program.until),
             )
@@ -79,7 +80,7 @@ def resume(
     start: State | None = None,
     method: Method | None = None,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
-    inputs: Callable[[Any], Any] | None = None,
+    inputs: Given | None = None,
     until: Callable[[State], Any] | None = None,
     progress: bool | None = None,
 ) -> Run:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
@@ -16,7 +15,7 @@ from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
-from coadjoint.mechanics.check import require_float64
+from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
@@ -29,6 +28,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import budget
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import grid, require_kinds, require_quantities, whole
+from coadjoint.simulation.backwards import require_forward
 from coadjoint.simulation.driver import Driver, Memory, Plan, Position
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -41,9 +41,9 @@ from coadjoint.simulation.ensemble import (
 )
 from coadjoint.simulation.ensemble_driver import MembersPosition, drive
 from coadjoint.simulation.events import require_event
+from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import fixed_steps
-from coadjoint.spaces.named import named
 
 TOO_MUCH_ENERGY = 0.1
 """The relative change of a conserved energy from which on the card warns."""
@@ -60,7 +60,7 @@ def simulate(
     save_every: int = 1,
     monitors: bool = True,
     kelvin_noether: KelvinNoether | Sequence[KelvinNoether] | None = None,
-    inputs: Callable[[Any], Any] | None = None,
+    inputs: Given | None = None,
     until: Callable[[State], Any] | None = None,
     progress: bool | None = None,
     backend: Backend = "auto",
@@ -73,7 +73,8 @@ def simulate(
     and residuals are watched at every step nevertheless, unless `monitors=False`, and so are the system's `quantities`
     (`system.watching({name: function})` adds some). `kelvin_noether` chooses quantities
     of your own; by default one for each c₀ that leaves all advected parameters alone. `inputs` is a function of the
-    motion, held over each step; a dictionary that it returns reaches ℓ and forces as `inputs.name`.
+    motion, held over each step, or a signal such as co.Linear(times, values), taken at the method's own nodes, or a
+    dictionary of these; a dictionary, given or returned, reaches ℓ and forces as `inputs.name`.
     `until` is a function of the state, such as `lambda state: state.q[2] - 10.0`: the run ends where its sign changes
     between two nodes, located on the dense output; `run.event` is that time, or None where it never does. A progress
     bar appears for runs over a second on a terminal (`progress=False`: never).
@@ -112,8 +113,8 @@ def prepare(
             raise ArgumentError("Argument `until` ends one run at its own time: leave it out for an ensemble.")
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
         return _prepare_members(system, start, method, *whole)
-    start = _with_inputs(system, start, inputs)
-    warnings = system.check(start) + _backwards(system, method)
+    system, start = with_inputs(system, start, inputs)
+    warnings = system.check(start) + require_forward(system, method, start, h)
     state = with_ledger(system, method.begin(system, start, h), monitors)
     _require_chart(system, method, state, h)
     require_event(until, state)
@@ -121,7 +122,7 @@ def prepare(
         raise ArgumentError(
             f"Argument `until` locates an event by parts of a step, but {method.title} chooses its own: leave it out."
         )
-    program, constants = _program(system, method, state, kelvin_noether, inputs, monitors, until)
+    program, constants = _program(system, method, state, kelvin_noether, monitors, until)
     chosen = kernels.choose(program, constants, state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
     return Run(system, method, start, plan, Position(state), Memory(), warnings)
@@ -158,7 +159,7 @@ def _lost_energy(run: Run) -> list[str]:
     return [f"The energy, which nothing changes, is off by {much:.0%}: the motion is too fast for dt = {run.dt:g}."]
 
 
-def _program(system, method, state, kelvin_noether, inputs, monitors, until=None) -> tuple[StepProgram, Constants]:
+def _program(system, method, state, kelvin_noether, monitors, until=None) -> tuple[StepProgram, Constants]:
     observed, watching = [], {}
     chosen = [kelvin_noether] if isinstance(kelvin_noether, KelvinNoether) else list(kelvin_noether or [])
     if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
@@ -175,7 +176,7 @@ def _program(system, method, state, kelvin_noether, inputs, monitors, until=None
             watching["c0"] = isotropy_algebra(system, state)
             if len(watching["c0"]):
                 observed.append(observe.kelvin_noether)
-        if energy_lines(system):
+        if state.ledger is not None:
             observed.append(observe.energy_budget)
         if method.variable:
             observed.append(observe.step_size)
@@ -186,12 +187,12 @@ def _program(system, method, state, kelvin_noether, inputs, monitors, until=None
             observed.append(observe.quantities)
     functions = [partial(quantity.quantity, system) for quantity in chosen]
     functions += [partial(value, system, function) for _, function in system.quantities if monitors]
-    if inputs is not None:
-        functions.append(partial(_inputs_at, system, inputs))
+    if system.inputs is not None:
+        functions.append(partial(inputs_held, system))
     if until is not None:
         functions.append(until)
     digest = version(system, state, *functions)
-    program = StepProgram(replace_parameters(system, None), method, tuple(observed), inputs, digest, until)
+    program = StepProgram(replace_parameters(system, None), method, tuple(observed), digest, until)
     return program, Constants(system.parameters, watching)
 
 
@@ -201,44 +202,18 @@ def _prepare_members(
     """`prepare` for an ensemble: what is the same for all members is checked on the first."""
     if method.variable:
         raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
-    if inputs is not None:
-        at_first = _with_inputs(*first_member(system, start), inputs).inputs
-        spread = [np.broadcast_to(leaf, (count, *leaf.shape)) for leaf in jax.tree.leaves(at_first)]
-        held = jax.tree.unflatten(
-            jax.tree.structure(at_first), spread if np.ndim(start.t) else jax.tree.leaves(at_first)
-        )
-        start = start.replace(inputs=held)
-    warnings = first_member(system, start)[0].check(first_member(system, start)[1]) + _backwards(system, method)
+    system, start = with_inputs(system, start, inputs)
+    one, first = first_member(system, start)
+    warnings = one.check(first) + require_forward(one, method, first, h)
     members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)
     _require_chart(first, method, state, h)
-    program, constants = _program(first, method, state, kelvin_noether, inputs, monitors)
+    program, constants = _program(first, method, state, kelvin_noether, monitors)
     program, constants, axes = with_own_directions(program, constants, members, warnings)
     chosen = kernels.choose(program, member_constants(constants, axes), state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
     position = MembersPosition.at_start(members.states, count)
     return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings)
-
-
-def _backwards(system: System, method: Method) -> list[str]:
-    """A warning where a dissipative system may be stepped backwards."""
-    if system.forces is None or all(fraction > 0 for _, fraction in method.stages):
-        return []
-    return [f"{method.title} has substeps that go backwards, which strongly dissipative forces may blow up."]
-
-
-def _with_inputs(system: System, start: State, inputs: Callable[[Any], Any] | None) -> State:
-    """The start with the inputs of its first step, so that ℓ and forces may use them from there on."""
-    if inputs is None:
-        return start
-
-    first = partial(_inputs_at, system, inputs)
-    require_float64(first, "The function `inputs`", (start,))
-    return start.replace(inputs=jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), evaluate(first, start)))
-
-
-def _inputs_at(system: System, inputs: Callable[[Any], Any], s: State) -> Any:
-    return named(inputs(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal)))
 
 
 def _require_chart(system: System, method: Method, state: State, h: float) -> None:

@@ -17,6 +17,7 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members
+from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -25,6 +26,8 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.arguments import require_kinds, step_size, whole
+from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 
 
@@ -52,15 +55,17 @@ def trajectory(
     steps: int,
     method: Method | None = None,
     save_every: int = 1,
+    inputs: Given | None = None,
     backend: Backend = "auto",
 ) -> Trajectory:
     """`steps` steps of length dt from `start`, a pure function of parameters, start and dt: differentiable exactly.
 
     Derivatives go through each step by the implicit function theorem, forward and reverse. Every save_every-th record
-    is kept. Called with plain numbers it returns NumPy and raises StepError for a step that fails; inside jit, grad or
-    vmap, which need `with co.float64():`, look at `code`; the derivative of a failed run does not exist, and reverse
-    mode by native code returns NaN for it. `backend`: "native" code (reverse mode natively, forward mode
-    by XLA), "xla" (any derivative of any order); "auto" takes native code on processors where the step can be traced.
+    is kept; `inputs` are those of co.simulate. Called with plain numbers it returns NumPy and raises StepError for a
+    step that fails; inside jit, grad or vmap, which need `with co.float64():`, look at `code`; the derivative of a
+    failed run does not exist, and reverse mode by native code returns NaN for it. `backend`: "native" code (reverse
+    mode natively, forward mode by XLA), "xla" (any derivative of any order); "auto" takes native code on processors
+    where the step can be traced.
     """
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)
@@ -69,7 +74,10 @@ def trajectory(
         raise ArgumentError(f"Argument `save_every` must divide steps = {steps}, but is {save_every}.")
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
-    digest = version(system, start)
+    system, start = with_inputs(system, start, inputs)
+    if not traced(system.parameters, start, h):
+        require_forward(system, method, start, h)
+    digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []))
     begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)

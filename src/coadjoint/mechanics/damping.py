@@ -1,0 +1,58 @@
+"""Forces that dissipate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.state import Force, Motion
+
+
+def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
+    """The force T = −∂R/∂ξ, f = −∂R/∂ν of a dissipation function R(motion [, p]), for the `forces` of a system.
+
+    A quadratic R takes the power 2R out of the system, one of degree d the power d·R (Rayleigh, 1873). With a current,
+    let R depend on the velocity relative to the water: motion.nu − motion.a.current.
+    Raises LagrangianError where R is not one number.
+    """
+    if not callable(dissipation):
+        raise ArgumentError(f"co.rayleigh takes a function R(motion, p), but got {dissipation!r}.")
+
+    def force(motion: Motion, *parameters: Any) -> Force:
+        def R(xi, nu):
+            value = dissipation(motion._replace(xi=xi, nu=nu), *parameters)
+            if jnp.ndim(value) != 0:
+                raise LagrangianError(
+                    f"A dissipation function must return one number, but returns shape {jnp.shape(value)}; use @ or "
+                    "jnp.sum."
+                )
+            return value
+
+        along_xi, along_nu = jax.grad(R, argnums=(0, 1))(motion.xi, motion.nu)
+        return Force(-along_xi, jax.tree.map(jnp.negative, along_nu))
+
+    return force
+
+
+def quadratic_drag(coefficients: Any, velocity: Array) -> Array:
+    """−C|v|v, the drag of a fast flow, with |v| the Euclidean norm; its derivative at rest is 0.
+
+    `coefficients` C: a number, (k,) a value an axis, or a matrix (k, k); kg/m for a velocity (k,) in m/s. For drag axis
+    by axis, −c_i|v_i|v_i, write -p.c * jnp.abs(v) * v, which is as smooth.
+    """
+    C, v = jnp.asarray(coefficients), jnp.asarray(velocity)
+    if v.ndim != 1 or C.shape not in ((), v.shape, v.shape * 2):
+        raise ArgumentError(
+            "co.quadratic_drag takes a velocity of shape (k,) and coefficients of shape (), (k,) or (k, k), but got "
+            f"shapes {v.shape} and {C.shape}."
+        )
+    square = v @ v
+    moving = square > 0
+    # √ has no derivative at 0: there it is taken of 1, and not used.
+    speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
+    return -speed * (C @ v if C.ndim == 2 else C * v)

@@ -1,0 +1,114 @@
+"""Signals: inputs as functions of time, known before the run, that every rule takes at its own nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import traced
+from coadjoint.spaces.numbers import float64
+
+EARLY = 1e-9
+"""A jump comes this part of the shortest interval early, so that a node at a jump is after it whatever rounding did."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """u(t), given by a function of time written with jax.numpy.
+
+    As an input of co.simulate and co.trajectory it is evaluated at the nodes of the method's own quadrature, so that
+    the order is kept where u is smooth enough. A plain function of the motion is held over each step instead.
+    """
+
+    function: Callable[[Any], Any]
+
+    def __post_init__(self):
+        if not callable(self.function):
+            raise ArgumentError(f"co.Signal takes a function of time, such as jnp.sin, but got {self.function!r}.")
+
+    def __call__(self, t: Any) -> Array:
+        return jnp.asarray(self.function(t), dtype=float)
+
+
+class _Table(Signal):
+    """Values at times, kept before the first time and after the last.
+
+    The row in force is found by halving, so that n rows cost about n selections and work wherever JAX or the tracer
+    computes. Times and values may be parameters, inside forces or a Lagrangian.
+    """
+
+    def __init__(self, times: Any, values: Any):
+        name = type(self).__name__
+        times, values = float64(times, f"The times of co.{name}"), float64(values, f"The values of co.{name}")
+        if np.ndim(times) != 1 or np.shape(times)[0] == 0 or np.shape(values)[:1] != np.shape(times):
+            raise ArgumentError(
+                f"co.{name} takes times of shape (k,) and k values, one at least, but got times of shape "
+                f"{np.shape(times)} and values of shape {np.shape(values)}."
+            )
+        if not traced(times) and np.any(np.diff(times) <= 0):
+            raise ArgumentError(f"The times of co.{name} must grow, but do not: sort them, and give each once.")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    times: Array
+    values: Array
+
+    def _key(self) -> tuple[Any, ...]:
+        return type(self), np.asarray(self.times).tobytes(), np.shape(self.values), np.asarray(self.values).tobytes()
+
+    def __eq__(self, other: Any) -> bool:
+        return isinstance(other, _Table) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __repr__(self) -> str:
+        return f"co.{type(self).__name__}({len(self.times)} times)"
+
+
+class Held(_Table):
+    """u(t) = values[i] for times[i] ≤ t < times[i + 1]: piecewise constant. `times` (k,) in s, `values` (k, …).
+
+    Jumps cost order: put them on the grid of steps, and use a rule whose nodes are inside the step, such as Midpoint.
+    """
+
+    def __call__(self, t: Any) -> Array:
+        gaps = jnp.diff(jnp.asarray(self.times))
+        early = EARLY * jnp.min(gaps) if len(gaps) else 0.0
+        return _row(t, self.times[1:] - early, [self.values])[0]
+
+
+class Linear(_Table):
+    """u(t) linear from (times[i], values[i]) to the next: piecewise linear. `times` (k,) in s, `values` (k, …).
+
+    Kinks cost orders above 2, unless they are on the grid of steps.
+    """
+
+    def __call__(self, t: Any) -> Array:
+        times, values = jnp.asarray(self.times), jnp.asarray(self.values)
+        lengths = jnp.diff(times).reshape(-1, *(1 for _ in values.shape[1:]))
+        flat = jnp.zeros((1, *values.shape[1:]))
+        slopes = jnp.concatenate([flat, jnp.diff(values, axis=0) / lengths, flat])
+        begins, starts = jnp.concatenate([times[:1], times]), jnp.concatenate([values[:1], values])
+        begin, start, slope = _row(t, times, [begins, starts, slopes])
+        return start + (t - begin) * slope
+
+
+def _row(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
+    """Row i of every column, borders[i − 1] ≤ t < borders[i], by halving a number of rows that is a power of two."""
+    count = len(columns[0])
+    size = 1 << max(count - 1, 0).bit_length()
+    borders = jnp.concatenate([jnp.asarray(borders), jnp.full(size - count + 1, jnp.inf)])
+    columns = [jnp.concatenate([column, jnp.repeat(column[-1:], size - count, axis=0)]) for column in columns]
+    while size > 1:
+        size //= 2
+        later = t >= borders[size - 1]
+        borders = jnp.where(later, borders[size:], borders[:size])
+        columns = [jnp.where(later, column[size:], column[:size]) for column in columns]
+    return [column[0] for column in columns]

@@ -1,0 +1,68 @@
+"""Inputs of a run: what drives the system, checked, with what is held over its first step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.check import require_float64
+from coadjoint.mechanics.each import Each, member_of
+from coadjoint.mechanics.signals import Signal
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+
+
+def with_inputs(system: System, start: State, inputs: Any) -> tuple[System, State]:
+    """The system driven by `inputs`, and the start with what is held over its first step.
+
+    Of an ensemble what is held is that of its first member: every member takes its own when it starts.
+    Raises ArgumentError and LagrangianError for what cannot be an input.
+    """
+    if isinstance(inputs, Each):
+        raise ArgumentError("Argument `inputs` must be the same for all members: let it depend on their parameters.")
+    system = system.driven(inputs)
+    if system.inputs is None:
+        return system, start
+    for source in system.inputs.sources:
+        if isinstance(source, Signal):
+            _check_signal(source, start)
+    many = np.ndim(start.t) > 0
+    first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
+    held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
+    if many:
+        held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
+    return system, start.replace(inputs=held)
+
+
+def held_at(system: System, state: State) -> Any:
+    """What is held over the step that starts at a state."""
+
+    def first(state):
+        return inputs_held(system, state)
+
+    require_float64(first, "The function `inputs`", (state,))
+    found = evaluate(first, state)
+    return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
+
+
+def inputs_held(system: System, s: State) -> Any:
+    """The held inputs as a function of the state, for tracing."""
+    assert system.inputs is not None
+    return system.inputs.held(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal))
+
+
+def _check_signal(source: Signal, start: State) -> None:
+    """Raise unless a signal is finite and float64 at the start."""
+    if traced(getattr(source, "values", None), getattr(source, "times", None)):
+        raise ArgumentError(
+            "Argument `inputs` cannot hold numbers that are being differentiated or mapped: make them parameters, and "
+            "use co.Linear(times, p.values) inside the forces."
+        )
+    t = np.float64(0.0) if traced(start.t) else np.ravel(start.t)[0]
+    require_float64(source, "The signal", (t,))
+    if not np.all(np.isfinite(evaluate(source, t))):
+        raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {evaluate(source, t)}.")

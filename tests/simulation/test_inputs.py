@@ -1,0 +1,217 @@
+"""Inputs: signals keep the order of a method, held functions of the motion do not, and both reach every node."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.continuous import reference
+
+DURATION = 1.0
+SUZUKI = co.Suzuki4(co.Midpoint(co.Cayley()), negative_substeps="allow")
+
+
+def _lagrangian(xi, p, *, inputs):
+    return 0.5 * p.inertia @ xi**2 + 0.3 * inputs.spin * xi[2] + 0.1 * inputs.spin * jnp.cos(xi[0])
+
+
+def _motor(motion, p):
+    return co.Force(torque=motion.inputs.torque - 0.1 * motion.xi)
+
+
+BODY = co.System(
+    co.SO3(), _lagrangian, parameters=co.Parameters(inertia=[1.0, 1.5, 2.0]), forces=_motor, name="driven body"
+)
+START = BODY.state(xi=[0.3, -0.4, 1.0], inputs={"spin": 0.0, "torque": np.zeros(3)})
+
+
+def spin(t):
+    return 1 + jnp.sin(3 * t)
+
+
+def torque(t):
+    return jnp.array([1.0, 0.5, -0.7]) * jnp.exp(-t) * jnp.cos(4 * t)
+
+
+SMOOTH = {"spin": co.Signal(spin), "torque": co.Signal(torque)}
+
+
+def exact(inputs) -> np.ndarray:
+    """ξ at the end, by DOP853."""
+    end = reference(BODY.driven(inputs), START.replace(inputs=None), [0.0, DURATION])
+    return end.mu[-1]
+
+
+def errors(method, inputs, steps) -> list[float]:
+    best = exact(SMOOTH)
+    runs = (co.trajectory(BODY, START, dt=DURATION / n, steps=n, method=method, inputs=inputs) for n in steps)
+    return [float(np.max(np.abs(run.final.mu - best))) for run in runs]
+
+
+@pytest.mark.parametrize(
+    ("method", "order"),
+    [
+        (co.LeftRectangle(co.Cayley()), 1),
+        (co.RightRectangle(co.Cayley()), 1),
+        (co.Midpoint(co.Cayley()), 2),
+        (co.Trapezoidal(co.Cayley()), 2),
+        (co.LeftRight(co.Cayley()), 2),
+        (SUZUKI, 4),
+    ],
+    ids=lambda value: getattr(value, "title", str(value)),
+)
+def test_smooth_signals_in_forces_and_in_the_lagrangian_keep_the_order(method, order):
+    coarse, fine = errors(method, SMOOTH, (20, 40))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.12)
+
+
+@pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), SUZUKI])
+def test_holding_the_same_inputs_over_each_step_costs_the_order(method):
+    coarse, fine = errors(method, lambda motion: {"spin": spin(motion.t), "torque": torque(motion.t)}, (40, 80))
+    assert np.log2(coarse / fine) == pytest.approx(1, abs=0.1)
+
+
+def test_a_table_that_is_linear_between_steps_keeps_the_second_order():
+    times = np.linspace(0, DURATION, 11)
+    table = {
+        "spin": co.Linear(times, np.asarray(evaluate(jax.vmap(spin), times))),
+        "torque": co.Linear(times, np.asarray(evaluate(jax.vmap(torque), times))),
+    }
+    best = co.trajectory(
+        BODY,
+        START,
+        dt=DURATION / 320,
+        steps=320,
+        method=SUZUKI,
+        inputs=table,
+    )
+    found = [
+        np.max(np.abs(co.trajectory(BODY, START, dt=DURATION / n, steps=n, inputs=table).final.mu - best.final.mu))
+        for n in (20, 40)
+    ]
+    assert np.log2(found[0] / found[1]) == pytest.approx(2, abs=0.1)
+
+
+def test_tables_are_what_numpy_interpolates():
+    random = np.random.default_rng(7)
+    for count in (1, 2, 3, 8, 37):
+        times, values = np.cumsum(random.uniform(0.1, 1, count)), random.normal(size=(count, 2))
+        at = np.concatenate([random.uniform(times[0] - 1, times[-1] + 1, 50), times])
+        linear = evaluate(jax.vmap(co.Linear(times, values)), at)
+        expected = np.stack([np.interp(at, times, column) for column in values.T], axis=1)
+        np.testing.assert_allclose(linear, expected, atol=1e-13)
+        held = evaluate(jax.vmap(co.Held(times, values)), at)
+        rows = np.maximum(np.searchsorted(times, at, side="right") - 1, 0)
+        np.testing.assert_array_equal(held, values[rows])
+
+
+def test_a_jump_on_the_grid_belongs_to_the_step_that_starts_there_whatever_rounding_does():
+    """t = 0.1 k is not the k-th multiple of 0.1 in floating point, and the table has the other."""
+    times = np.array([0.1 * k for k in range(40)])
+    grid = np.cumsum(np.full(40, 0.1)) - 0.1
+    assert np.any(times != grid)
+    np.testing.assert_array_equal(evaluate(jax.vmap(co.Held(times, np.arange(40.0))), grid), np.arange(40.0))
+
+
+def test_tables_may_be_parameters_and_are_differentiated():
+    """d(angular momentum)/d(knot) of a free body under a torque table is the area of the knot's hat."""
+    times = np.linspace(0, 1, 5)
+
+    def forces(motion, p):
+        return co.Force(torque=co.Linear(times, p.torques)(motion.t))
+
+    p = co.Parameters(torques=np.zeros(5))
+    turning = co.System(co.SO2(), lambda xi, p: 0.5 * xi @ xi, parameters=p, forces=forces)
+    start = turning.state()
+    with co.float64():
+
+        def momentum(torques):
+            path = co.trajectory(turning.replace(torques=torques), start, dt=0.05, steps=20)
+            return path.final.mu[0]
+
+        slope = jax.grad(lambda knots: momentum(knots[:, None] * jnp.ones(1)))(np.ones(5))
+    np.testing.assert_allclose(slope, [0.125, 0.25, 0.25, 0.25, 0.125], atol=1e-13)
+
+
+def test_signals_and_held_inputs_go_together_and_are_in_the_dataset():
+    inputs = {"spin": co.Linear([0, 1], [0, 2]), "torque": lambda motion: -0.5 * motion.xi}
+    run = co.simulate(BODY, START, dt=0.05, steps=20, inputs=inputs)
+    np.testing.assert_allclose(run.dataset.inputs_spin, 2 * run.dataset.time, atol=1e-14)
+    # The held torque was taken at the start of the step, from the velocity of the step before.
+    np.testing.assert_allclose(run.dataset.inputs_torque[1:], -0.5 * run.dataset.xi[:-1], atol=1e-14)
+    path = co.trajectory(BODY, START, dt=0.05, steps=20, inputs=inputs)
+    np.testing.assert_allclose(path.final.mu, run.final.mu, rtol=1e-12)
+
+
+def test_a_single_input_has_no_name():
+    forces = {"motor": lambda motion: co.Force(torque=motion.inputs)}
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=forces)
+    run = co.simulate(body, body.state(), dt=0.01, steps=100, inputs=co.Signal(lambda t: jnp.array([0, 0, 2 * t])))
+    assert run.final.mu[2] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_the_energy_budget_closes_when_inputs_reach_the_lagrangian(held):
+    """Signals through −∂_tℓ, held inputs through the jumps of ℋ."""
+    inputs = (lambda motion: {"spin": spin(motion.t), "torque": torque(motion.t)}) if held else SMOOTH
+    gaps = []
+    for n in (40, 80):
+        run = co.simulate(BODY, START, dt=DURATION / n, steps=n, inputs=inputs)
+        (low, high), first = run.extrema["energy_budget"], run.ends["energy_budget"][0]
+        gaps.append(max(high - first, first - low))
+        line = "work_inputs" if held else "work_time"
+        assert abs(run.ends[line][1]) > 0.04
+    assert np.log2(gaps[0] / gaps[1]) == pytest.approx(2, abs=0.1)
+
+
+def test_a_run_with_signals_goes_on_from_its_folder(tmp_path):
+    whole = co.simulate(BODY, START, dt=0.05, steps=20, inputs=SMOOTH, store=tmp_path / "run")
+    again = co.resume(tmp_path / "run", BODY, inputs=SMOOTH)
+    np.testing.assert_array_equal(again.final.mu, whole.final.mu)
+    with pytest.raises(co.ArgumentError, match="give it again"):
+        co.resume(tmp_path / "run", BODY)
+    with pytest.raises(co.ArgumentError, match="holds another run"):
+        co.resume(tmp_path / "run", BODY, inputs={**SMOOTH, "spin": co.Signal(jnp.cos)})
+
+
+def test_every_member_takes_the_same_signal():
+    fleet = BODY.replace(inertia=co.each([[1.0, 1.5, 2.0], [2.0, 2.5, 3.0]]))
+    run = co.simulate(fleet, START, dt=0.05, steps=20, inputs=SMOOTH)
+    alone = co.simulate(BODY, START, dt=0.05, steps=20, inputs=SMOOTH)
+    np.testing.assert_allclose(run.final.mu[0], alone.final.mu, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: co.Linear([0, 1, 1], [1, 2, 3]), "must grow"),
+        (lambda: co.Linear([0, 1], [1, 2, 3]), "k values"),
+        (lambda: co.Held([], []), "one at least"),
+        (lambda: co.Held([[0.0]], [1]), "k values"),
+        (lambda: co.Linear([0, np.nan], [1, 2]), "must be finite"),
+        (lambda: co.Signal(3.0), "takes a function of time"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=3.0), "must be a function of the motion"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={}), "is empty"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": 1.0}), "under 'spin' must be a function"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=co.each([1, 2])), "same for all members"),
+        (
+            lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: 1 / t)}),
+            "must be finite at the start",
+        ),
+        (
+            lambda: co.simulate(
+                BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: jnp.float32(0.1) * t)}
+            ),
+            "holds float32",
+        ),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": co.Signal(spin)}), "no `torque`"),
+    ],
+)
+def test_what_cannot_be_an_input_is_refused_in_one_sentence(make, words):
+    with pytest.raises(co.CoadjointError) as caught:
+        make()
+    assert words in str(caught.value) and "\n" not in str(caught.value)
