@@ -6,9 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.signals import Signal
 from coadjoint.mechanics.state import Motion
@@ -34,11 +31,9 @@ class Inputs:
         if not self.holds:
             return None
         if self.names is None:
-            given = named(self.sources[0](motion))
-        else:
-            pairs = zip(self.names, self.sources, strict=True)
-            given = Named(**{name: source(motion) for name, source in pairs if not isinstance(source, Signal)})
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), given)
+            return named(self.sources[0](motion))
+        pairs = zip(self.names, self.sources, strict=True)
+        return Named(**{name: named(source(motion)) for name, source in pairs if not isinstance(source, Signal)})
 
     def at(self, t: Any, held: Any) -> Any:
         """What ℓ and forces see at time t of a step over which `held` is held."""

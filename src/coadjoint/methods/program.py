@@ -55,7 +55,8 @@ class StepProgram:
         if system.inputs is None or not system.inputs.holds:
             return state
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
-        after = state.replace(inputs=system.inputs.held(motion))
+        held = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion))
+        after = state.replace(inputs=held)
         return after if state.ledger is None else with_jump(system, state, after)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:

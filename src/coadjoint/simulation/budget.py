@@ -18,19 +18,25 @@ POORLY = 0.1
 def budget(run: Run) -> dict[str, Any]:
     """E_N − E_0, the energy that each force has put in, and the largest |E_k − E_0 − ΣW_k| over every step.
 
-    The last is relative to the largest energy that anything has exchanged; where that is round-off, to the energy.
+    The last is relative to the largest energy in it, stored or put in.
     """
     if "energy_budget" not in run.ends:
         return {}
     stored = "energy" if "energy" in run.ends else "discrete_energy"
     names = [stored, *(f"work_{line}" for line in energy_lines(run.system))]
-    moved = max(_widest(run, name) for name in names)
-    whole = float(np.max(np.abs(run.extrema[stored])))
-    size = moved if moved > 1e-9 * whole else whole
+    size = max(float(np.max(np.abs(run.extrema[name]))) for name in names)
     return {
         **{f"{name}_change": float(run.ends[name][1] - run.ends[name][0]) for name in names},
         "energy_budget_error_max": _widest(run, "energy_budget") / (size or 1.0),
     }
+
+
+def momentum_gap(run: Run) -> float:
+    """The largest change of the Kelvin–Noether quantities less what was put in, relative to their largest values."""
+    first, (low, high) = run.ends["kelvin_noether_budget"][0], run.extrema["kelvin_noether_budget"]
+    change = float(np.linalg.norm(np.maximum(high - first, first - low)))
+    size = float(np.linalg.norm(np.max(np.abs(run.extrema["kelvin_noether"]), axis=0)))
+    return change / (size or 1.0)
 
 
 def _widest(run: Run, name: str) -> float:

@@ -63,6 +63,6 @@ def _check_signal(source: Signal, start: State) -> None:
             "use co.Linear(times, p.values) inside the forces."
         )
     t = np.float64(0.0) if traced(start.t) else np.ravel(start.t)[0]
-    require_float64(source, "The signal", (t,))
+    require_float64(getattr(source, "function", source), "The signal", (t,))
     if not np.all(np.isfinite(evaluate(source, t))):
         raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {evaluate(source, t)}.")
