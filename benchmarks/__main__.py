@@ -25,6 +25,7 @@ SECTIONS = {
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),
+    "orders": ("orders", 1, "higher orders"),
 }
 """Section → (module, cores, title): each runs in a process of its own, on so many cores."""
 
@@ -110,6 +111,9 @@ def _report(name: str, part: dict[str, Any], out: Path) -> None:
         print(figures.work_precision(part, out / "work_precision.png"))
     if name == "one":
         print(figures.speed(part, out / "speed.png"))
+    if name == "orders":
+        print(figures.courses(part, out / "energy_500s.png"))
+        print(figures.top(part, out / "heavy_top.png"))
 
 
 def _conclude(found: dict[str, Any], out: Path) -> None:

@@ -44,7 +44,7 @@ def work_precision(found: dict[str, Any], path: Path) -> Path:
 def _look(name: str, ours: list[str], others: list[str]) -> dict[str, Any]:
     if name in ours:
         i = ours.index(name)
-        return {"color": COLOURS[i], "marker": "os^Dv"[i], "markersize": 3, "linewidth": 1.2}
+        return {"color": COLOURS[i], "marker": "os^DvPX*h<"[i], "markersize": 3, "linewidth": 1.2}
     i = others.index(name)
     dashes = ("-", "--", ":", "-.")[i % 4]
     return {
@@ -72,4 +72,46 @@ def speed(found: dict[str, Any], path: Path) -> Path:
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("time per step, relative to the left rule by hand")
+        return save(figure, path)
+
+
+def courses(found: dict[str, Any], path: Path) -> Path:
+    """Largest energy error so far against time, the paper's vehicle over 500 s."""
+    chosen = [
+        found["paper"], "midpoint", "Suzuki-4 (midpoint)", "Kahan–Li-6 (midpoint)", "Kahan–Li-8 (midpoint)",
+        "Sofroniou–Spaletta-10 (midpoint)",
+    ]  # fmt: skip
+    others = [name for name in found["courses"] if name.startswith(("RK4", "DOP853"))]
+    with style():
+        figure = canvas(PAGE, 3.6)
+        axes = figure.subplots()
+        handles = []
+        for i, name in enumerate([*chosen, *others]):
+            rows = found["courses"][name]
+            times, worst = [row[0] for row in rows], 0.0
+            errors = [worst := max(worst, row[1], 1e-16) for row in rows]
+            look = {"color": COLOURS[i], "linewidth": 1.2} if i < len(chosen) else {}
+            grey = {"color": "#555555", "linewidth": 0.9, "linestyle": ("-", "--", ":")[(i - len(chosen)) % 3]}
+            handles += axes.semilogy(times[1:], errors[1:], **(look or grey))
+        axes.set_xlabel("t (s)")
+        axes.set_ylabel("largest relative energy error so far")
+        legend(figure, handles, [*chosen, *others])
+        return save(figure, path)
+
+
+def top(found: dict[str, Any], path: Path) -> Path:
+    """Position error of the fast heavy top at t = 2 s against computing time; ours in colour, others in grey."""
+    ours = list(found["ours"])
+    others = sorted({row["name"] for row in found["top"]} - set(ours))
+    with style():
+        figure = canvas(PAGE, 3.8)
+        axes = figure.subplots()
+        handles = []
+        for name in [*ours, *others]:
+            points = sorted((r["seconds"], max(r["error"], 1e-13)) for r in found["top"] if r["name"] == name)
+            handles += axes.loglog(*zip(*points, strict=True), **_look(name, ours, others))
+        axes.axhline(1e-10, color="black", linewidth=0.6, linestyle=":")
+        axes.set_xlabel("computing time (s)")
+        axes.set_ylabel("position error at t = 2 s (m)")
+        legend(figure, handles, [*ours, *others])
         return save(figure, path)

@@ -1,4 +1,4 @@
-"""Other programs on the same problems: diffrax, MuJoCo, Exudyn; each only where it is installed."""
+"""Other programs on the same problems: diffrax, MuJoCo, Exudyn, Lielab; each only where it is installed."""
 
 from __future__ import annotations
 
@@ -174,3 +174,32 @@ def _exudyn_top(exu: Any, problem: Problem, explicit: bool) -> tuple[Any, Any, A
     settings.timeIntegration.explicit.useLieGroupIntegration = True
     settings.timeIntegration.explicit.eliminateConstraints = True
     return system, body, settings
+
+
+# Lielab
+
+
+def by_lielab(problem: Problem, tolerance: float) -> Path:
+    """The heavy top by Lielab's default Munthe-Kaas method, of order 8(7); only the last row is filled."""
+    domain: Any = import_module("lielab.domain")
+    integrate: Any = import_module("lielab.integrate")
+    J, b = np.array(problem.body.inertia), np.array(problem.body.moment)
+
+    def rate(t: float, y: Any) -> Any:
+        R, omega = y[0].get_matrix(), y[1].serialize()
+        omega_dot = (np.cross(J * omega, omega) + np.cross(b, R[2])) / J
+        return domain.CompositeAlgebra([domain.so.from_vector(R @ omega), domain.rn.from_vector(omega_dot)])
+
+    def path() -> np.ndarray:
+        options = integrate.IVPOptions()
+        options.abstol = options.reltol = tolerance
+        options.method, options.rebase_every_step = integrate.IVPMethod.MuntheKaas, True
+        start = domain.CompositeManifold([domain.SO(np.eye(3)), domain.RN.from_vector(problem.start.xi)])
+        span = np.array([0.0, problem.duration])
+        found = integrate.solve_ivp(integrate.HomogeneousIVPSystem(rate), span, start, options)
+        rows = np.full((NODES + 1, 18), np.nan)
+        R, omega = found.y[-1][0].get_matrix(), found.y[-1][1].serialize()
+        rows[-1] = np.concatenate([R.ravel(), np.zeros(3), omega, np.zeros(3)])
+        return rows
+
+    return path

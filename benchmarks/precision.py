@@ -21,6 +21,8 @@ METHODS = {
     "trapezoidal": co.Trapezoidal(co.Cayley()),
     "left–right pair": co.LeftRight(co.Exponential()),
     "Suzuki-4 (midpoint)": co.Suzuki4(co.Midpoint(co.Cayley())),
+    "Kahan–Li-8 (pair)": co.KahanLi8(co.LeftRight(co.Exponential())),
+    "Galerkin, order 6": co.Galerkin(co.Exponential(), degree=3),
 }
 OURS = tuple(METHODS)
 UNIT = 100_000
@@ -71,13 +73,13 @@ def _errors(problem: Problem, point: Point, exact: np.ndarray) -> dict[str, floa
 
 def _times(points: list[Point], repetitions: int) -> list[float]:
     """Times in steps of the loop by hand, measured in turns."""
-    contenders = {str(i): _repeated(point.timed) for i, point in enumerate(points)}
+    contenders = {str(i): repeated(point.timed) for i, point in enumerate(points)}
     contenders[YARDSTICK] = Contender(hand_written(vehicle(), UNIT, UNIT), UNIT)
     timings = interleaved(contenders, repetitions)
     return [timings[str(i)].ratio(timings[YARDSTICK]) for i in range(len(points))]
 
 
-def _repeated(timed: Callable[[], object]) -> Contender:
+def repeated(timed: Callable[[], object]) -> Contender:
     """The work so often that the clock can tell."""
     timed()
     began = time.perf_counter()
