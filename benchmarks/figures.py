@@ -76,26 +76,29 @@ def speed(found: dict[str, Any], path: Path) -> Path:
 
 
 def courses(found: dict[str, Any], path: Path) -> Path:
-    """Largest energy error so far against time, the paper's vehicle over 500 s."""
+    """Largest energy error so far against time, a panel a problem; ours in colour, others in grey."""
     chosen = [
         found["paper"], "midpoint", "Suzuki-4 (midpoint)", "Kahan–Li-6 (midpoint)", "Kahan–Li-8 (midpoint)",
         "Sofroniou–Spaletta-10 (midpoint)",
     ]  # fmt: skip
-    others = [name for name in found["courses"] if name.startswith(("RK4", "DOP853"))]
+    others = sorted({n for rows in found["courses"].values() for n in rows if n.startswith(("RK4", "DOP", "MuJoCo"))})
     with style():
-        figure = canvas(PAGE, 3.6)
-        axes = figure.subplots()
-        handles = []
-        for i, name in enumerate([*chosen, *others]):
-            rows = found["courses"][name]
-            times, worst = [row[0] for row in rows], 0.0
-            errors = [worst := max(worst, row[1], 1e-16) for row in rows]
-            look = {"color": COLOURS[i], "linewidth": 1.2} if i < len(chosen) else {}
-            grey = {"color": "#555555", "linewidth": 0.9, "linestyle": ("-", "--", ":")[(i - len(chosen)) % 3]}
-            handles += axes.semilogy(times[1:], errors[1:], **(look or grey))
-        axes.set_xlabel("t (s)")
-        axes.set_ylabel("largest relative energy error so far")
-        legend(figure, handles, [*chosen, *others])
+        figure = canvas(PAGE, 3.9)
+        panels = figure.subplots(1, len(found["courses"]), squeeze=False)[0]
+        handles: dict[str, Any] = {}
+        for axes, (title, rows) in zip(panels, found["courses"].items(), strict=True):
+            axes.set_title(title)
+            axes.set_xlabel("t (s)")
+            for name in [*chosen, *others]:
+                if name in rows:
+                    times, worst = [row[0] for row in rows[name]], 0.0
+                    errors = [worst := max(worst, row[1], 1e-16) for row in rows[name]]
+                    look = _look(name, chosen, others) | {"marker": ""}
+                    handles[name] = axes.semilogy(times[1:], errors[1:], **look)[0]
+            axes.set_ylim(top=min(axes.get_ylim()[1], 10.0))
+        panels[0].set_ylabel("largest relative energy error so far")
+        names = [name for name in [*chosen, *others] if name in handles]
+        legend(figure, [handles[name] for name in names], names)
         return save(figure, path)
 
 

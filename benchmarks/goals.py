@@ -21,6 +21,8 @@ def goals(found: Found) -> Table:
         rows += _many(found["many_2"], "two cores")
     if "preparing" in found:
         rows += _preparing(found["preparing"])
+    if "orders" in found:
+        rows += _orders(found["orders"])
     for name, part in found.get("gradients", {"methods": {}})["methods"].items():
         cost = part["rows"]["native run and its gradient"]["ratio"]
         rows.append((f"gradient, {name}: native run and gradient / native run", 5.0, cost, False))
@@ -43,6 +45,29 @@ def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
         ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
     ]
+
+
+def _orders(found: Found) -> list[tuple[str, float, float, bool]]:
+    from benchmarks.orders import cheapest
+
+    rows = found["vehicle"]
+    paper = rows[found["paper"]]["energy"]
+    bounds = {
+        "Suzuki-4 (midpoint)": 3e-9,
+        "Kahan–Li-8 (midpoint)": 3e-11,
+        "Suzuki-4 (pair)": 8e-9,
+        "Kahan–Li-8 (pair)": 4e-11,
+        "Kahan–Li-8 (pair), twice the solves": 1e-12,
+    }
+    told = [(f"energy over 500 s: {name}", bound, rows[name]["energy"], False) for name, bound in bounds.items()]
+    fast = [row["ratio"] for row in rows.values() if row["energy"] <= 1e-4 * paper]
+    told.append(("10⁴ times more accurate than the paper's rule: time / its time", 2.0, min(fast), False))
+    best = {name: row["seconds"] for name, row in cheapest(found["top"]).items() if row}
+    mine = [t for name, t in best.items() if name in found["ours"]]
+    theirs = [t for name, t in best.items() if name not in found["ours"]]
+    if mine and theirs:
+        told.append(("heavy top to 1e-10 m: least time of the others / ours", 1.0, min(theirs) / min(mine), True))
+    return told
 
 
 def _many(found: Found, cores: str) -> list[tuple[str, float, float, bool]]:
