@@ -231,7 +231,14 @@ def test_times_are_those_of_the_nodes_in_memory_and_in_a_store(tmp_path):
 
 
 def test_what_does_not_fit_is_refused():
-    for base in (co.LeftRectangle(), co.LeftRight(), co.EnergyMomentum(), co.VariableStep(), co.Suzuki4(co.Midpoint())):
+    for base in (
+        co.LeftRectangle(),
+        co.LeftRight(),
+        co.EnergyMomentum(),
+        co.VariableStep(),
+        co.Suzuki4(co.Midpoint()),
+        co.Galerkin(),
+    ):
         with pytest.raises(co.ArgumentError, match="needs a symmetric rule of one stage"):
             co.VariableStep(base)
     for within in ((0.0, 2.0), (1.0, 2.0), (0.5, np.inf), 3.0):

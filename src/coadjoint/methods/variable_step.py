@@ -197,8 +197,8 @@ class VariableStep(Method):
         base = Simpson() if base is None else base
         if not isinstance(base, Method) or not base.symmetric or not _plain(base):
             raise ArgumentError(
-                "VariableStep needs a symmetric rule of one stage, such as co.Simpson(co.Cayley()) or co.Midpoint(), "
-                f"but got {base!r}: others have no energy of their own to hold, or no step h > 0 that holds it."
+                "VariableStep needs a symmetric rule of one stage: co.Simpson(co.Cayley()), co.Midpoint() or "
+                f"co.Trapezoidal(), but got {base!r}."
             )
         given = {
             "difference_map": base.difference_map,
@@ -238,8 +238,9 @@ class VariableStep(Method):
 
 
 def _plain(base: Method) -> bool:
-    """Whether a method is one variational stage over the whole step."""
-    return len(base.stages) == 1 and base.claims.symplectic and not base.variable
+    """Whether a method is one variational stage over the whole step, without a memory of its own."""
+    alone = len(base.stages) == 1 and type(base.stages[0][0]).remember is Step.remember
+    return alone and base.claims.symplectic and not base.variable
 
 
 def _bounds(within: Any) -> tuple[float, float]:
