@@ -36,7 +36,7 @@ def require_forward(system: System, method: Method, state: State, h: float) -> l
     if getattr(method, "negative_substeps", REFUSE) != ALLOW:
         raise ArgumentError(
             f"{method.title} has substeps that go backwards, by {backwards:.3g} s, and the forces dissipate, at rates "
-            f"up to {rate:.3g}/s, which such substeps amplify: take a method without them, such as co.LeftRight(), or "
+            f"up to {rate:.3g}/s, which such substeps amplify: take a method without them, such as co.Galerkin(), or "
             f'pass it negative_substeps="allow" if rate times substep, here {rate * backwards:.2g}, stays below '
             f"{SAFE:g}."
         )
