@@ -224,7 +224,7 @@ def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: 
     link, _ = _pairs(slopes.link)
 
     def value(x, y, link):
-        return L(x, y, a0, h), system.reduced_group_lagrangian(*link, h)
+        return L(x, y, a0, h), system.reduced_group_lagrangian(link.F, link.n, link.s, link.a, h)
 
     above, below = evaluate(jax.vmap(value), first, second, link)
     triple = [jax.tree.map(lambda x, cut=cut: x[cut], path) for cut in (slice(-2), slice(1, -1), slice(2, None))]
