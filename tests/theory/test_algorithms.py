@@ -98,12 +98,13 @@ def test_the_algorithm_of_the_semidirect_product_is_the_reduced_one():
 
 
 def heavy_top(parameter):
-    """l(f, a) of a heavy top, with its weight at the left or at the right end of the step."""
+    """l(f, a) of a top, with its weight and a coupling of f and a at the left or at the right end of the step."""
     group = co.SO3()
     D = np.diag([2.0, 1.5, 0.4])
 
     def weighted(f, a, h):
-        return jnp.trace((jnp.eye(3) - f) @ D) / h - h * a[2] + 0.2 * h * a[0] ** 2
+        coupling = a[0] * (f[1, 0] - f[0, 1]) + 0.5 * a[1] * (f[2, 1] - f[1, 2])
+        return jnp.trace((jnp.eye(3) - f) @ D) / h - h * a[2] + 0.2 * h * a[0] ** 2 + 0.3 * coupling
 
     return theory.PoissonLagrangian(group, co.Defining(), weighted, parameter)
 

@@ -24,7 +24,7 @@ SPATIAL = {"P38 F", "P38 s", "P39", "P43", "P44", "P42 μ", "P42 π", "P50", "P5
     [
         ("SO3", "exponential", "left"),
         ("SE2", "cayley", "midpoint"),
-        ("SE3", "cayley", "right"),
+        ("R3", "cayley", "right"),
         ("SL2", "cayley", "trapezoidal"),
         ("SO3 on a sphere", "cayley", "midpoint"),
     ],
