@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
+from coadjoint.difference_maps import DifferenceMap
 from coadjoint.kernels.evaluate import evaluate
 from systems import GROUPS, SEED, system_on
 
@@ -21,13 +22,22 @@ def generator(*names: Any) -> np.random.Generator:
     return np.random.default_rng([SEED, *(sum(map(ord, str(name))) for name in names)])
 
 
+def difference_map(name: str) -> DifferenceMap:
+    """Cayley's map where it fits the group, the exponential elsewhere."""
+    try:
+        co.Cayley().require_fit(GROUPS[name])
+    except co.GroupError:
+        return co.Exponential()
+    return co.Cayley()
+
+
 def random_connection(name: str, index: int = 0, scale: float = 0.6) -> co.DiscreteConnection:
-    """Ω(x, x⁺) = cay(0.6 sin(C(x, x⁺, 1))): far from e also where x⁺ = x."""
+    """Ω(x, x⁺) = τ(0.6 sin(C(x, x⁺, 1))): far from e also where x⁺ = x."""
     group = GROUPS[name]
     C = generator("connection", name, index).normal(scale=scale, size=(group.dim, 2 * SIZE + 1))
 
     def increment(x, x_next):
-        return co.Cayley().tau(group, 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
+        return difference_map(name).tau(group, 0.6 * jnp.sin(C @ jnp.concatenate([x, x_next, jnp.ones(1)])))
 
     return co.DiscreteConnection(group, SIZE, increment)
 
@@ -43,7 +53,7 @@ def random_motion(name: str, steps: int, scale: float = 0.5) -> tuple[Any, np.nd
     """Elements (steps+1) and shapes (steps+1, m) that no equation ties together."""
     group, random = GROUPS[name], generator("motion", name)
     turns = scale * random.normal(size=(steps + 1, group.dim))
-    g = evaluate(jax.vmap(lambda turn: co.Cayley().tau(group, turn)), turns)
+    g = evaluate(jax.vmap(lambda turn: difference_map(name).tau(group, turn)), turns)
     return g, scale * random.normal(size=(steps + 1, SIZE))
 
 

@@ -84,3 +84,10 @@ def test_a_fleet_of_plates_keeps_its_horizontal_momenta(run_example):
     assert momenta.shape[0] == found["plates"]
     assert np.max(np.abs(momenta - momenta[:, :1])) < 1e-12
     assert Path("falling_plates.png").stat().st_size > 10_000
+
+
+def test_a_cat_lands_on_its_feet_without_momentum(run_example):
+    found = run_example("falling_cat", 0.5)
+    assert found["momentum"] < 1e-15
+    assert abs(abs(found["turn"][-1]) - 180) < 3
+    assert Path("falling_cat.png").stat().st_size > 10_000

@@ -11,6 +11,7 @@ import coadjoint as co
 from bundles import (
     SIZE,
     apart,
+    difference_map,
     generator,
     kinetic_system,
     random_connection,
@@ -78,7 +79,7 @@ def test_a_change_of_section_conjugates_sigma_and_carries_horizontal_lifts_along
     C = generator("section", name).normal(size=(group.dim, SIZE))
 
     def section(x):
-        return co.Cayley().tau(group, 0.6 * jnp.sin(C @ x + 0.3))
+        return difference_map(name).tau(group, 0.6 * jnp.sin(C @ x + 0.3))
 
     def seen(g, x):
         return group.compose(g, group.inverse(section(x)))
