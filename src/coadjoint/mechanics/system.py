@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -25,7 +25,6 @@ from coadjoint.spaces import Several, Space, Trivial
 _NOWHERE = Trivial(0)
 
 
-@jax.tree_util.register_dataclass
 @dataclass(frozen=True, init=False)
 class System:
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
@@ -44,18 +43,18 @@ class System:
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
     """
 
-    group: LieGroup = field(metadata={"static": True})
-    lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
-    additional: Space = field(metadata={"static": True})
-    advected: Space = field(metadata={"static": True})
-    forces: Forces | None = field(metadata={"static": True})
-    discrete_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
-    group_lagrangian: Callable[..., Any] | None = field(metadata={"static": True})
-    hamiltonian: Callable[..., Any] | None = field(metadata={"static": True})
-    quantities: Quantities = field(metadata={"static": True})
-    name: str = field(metadata={"static": True})
-    units: tuple[tuple[str, str], ...] = field(metadata={"static": True})
-    inputs: Inputs | None = field(metadata={"static": True})
+    group: LieGroup
+    lagrangian: Callable[..., Any] | None
+    additional: Space
+    advected: Space
+    forces: Forces | None
+    discrete_lagrangian: Callable[..., Any] | None
+    group_lagrangian: Callable[..., Any] | None
+    hamiltonian: Callable[..., Any] | None
+    quantities: Quantities
+    name: str
+    units: tuple[tuple[str, str], ...]
+    inputs: Inputs | None
     parameters: Parameters | None
 
     def __init__(
@@ -128,9 +127,7 @@ class System:
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs watch more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
-        made = replace_parameters(self, self.parameters)
-        object.__setattr__(made, "quantities", quantities_from({**dict(self.quantities), **quantities}))
-        return made
+        return _replaced(self, quantities=quantities_from({**dict(self.quantities), **quantities}))
 
     @property
     def continuous(self) -> bool:
@@ -255,6 +252,14 @@ class System:
 def replace_parameters(system: System, parameters: Parameters | None) -> System:
     """A copy of the system with these parameters; with None, its static skeleton."""
     return _replaced(system, parameters=parameters)
+
+
+# Rebuilt without being checked again; what is static is the skeleton.
+jax.tree_util.register_pytree_node(
+    System,
+    lambda system: ((system.parameters,), replace_parameters(system, None)),
+    lambda skeleton, leaves: replace_parameters(skeleton, *leaves),
+)
 
 
 def _replaced(system: System, **values: Any) -> System:
