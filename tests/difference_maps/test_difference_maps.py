@@ -27,9 +27,15 @@ def close(found, expected, size=1.0):
 ALL_MAPS = MAPS | {"pade3": co.Pade(3)}
 UNFIT_PAIRS = {("SLn3", name) for name in ("cayley", "squared", "bent", "pade", "pade3")}
 PAIRS = [(g, m) for g in GROUPS for m in ALL_MAPS if (g, m) not in UNFIT_PAIRS]
+EXPENSIVE = {"SOn4", "SLn3", "Sp2", "SL2_dual", "nested"}
+"""Groups of dimension 5 to 10 without closed forms: one map each by default, the others in the long tests."""
 
 
-@pytest.fixture(params=PAIRS, ids="-".join)
+def _marked(index: int, pair: tuple[str, str]):
+    return pytest.param(pair, marks=[pytest.mark.long] if pair[0] in EXPENSIVE and index % 5 else [])
+
+
+@pytest.fixture(params=[_marked(*numbered) for numbered in enumerate(PAIRS)], ids="-".join)
 def pair(request):
     """(τ, group, ξ, χ, μ) at random, ξ inside the chart."""
     group, tau = GROUPS[request.param[0]], ALL_MAPS[request.param[1]]

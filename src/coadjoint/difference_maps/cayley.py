@@ -169,6 +169,15 @@ def _(group: SemidirectProduct, xi: Array) -> Element:
     return F, 0.5 * (u + group.representation.act(group.group, F, u))
 
 
+@_dtau.register
+def _(group: SemidirectProduct, xi: Array, chi: Array) -> Array:
+    """(η, ½(w + Fw) − ½ η·u) for χ = (χ, w) and η = dτ_ξχ on G."""
+    (turn, u), (along, w), V = group.split(xi), group.split(chi), group.representation
+    eta, F = Cayley().dtau(group.group, turn, along), Cayley().tau(group.group, turn)
+    both = w + V.act(group.group, F, w) - V.infinitesimal(group.group, eta, u)
+    return jnp.concatenate([eta, 0.5 * both])
+
+
 @_dtau_inverse_dual.register
 def _(group: SemidirectProduct, xi: Array, mu: Array) -> Array:
     """((dτ⁻¹_ξ)*μ − ½ γ⋄u, γ) with ½(1 + F*)γ = β; γ = β − ½ L*_ξβ where V is of matrices that F transforms."""
