@@ -66,12 +66,12 @@ class Audit:
 
     @property
     def refusals(self) -> list[str]:
-        """What methods do not take, a line for every method and map."""
-        found: dict[tuple[str, str], dict[str, str]] = {}
+        """What methods do not take, a line for every reason."""
+        found: dict[tuple[str, str], dict[str, None]] = {}
         for cell in self.cells:
             if cell.refusal:
-                found.setdefault((cell.method, cell.map), {})[cell.system] = cell.refusal
-        return [f"{m} over {tau} on {', '.join(why)}: {next(iter(why.values()))}" for (m, tau), why in found.items()]
+                found.setdefault((cell.method, cell.refusal), {})[f"{cell.map} on {cell.system}"] = None
+        return [f"{method} over {', '.join(where)}: {why}" for (method, why), where in found.items()]
 
     @property
     def failures(self) -> list[str]:

@@ -23,7 +23,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 INTERVALS = 20
-EVERY = 10
+EVERY = 20
 """Nodes are looked at after so many steps."""
 
 

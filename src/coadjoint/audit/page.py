@@ -21,6 +21,8 @@ from coadjoint.plotting.style import save
 from coadjoint.report.summary import to_json, versions
 
 PAGE, NUMBERS = "audit.md", "audit.json"
+DOTS = 120
+"""An inch, in the figures: enough for a screen."""
 ORDERS, ENERGY = "audit_orders.png", "audit_energy.png"
 
 
@@ -29,9 +31,9 @@ def write(audit: Audit, folder: Path, command: str) -> list[Path]:
     figures = folder / "figures"
     try:
         figures.mkdir(parents=True, exist_ok=True)
-        made = [save(order_figure(audit), figures / ORDERS)]
+        made = [save(order_figure(audit), figures / ORDERS, DOTS)]
         if any(cell.long_run is not None for cell in audit.cells):
-            made.append(save(energy_figure(audit), figures / ENERGY))
+            made.append(save(energy_figure(audit), figures / ENERGY, DOTS))
         (folder / NUMBERS).write_text(to_json({**summary(audit), "versions": versions()}), encoding="utf-8")
         names = [path.name for path in made]
         (folder / PAGE).write_text(text(audit, command, names), encoding="utf-8")

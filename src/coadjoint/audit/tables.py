@@ -36,7 +36,7 @@ def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
     def of(claim: str) -> list[Finding]:
         return [finding for cell in cells for finding in cell.findings if finding.claim == claim]
 
-    orders = [finding for finding in of("order") if np.isfinite(finding.measured)]
+    orders = [finding.measured for finding in of("order") if finding.claimed == cells[0].order]
     asked = [cell for cell in cells if any(finding.claim == "energy" for finding in cell.findings)]
     long_runs = [cell.long_run for cell in asked if cell.long_run is not None]
     exact = any(finding.claimed == "exact" for finding in of("energy"))
@@ -44,7 +44,7 @@ def _row(method: str, tau: str, cells: Sequence[Cell]) -> tuple[str, ...]:
         method,
         tau,
         str(cells[0].order),
-        _span([found.measured for found in orders]),
+        _span(orders),
         *(_worst([found.measured for found in of(claim)]) for claim in ("symplectic", "symmetric", "momentum")),
         _worst([run.band for run in long_runs]),
         "exact" if exact else _worst([run.drift for run in long_runs], "{:.2f}"),

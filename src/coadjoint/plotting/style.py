@@ -109,8 +109,11 @@ def time_axis(column: Iterable[Axes], times: Sequence[np.ndarray]) -> None:
     column[-1].set_xlabel("time $t$ (s)")
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure, whole or not at all, in the format of the name's ending; raises ArgumentError, FileError."""
+def save(figure: Figure, path: str | os.PathLike[str], dpi: int | None = None) -> Path:
+    """Write a figure, whole or not at all, in the format of the name's ending; raises ArgumentError, FileError.
+
+    `dpi`: dots an inch of a picture, by default those of print.
+    """
     target = Path(path)
     ending = target.suffix.lstrip(".").lower()
     known = figure.canvas.get_supported_filetypes()
@@ -119,5 +122,5 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
             f"A figure's file must end in {', '.join('.' + name for name in sorted(known))}, but is {target.name}."
         )
     with whole_file(target) as temporary, style():
-        figure.savefig(temporary, format=ending)
+        figure.savefig(temporary, format=ending, dpi=dpi or "figure")
     return target
