@@ -26,8 +26,8 @@ FINEST = 1024
 SLOW = 5
 """From this order on, steps are divided by √2."""
 
-FITTED = {2.0: 4, 2**0.5: 5}
-"""How many errors are fitted: over a factor 8 in h with halvings, 4 with √2."""
+FITTED = {2.0: 4, 2**0.5: 4}
+"""How many errors are fitted: over a factor 8 in h with halvings, 2.8 with √2."""
 
 
 class Convergence(NamedTuple):
