@@ -90,7 +90,7 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
         return findings
 
     measurements: list[tuple[Claim, bool, object]] = [
-        ("order", True, order),
+        ("order", claims.order <= 8 or (problem.wide and tau == "Cayley"), order),
         ("symmetric", claims.symmetric, symmetric),
         ("symplectic", claims.symplectic and problem.conservative, symplectic),
         ("energy", problem.conservative, kept),

@@ -2,9 +2,9 @@
 
     e(h) = C hᵖ (1 + O(h)) + round-off,      p = slope of log e over log h.
 
-Steps are halved, or for orders from 5 on divided by √2, because halving would meet round-off at once. Left out are the
-fine end, where round-off has a share in e, and the coarse end, where O(h) is not small: of the errors that are clear
-of round-off, the finest few are fitted. Nothing in that choice knows the order that is claimed.
+Steps are halved, for order 6 divided by √2 and from 7 on by its root, because halving would meet round-off at once.
+Left out are the fine end, where round-off has a share in e, and the coarse end, where O(h) is not small: of the errors
+that are clear of round-off, the finest few are fitted. Nothing in that choice knows the order that is claimed.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ CLEAR = 50.0
 FINEST = 1024
 """The most steps a run has."""
 
-SLOW = 5
-"""From this order on, steps are divided by √2."""
+RATIOS = ((5, 2.0), (7, 2**0.5), (99, 2**0.25))
+"""Orders under the first number are measured with steps that are divided by the second."""
 
-FITTED = {2.0: 4, 2**0.5: 4}
-"""How many errors are fitted: over a factor 8 in h with halvings, 2.8 with √2."""
+FITTED = 4
+"""How many errors are fitted."""
 
 
 class Convergence(NamedTuple):
@@ -41,7 +41,7 @@ class Convergence(NamedTuple):
 
 def convergence(stepper: Stepper, problem: Problem) -> Convergence:
     """The errors at the end of `problem.duration` over refined steps, and their slope."""
-    ratio = 2.0 if stepper.method.order < SLOW else 2**0.5
+    ratio = next(ratio for below, ratio in RATIOS if stepper.method.order < below)
     steps, rows, below = 4.0, [], 0
     while round(steps) <= FINEST and below < 2:
         h = problem.duration / round(steps)
@@ -51,7 +51,7 @@ def convergence(stepper: Stepper, problem: Problem) -> Convergence:
         below += bool(error <= floor)
         steps *= ratio
     h, error, clear = (np.array(column) for column in zip(*rows, strict=True))
-    return fit(h, error, clear & np.isfinite(error), FITTED[ratio])
+    return fit(h, error, clear & np.isfinite(error), FITTED)
 
 
 def fit(h: np.ndarray, error: np.ndarray, usable: np.ndarray, count: int) -> Convergence:

@@ -90,8 +90,10 @@ that is claimed, and the least and greatest that were measured; then the worst o
   itself is within {wandering:.1e} times the square root of the number of stages. `EnergyMomentum` with one point claims
   that where ℋ is quadratic, and nothing on other systems.
 
-Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, or divided
-by √2 for orders from 5 on. Errors that round-off reaches are left out; of the others the finest few are fitted.
+Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, for order 6
+divided by √2 and from 7 on by its root. Errors that round-off reaches are left out; of the others the finest four are
+fitted. An order over 8 is asked for with the Cayley map on four systems: elsewhere it has no room to show between
+coarse steps and round-off.
 
 {table}
 
