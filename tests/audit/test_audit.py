@@ -144,8 +144,9 @@ def test_the_slope_leaves_out_round_off_and_coarse_steps(p):
 def test_drift_of_errors_that_stay_that_wander_and_that_grow():
     t = np.arange(1, 10_001) / 10_000
     wave = np.abs(np.sin(9_000 * t))
-    assert abs(drift(wave)) < 0.02
-    assert drift(np.sqrt(t) * wave) == pytest.approx(1.2, abs=0.1)
+    assert drift(wave) < 0.02
+    assert drift(wave * (1.5 + np.sin(17 * t))) < 0.2, "a slow exchange is no drift"
+    assert 1 < drift(np.sqrt(t) * wave) < 1.3
     assert drift(t * wave) == pytest.approx(2, abs=0.1)
 
 

@@ -26,7 +26,7 @@ SYMPLECTIC_WITHIN = 1e-11
 REVERSIBLE_WITHIN = 1e-11
 """Of the size of the state, after ten steps and back."""
 DRIFT_WITHIN = 0.5
-"""Of the mean error; an error that grows as the square root of time is at 1.2, one in proportion to time at 2."""
+"""Of the mean error; an error that grows as the square root of time is above 1, one in proportion to time at 2."""
 ROUND_OFF = float(np.finfo(float).eps)
 """What rounding adds to a momentum at each stage at worst, when all errors have one sign."""
 WANDERING = 10 * ROUND_OFF
@@ -83,14 +83,14 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
         if claims.momentum and np.isfinite(found.momentum_error):
             findings.append(Finding("momentum", "exact", found.momentum_error, ROUND_OFF * stages))
         if claims.energy == "bounded":
-            drift = found.drift if found.band > round_off else 0.0
+            drift = found.drift if found.band > ROUND_OFF * stages else 0.0
             findings.append(Finding("energy", "bounded", max(drift, 0.0), DRIFT_WITHIN))
         elif claims.energy != "quadratic" or problem.quadratic:
             findings.append(Finding("energy", "exact", found.band, round_off))
         return findings
 
     measurements: list[tuple[Claim, bool, object]] = [
-        ("order", claims.order <= 8 or (problem.wide and tau == "Cayley"), order),
+        ("order", claims.order <= (problem.highest if tau == "Cayley" else min(problem.highest, 8)), order),
         ("symmetric", claims.symmetric, symmetric),
         ("symplectic", claims.symplectic and problem.conservative, symplectic),
         ("energy", problem.conservative, kept),

@@ -85,15 +85,15 @@ that is claimed, and the least and greatest that were measured; then the worst o
 - *momentum*: the largest change of ⟨c₀, Ad*_g⁻¹ m⟩ over the long run, for every c₀ that leaves the advected parameters
   alone, relative to |μ| + |π||n|; within {round_off:.1e} for each stage of each step.
 - *energy band*: the largest |E − E₀| of the long run, relative to the size of the energy's terms. *drift*: what a line
-  through the means of |E − E₀| over twenty intervals gains, relative to their mean; at most {drift:g}. An error in
-  proportion to time is at 2, one that grows as its square root at 1.2. Where a method claims its energy exact, the band
-  itself is within {wandering:.1e} times the square root of the number of stages. `EnergyMomentum` with one point claims
-  that where ℋ is quadratic, and nothing on other systems.
+  through the means of |E − E₀| over twenty intervals gains, less three standard errors, relative to their mean; at most
+  {drift:g} where the band is above round-off. An error in proportion to time is at 2, one that grows as its square root
+  above 1. Where a method claims its energy exact, the band itself is within {wandering:.1e} times the square root of
+  the number of stages. `EnergyMomentum` with one point claims that where ℋ is quadratic, and nothing on other systems.
 
 Orders are slopes of log error over log h by least squares, within {order:g} of the claim. Steps are halved, for order 6
 divided by √2 and from 7 on by its root. Errors that round-off reaches are left out; of the others the finest four are
-fitted. An order over 8 is asked for with the Cayley map on four systems: elsewhere it has no room to show between
-coarse steps and round-off.
+fitted. An order over 8 is asked for with the Cayley map on four systems, and on the curved one none over 4: elsewhere
+it has no room to show between coarse steps and round-off.
 
 {table}
 

@@ -24,8 +24,8 @@ class Problem:
 
     Unless `conservative`, forces act, and order and symmetry alone are measured. `quadratic`: ℋ is quadratic in
     (μ, π, n, a). `of_velocity`: ℓ depends on ξ alone. Every quadrature rule is then its own adjoint,
-    Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher. `wide`: with the
-    Cayley map, an order over 8 has room to show between coarse steps and round-off.
+    Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher. `highest`:
+    the order up to which there is room for one to show between coarse steps and round-off; over 8 with the Cayley map.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Problem:
     conservative: bool = True
     quadratic: bool = False
     of_velocity: bool = False
-    wide: bool = False
+    highest: int = 8
 
     @property
     def system(self) -> System:
@@ -144,12 +144,12 @@ def pendulum_on_body() -> tuple[System, State]:
 PROBLEMS: dict[str, Problem] = {
     problem.name: problem
     for problem in (
-        Problem("heavy top", heavy_top, 2.0, quadratic=True, wide=True),
-        Problem("body in fluid", body_in_fluid, 4.0, quadratic=True, wide=True),
-        Problem("free rigid body", free_rigid_body, 3.0, quadratic=True, of_velocity=True, wide=True),
+        Problem("heavy top", heavy_top, 2.0, quadratic=True, highest=10),
+        Problem("body in fluid", body_in_fluid, 4.0, quadratic=True, highest=10),
+        Problem("free rigid body", free_rigid_body, 3.0, quadratic=True, of_velocity=True, highest=10),
         Problem("rigid motion", rigid_motion, 2.0),
-        Problem("plane motion", plane_motion, 4.0, wide=True),
-        Problem("pendulum on body", pendulum_on_body, 2.0),
+        Problem("plane motion", plane_motion, 4.0, highest=10),
+        Problem("pendulum on body", pendulum_on_body, 2.0, highest=4),
         Problem("driven top", driven_top, 2.0, conservative=False),
     )
 }
