@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from files import TOP, TOP_OF_CATALOGUE, write
 
+import coadjoint
 from coadjoint.cli.main import main
 from coadjoint.plotting.plots import FIGURES
 from coadjoint.simulation.recording import load
@@ -208,3 +209,8 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     command = f"{' '.join([sys.executable, '-m', 'coadjoint.cli.main'])} info top | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, cwd=tmp_path)
     assert done.stderr == ""
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"coadjoint {coadjoint.__version__}\n"

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.errors import CoadjointError, StepError
 
@@ -33,6 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     description = "Variational integrators on Lie groups from a reduced Lagrangian."
     given = sys.argv[1:] if arguments is None else list(arguments)
+    if given == ["--version"]:
+        terminal.line(f"coadjoint {coadjoint.__version__}")
+        return commands.OK
     command = tyro.cli(
         Command,  # pyright: ignore[reportArgumentType]
         prog="coadjoint",
