@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
+from PIL import Image
+
 from coadjoint.audit.audit import (
     DRIFT_WITHIN,
     ORDER_WITHIN,
@@ -31,15 +34,23 @@ def write(audit: Audit, folder: Path, command: str) -> list[Path]:
     figures = folder / "figures"
     try:
         figures.mkdir(parents=True, exist_ok=True)
-        made = [save(order_figure(audit), figures / ORDERS, DOTS)]
+        made = [_drawn(order_figure(audit), figures / ORDERS)]
         if any(cell.long_run is not None for cell in audit.cells):
-            made.append(save(energy_figure(audit), figures / ENERGY, DOTS))
+            made.append(_drawn(energy_figure(audit), figures / ENERGY))
         (folder / NUMBERS).write_text(to_json({**summary(audit), "versions": versions()}), encoding="utf-8")
         names = [path.name for path in made]
         (folder / PAGE).write_text(text(audit, command, names), encoding="utf-8")
     except OSError as error:
         raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
     return [folder / PAGE, folder / NUMBERS, *made]
+
+
+def _drawn(figure: Figure, path: Path) -> Path:
+    """The figure as a small file: 64 colours are enough for lines on white."""
+    save(figure, path, DOTS)
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(64).save(path, optimize=True)
+    return path
 
 
 def text(audit: Audit, command: str, figures: list[str]) -> str:

@@ -172,7 +172,7 @@ class Audit:
     json: bool = False
     """Print the findings as JSON, and nothing else."""
     quick: bool = False
-    """Four systems, the Cayley map and shorter runs: less than a minute."""
+    """Four systems, the Cayley map and shorter runs: one or two minutes."""
     method: tuple[str, ...] = ()
     """Methods to audit, by name, as in `--method Midpoint Suzuki4`; by default all."""
     system: tuple[str, ...] = ()
