@@ -196,8 +196,41 @@ def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
         co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))
 
 
+@pytest.mark.long
 def test_native_code_and_xla_take_the_same_steps():
     system, start = random_group_system("SO3 alone")
     method = co.GroupVariational(co.Cayley(), "velocity")
     runs = [co.simulate(system, start, dt=H, steps=20, method=method, backend=b) for b in ("native", "xla")]
     np.testing.assert_allclose(runs[0].records.g, runs[1].records.g, rtol=0, atol=1e-12)
+
+
+def test_the_last_increment_is_kept_where_a_run_goes_on_or_is_resumed(tmp_path):
+    """F lives in the memory of the state: stored, resumed, and taken up by a run with the same step."""
+    system = moser_veselov(J)
+    start, method = system.state(xi=[0.2, 0.1, 2.4]), co.GroupVariational(co.Exponential(), "velocity")
+    whole = co.simulate(system, start, dt=1.0, steps=40, method=method)
+    first = co.simulate(system, start, dt=1.0, steps=15, method=method)
+    rest = co.simulate(system, first.final, dt=1.0, steps=25, method=method)
+    np.testing.assert_allclose(rest.final.g, whole.final.g, rtol=0, atol=1e-12)
+    co.simulate(system, start, dt=1.0, steps=40, method=method, store=tmp_path / "run")
+    stored = co.resume(tmp_path / "run", system)
+    np.testing.assert_array_equal(stored.dataset.R.values, whole.records.g)
+
+
+@pytest.mark.long
+def test_the_derivative_of_a_run_is_that_of_its_difference_quotient():
+    """By the start's angular velocity, through the chart that is centred at the last increment."""
+    import jax
+    import jax.numpy as jnp
+
+    system, method = moser_veselov(J), co.GroupVariational(co.Exponential(), "velocity")
+
+    def end(speed):
+        start = system.state(xi=jnp.stack([0.3, 0.2, speed]))
+        return co.trajectory(system, start, dt=1.0, steps=10, method=method, backend="native").final.mu[0]
+
+    with co.float64():
+        slope = float(jax.grad(end)(0.9))
+        quotient = float((end(0.9 + 1e-5) - end(0.9 - 1e-5)) / 2e-5)
+    assert abs(slope) > 0.1
+    np.testing.assert_allclose(slope, quotient, rtol=1e-6)

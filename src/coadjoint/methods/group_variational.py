@@ -23,10 +23,11 @@ SINGULAR = 1e-10
 
 
 class LastIncrement(NamedTuple):
-    """The memory of the method: F of the last step, and χ with which it followed the one before, F = F_before τ(χ)."""
+    """The memory of the method: F of the last step, χ with F = F_before τ(χ), and the step h that it was for."""
 
     F: Element
     change: Array
+    h: Array
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,10 @@ class GroupVariational(Variational):
         return begun
 
     def _first(self, system: System, state: State, h: float) -> LastIncrement:
-        """F₀ = τ(hξ₀); the last increment where a run of this method goes on."""
-        if isinstance(state.memory, LastIncrement) and not state.from_velocities:
-            return state.memory
+        """F₀ = τ(hξ₀); the last increment where a run of this method goes on with the same step."""
+        last = state.memory
+        if isinstance(last, LastIncrement) and not state.from_velocities and not traced(last.h, h) and last.h == h:
+            return last
         group, tau = system.group, self.difference_map
 
         def first(xi, h):
@@ -77,7 +79,7 @@ class GroupVariational(Variational):
                 f"The first increment τ(hξ₀) must lie inside the chart of {tau!r}, but leaves it by a factor "
                 f"{float(reach):.3g}: take a smaller dt or ξ₀, or co.Exponential()."
             )
-        return LastIncrement(F, evaluate(jnp.zeros_like, state.xi))
+        return LastIncrement(F, evaluate(jnp.zeros_like, state.xi), evaluate(jnp.asarray, h))
 
     def relative(self, system: System, record: State, h: Array) -> Element:
         return record.memory.F
@@ -90,7 +92,7 @@ class GroupVariational(Variational):
         return state.replace(
             xi=_velocity(system, F, h),
             nu=self.velocity(system, state, h, xi, y),
-            memory=LastIncrement(F, change),
+            memory=LastIncrement(F, change, jnp.asarray(h)),
         )
 
     def chart(self, system: System, record: State, h: Array) -> Array | float:
@@ -109,7 +111,7 @@ class GroupVariational(Variational):
     def advance(self, system: System, record: State, h: Array) -> State:
         after, group = super().advance(system, record, h), system.group
         F = group.project(record.memory.F) if group.constrained else record.memory.F
-        return after.replace(memory=LastIncrement(F, record.memory.change))
+        return after.replace(memory=record.memory._replace(F=F))
 
     def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
         s = record.n + h * record.nu
