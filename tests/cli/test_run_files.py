@@ -81,6 +81,17 @@ def test_methods_are_found_by_their_names(tmp_path, written, title):
     assert method(file.method).title == title
 
 
+def test_substeps_backwards_are_allowed_where_forces_dissipate(tmp_path):
+    changes = ["system.factory=top.py:damped", "method.name=Suzuki4", "run.steps=2", "output.figures=false"]
+    path = write(tmp_path, TOP)
+    with pytest.raises(ArgumentError, match="substeps that go backwards"):
+        execute(read(path, changes), tmp_path / "refused", progress=False)
+    done = execute(read(path, [*changes, "method.negative_substeps=allow"]), tmp_path / "allowed", progress=False)
+    assert done.failure is None
+    with pytest.raises(ArgumentError, match="negative_substeps belongs to a composition, such as Suzuki4"):
+        execute(read(path, ["method.negative_substeps=allow"]), tmp_path / "midpoint", progress=False)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -106,6 +117,7 @@ def test_methods_are_found_by_their_names(tmp_path, written, title):
         ("method.name=Midpiont", "did you mean `Midpoint`?"),
         ("method.map=Kayley", "did you mean `Cayley`?"),
         ("method.start=fast", '"momentum" or "velocity"'),
+        ("method.negative_substeps=yes", '[method] negative_substeps must be "refuse" or "allow", but is \'yes\''),
         ('output.figures=["enrgy"]', "has no figure `enrgy`"),
         ("output.format=jpeg", '"png", "pdf" or "svg"'),
     ],

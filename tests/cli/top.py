@@ -15,6 +15,19 @@ def top(weight=20.0, center=(0, 0, 1)):
     return co.System(co.SO3(), lagrangian, advected=co.Defining(), parameters=parameters, name="top")
 
 
+def damped():
+    """A top in a viscous fluid."""
+    held = top()
+    return co.System(
+        co.SO3(),
+        lagrangian,
+        advected=co.Defining(),
+        parameters=held.parameters,
+        forces=lambda motion, p: co.Force(torque=-0.1 * motion.xi),
+        name="damped top",
+    )
+
+
 def with_start(weight):
     system = top(weight)
     return system, system.state(xi=[0, 0, 50], a0=[0, 0, 1])

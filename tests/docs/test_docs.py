@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import fields
 from pathlib import Path
+from typing import get_args
 
 import matplotlib
 import matplotlib.pyplot
 import pytest
+
+from coadjoint.cli import run_file
+from coadjoint.cli.main import Command
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
@@ -64,3 +69,18 @@ def test_every_dependency_has_its_reason() -> None:
     page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
     missing = [name for name in sorted(names) if f"| [{name}](" not in page and f", [{name}](" not in page]
     assert not missing, f"docs/dependencies.md gives no reason for {missing}."
+
+
+def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() -> None:
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    commands = [metadata.name for kind in get_args(Command) for metadata in kind.__metadata__]
+    keys = [key.name for kind in run_file._SECTIONS.values() for key in fields(kind)]
+    missing = [name for name in commands if f"    coadjoint {name} " not in page]
+    missing += [key for key in keys if f"`{key}`" not in page]
+    assert not missing, f"docs/commands.md says nothing of {missing}."
+
+
+def test_the_index_leads_to_every_page() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    missing = [page.name for page in (ROOT / "docs").glob("*.md") if f"({page.name})" not in index]
+    assert missing == ["index.md"]

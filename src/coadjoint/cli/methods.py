@@ -21,6 +21,7 @@ _OPTIONS = {
     "base": "a method over another, such as Suzuki4",
     "degree": "Galerkin",
     "coefficients": "Composition",
+    "negative_substeps": "a composition, such as Suzuki4",
     "points": "EnergyMomentum",
     "within": "VariableStep",
 }

@@ -29,13 +29,15 @@ class SystemSection:
 
 @dataclass(frozen=True)
 class MethodSection:
-    """How it is integrated: the rule, its difference map, the base of a composition and its coefficients, the degree
-    of Galerkin's polynomials, the points of EnergyMomentum, the bounds of VariableStep, and the start."""
+    """How it is integrated: the rule, its difference map, the base of a composition, its coefficients and whether its
+    substeps may go backwards where forces dissipate, the degree of Galerkin's polynomials, the points of
+    EnergyMomentum, the bounds of VariableStep, and the start."""
 
     name: str = "Midpoint"
     map: str = "Cayley"
     base: str = ""
     coefficients: tuple[float, ...] | None = None
+    negative_substeps: str = ""
     degree: int | None = None
     points: int | None = None
     within: tuple[float, ...] | None = None
@@ -44,6 +46,10 @@ class MethodSection:
     def __post_init__(self):
         if self.start not in ("momentum", "velocity"):
             raise ArgumentError(f'[method] start must be "momentum" or "velocity", but is {self.start!r}.')
+        if self.negative_substeps not in ("", "refuse", "allow"):
+            raise ArgumentError(
+                f'[method] negative_substeps must be "refuse" or "allow", but is {self.negative_substeps!r}.'
+            )
 
 
 @dataclass(frozen=True)
