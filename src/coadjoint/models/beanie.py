@@ -7,21 +7,13 @@ from typing import Any
 import numpy as np
 
 from coadjoint.groups import SO2
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.quantities import number, positive
+from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
-
-UNITS = {
-    "xi": "rad/s",
-    "xi_spatial": "rad/s",
-    "mu": "kg m²/s",
-    "q": "rad",
-    "energy": "J",
-    "discrete_energy": "J",
-    "kelvin_noether": "kg m²/s",
-}
 
 
 def lagrangian(xi, x, v, p):
@@ -42,7 +34,7 @@ def make(*, body: Any, cap: Any, stiffness: Any) -> System:
         cap=positive(cap, "cap"),
         stiffness=number(stiffness, "stiffness", at_least=0.0),
     )
-    return System(SO2(), lagrangian, additional=Trivial(1), parameters=p, name="Elroy's beanie", units=UNITS)
+    return System(SO2(), lagrangian, additional=Trivial(1), parameters=p, name="Elroy's beanie", units=WITH_ANGLES)
 
 
 def start(
@@ -54,6 +46,4 @@ def start(
         number(value, name)
         for value, name in ((angular_velocity, "angular_velocity"), (cap_angle, "cap_angle"), (cap_rate, "cap_rate"))
     )
-    c, s = np.cos(theta), np.sin(theta)
-    turned = np.array([[c, -s], [s, c]])
-    return beanie.state(g=turned, xi=[omega], q=[psi], qdot=[rate])
+    return beanie.state(g=evaluate(SO2().exp, np.array([theta])), xi=[omega], q=[psi], qdot=[rate])

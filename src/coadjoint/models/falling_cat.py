@@ -14,17 +14,8 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
 from coadjoint.models.quantities import number, positive, vector
+from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
-
-UNITS = {
-    "xi": "rad/s",
-    "xi_spatial": "rad/s",
-    "mu": "kg m²/s",
-    "q": "rad",
-    "energy": "J",
-    "discrete_energy": "J",
-    "kelvin_noether": "kg m²/s",
-}
 
 
 def halves(x: Array) -> tuple[Array, Array]:
@@ -66,7 +57,7 @@ def make(*, mass: Any, axial: Any, transverse: Any, reach: Any, stiffness: Any) 
         for value in pair:
             positive(value, name)
     p = Parameters(**values, reach=vector(reach, "reach", 2), stiffness=number(stiffness, "stiffness", at_least=0.0))
-    return System(SO3(), lagrangian, additional=Trivial(2), parameters=p, name="falling cat", units=UNITS)
+    return System(SO3(), lagrangian, additional=Trivial(2), parameters=p, name="falling cat", units=WITH_ANGLES)
 
 
 def start(

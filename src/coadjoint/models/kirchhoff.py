@@ -12,9 +12,10 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import positive_definite, vector
+from coadjoint.models.quantities import positive, positive_definite, vector
 
 UNITS = {
+    "x": "m",
     "energy": "J",
     "discrete_energy": "J",
     "linear_casimir": "kg² m²/s²",
@@ -59,9 +60,7 @@ def body(*, inertia: Any, mass: Any) -> System:
 
     inertia: J with added inertia, (3, 3) or its diagonal, kg m². mass: M with added mass, (3, 3) or its diagonal, kg.
     """
-    p = Parameters(inertia=positive_definite(inertia, "inertia"), mass=positive_definite(mass, "mass"))
-    watched = {"linear_casimir": linear_casimir, "angular_casimir": angular_casimir}
-    return System(SE3(), lagrangian, parameters=p, quantities=watched, name="Kirchhoff body", units=UNITS)
+    return _body("Kirchhoff body", inertia, mass, {})
 
 
 def clebsch(*, inertia: Any, mass: Any) -> System:
@@ -72,15 +71,20 @@ def clebsch(*, inertia: Any, mass: Any) -> System:
     inertia: (J₁, J₂, J₃), kg m², J₁ ≠ J₂. mass: (m₁, m₂), kg; m₃ follows from the condition.
     Raises ArgumentError where that gives no positive m₃. Source: Clebsch (1871).
     """
-    J, (m1, m2) = vector(inertia, "inertia"), vector(mass, "mass", size=2)
+    J, (m1, m2) = vector(inertia, "inertia"), (positive(m, "mass") for m in vector(mass, "mass", size=2))
     if J[0] == J[1]:
         raise ArgumentError("Argument `inertia` must have J₁ ≠ J₂, from which m₃ follows; give the axes another order.")
     inverse = (J[0] / m2 - J[1] / m1 + J[2] * (1 / m1 - 1 / m2)) / (J[0] - J[1])
     if not inverse > 0:
         raise ArgumentError(f"Clebsch's condition must give a mass m₃ > 0, but gives 1/m₃ = {inverse:.6g}.")
-    made = body(inertia=J, mass=np.array([m1, m2, 1 / inverse]))
-    object.__setattr__(made, "name", "Kirchhoff body of Clebsch")
-    return made.watching({"clebsch_integral": clebsch_integral})
+    mass = np.array([m1, m2, 1 / inverse])
+    return _body("Kirchhoff body of Clebsch", J, mass, {"clebsch_integral": clebsch_integral})
+
+
+def _body(name: str, inertia: Any, mass: Any, quantities: dict[str, Any]) -> System:
+    p = Parameters(inertia=positive_definite(inertia, "inertia"), mass=positive_definite(mass, "mass"))
+    watched = {"linear_casimir": linear_casimir, "angular_casimir": angular_casimir, **quantities}
+    return System(SE3(), lagrangian, parameters=p, quantities=watched, name=name, units=UNITS)
 
 
 def start(

@@ -19,6 +19,8 @@ UNITS = {
     "discrete_energy": "J",
     "kelvin_noether": "kg m²/s",
 }
+WITH_ANGLES = {**UNITS, "n": "rad", "nu": "rad/s", "q": "rad", "qdot": "rad/s", "pi": "kg m²/s"}
+"""Those of a body whose shapes are angles."""
 
 
 def lagrangian(xi, p):

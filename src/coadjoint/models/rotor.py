@@ -10,10 +10,10 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
 from coadjoint.models.quantities import direction, number, positive, positive_definite
-from coadjoint.models.rigid_body import UNITS
+from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
 
-_UNITS = {**UNITS, "n": "rad", "nu": "rad/s", "q": "rad", "qdot": "rad/s", "pi": "kg m²/s", "momentum_squared": "J² s²"}
+_UNITS = {**WITH_ANGLES, "momentum_squared": "J² s²"}
 
 
 def lagrangian(xi, n, nu, p):

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups import SE2
+from coadjoint.groups import SE2, SO2
 from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -19,12 +20,18 @@ from coadjoint.spaces import Trivial
 UNITS = {
     "xi": "rad/s, m/s",
     "xi_spatial": "rad/s, m/s",
-    "mu": "kg m/s, kg",
+    "mu": "kg m/s, kg/s",
+    "n": "rad",
+    "nu": "rad/s",
     "q": "rad",
+    "qdot": "rad/s",
+    "pi": "kg m/s",
+    "x": "m",
     "energy": "J/m",
     "discrete_energy": "J/m",
-    "kelvin_noether": "kg m/s, kg",
+    "kelvin_noether": "kg m/s, kg/s",
 }
+"""Three components share an array, the angular one first; momenta and energies are per metre of depth."""
 
 
 def links(x: Array, p: Any) -> tuple[Array, Array]:
@@ -91,9 +98,9 @@ def start(
     bend, bend_rate: the joint angles x (2,), rad, and ẋ, rad/s.
     """
     theta = number(angle, "angle")
-    c, s = np.cos(theta), np.sin(theta)
+    turned = evaluate(SO2().exp, np.array([theta]))
     return swimmer.state(
-        g=(np.array([[c, -s], [s, c]]), vector(position, "position", 2)),
+        g=(turned, vector(position, "position", 2)),
         xi=vector(velocity, "velocity", 3),
         q=vector(bend, "bend", 2),
         qdot=vector(bend_rate, "bend_rate", 2),
