@@ -36,7 +36,7 @@ class Fleet:
         xi = problem.start.xi + 0.1 * random.normal(size=(count, 3))
         qdot = problem.start.qdot + 0.1 * random.normal(size=(count, 3))
         self.start = problem.system.state(q=[0, 0, 1], xi=co.each(xi), qdot=co.each(qdot), a0=[0, 0, 1])
-        members = begin_members(self.system, self.start, PAPER, H, count)
+        members = begin_members(self.system, self.start, PAPER, H, count, False)
         flags = jax.tree.map(lambda axis: axis == 0, members.axes, is_leaf=lambda x: x is None)
         self.states, self.axes = members.states, (Constants(flags, False), True)
         self.program = StepProgram(replace_parameters(problem.system, None), PAPER)
