@@ -44,8 +44,7 @@ _HOMES = {
     "coadjoint.mechanics.discrete_connection": ("DiscreteConnection",),
     "coadjoint.mechanics.damping": ("quadratic_drag", "rayleigh"),
     "coadjoint.mechanics.each": ("each",),
-    "coadjoint.mechanics.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
-    "coadjoint.mechanics.mechanical_connection": ("discrete_mechanical_connection", "mechanical_connection"),
+    "coadjoint.mechanics.mechanical_connection": ("mechanical_connection",),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
     "coadjoint.mechanics.poisson": ("poisson_bracket",),
@@ -93,6 +92,8 @@ _HOMES = {
         "Submanifold",
         "Trivial",
     ),
+    "coadjoint.theory.discrete_mechanical_connection": ("discrete_mechanical_connection",),
+    "coadjoint.theory.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = {"attitude": "coadjoint.groups.attitude", "models": "coadjoint.models", "theory": "coadjoint.theory"}
@@ -116,11 +117,6 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.damping import rayleigh as rayleigh
     from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection
     from coadjoint.mechanics.each import each as each
-    from coadjoint.mechanics.lagrange_poincare import lagrange_poincare as lagrange_poincare
-    from coadjoint.mechanics.lagrange_poincare import lagrange_poincare_residual as lagrange_poincare_residual
-    from coadjoint.mechanics.mechanical_connection import (
-        discrete_mechanical_connection as discrete_mechanical_connection,
-    )
     from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
@@ -138,6 +134,11 @@ if TYPE_CHECKING:
     from coadjoint.simulation.simulate import simulate as simulate
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import *  # noqa: F403
+    from coadjoint.theory.discrete_mechanical_connection import (
+        discrete_mechanical_connection as discrete_mechanical_connection,
+    )
+    from coadjoint.theory.lagrange_poincare import lagrange_poincare as lagrange_poincare
+    from coadjoint.theory.lagrange_poincare import lagrange_poincare_residual as lagrange_poincare_residual
 
 
 def __getattr__(name: str) -> Any:

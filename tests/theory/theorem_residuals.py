@@ -15,10 +15,10 @@ from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.bundle import horizontal_lift, reconstructed, reduced
 from coadjoint.mechanics.discrete import Point, node
-from coadjoint.mechanics.lagrange_poincare import lagrange_poincare_residual
-from coadjoint.mechanics.mechanical_connection import discrete_mechanical_connection
 from coadjoint.mechanics.noether import spatial_momentum
 from coadjoint.mechanics.poisson import vector_field
+from coadjoint.theory.discrete_mechanical_connection import discrete_mechanical_connection
+from coadjoint.theory.lagrange_poincare import lagrange_poincare_residual
 from discrete import random_group_system, random_path
 from systems import GROUPS, MAPS, WORLDS, element, generator, random_system
 

@@ -36,7 +36,7 @@ MISPRINTS = "methods/test_misprints.py::"
 SCHEME = MISPRINTS + "test_left_rule_with_velocity_start_is_the_paper_s_scheme"
 SEMIDIRECT = "groups/test_semidirect_product.py::"
 BUNDLES = "mechanics/test_bundles.py::"
-POINCARE = "mechanics/test_lagrange_poincare.py::"
+POINCARE = "theory/test_lagrange_poincare.py::"
 VEHICLE = "truth/test_paper_run.py::"
 ONE_MOTION = ALGORITHMS + "test_unreduced_reduced_and_reconstructed_algorithms_give_one_motion"
 POISSON = ALGORITHMS + "test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter"
@@ -198,10 +198,10 @@ B = [
          "mechanics.discrete_connection.DiscreteConnection.from_form"),
         (BUNDLES + "test_a_discrete_connection_is_equivariant_and_its_global_form_gives_it_back",), bundle(4)),
     Row("(B32)–(B34)", "reduced variable σ and reduced Lagrangian on a principal bundle",
-        ("mechanics.bundle.reduced", "mechanics.lagrange_poincare.ReducedLagrangian"),
+        ("mechanics.bundle.reduced", "theory.lagrange_poincare.ReducedLagrangian"),
         (BUNDLES + "test_sigma_is_e_exactly_on_horizontal_steps",), bundle(2)),
     Row("[Theorem 6.1](theorems/principal-bundles.md), (B35)–(B36)", "discrete equations on a principal bundle",
-        ("mechanics.lagrange_poincare.lagrange_poincare_residual",),
+        ("theory.lagrange_poincare.lagrange_poincare_residual",),
         (POINCARE + "test_the_first_variation_of_the_action_is_the_residual_on_any_sequence",
          POINCARE + "test_the_residual_vanishes_on_the_motion_and_nowhere_near_it"), bundle(1)),
     Row("(B37)", "algorithm: discrete Euler–Lagrange on the bundle",
@@ -209,13 +209,13 @@ B = [
         (POINCARE + "test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection",),
         partial(m.equation, "B8 g", "B8 q")),
     Row("after (B37)", "algorithm: discrete Euler–Poincaré on the bundle",
-        ("mechanics.lagrange_poincare.lagrange_poincare",),
+        ("theory.lagrange_poincare.lagrange_poincare",),
         (POINCARE + "test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection",), bundle(1)),
     Row("[Theorem 6.2](theorems/principal-bundles.md)", "reduction and reconstruction on the bundle",
         ("mechanics.bundle.reduced", "mechanics.bundle.reconstructed"),
         (BUNDLES + "test_reduction_and_reconstruction_are_inverse",), bundle(0)),
     Row("last Remark", "with 𝒜 = e in the section, the equations of the product",
-        ("mechanics.lagrange_poincare.lagrange_poincare_residual",),
+        ("theory.lagrange_poincare.lagrange_poincare_residual",),
         (POINCARE + "test_with_the_trivial_connection_they_are_the_equations_of_the_core",), bundle(3)),
 ]  # fmt: skip
 

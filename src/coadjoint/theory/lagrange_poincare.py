@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.groups import LieGroup
+from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels import newton
 from coadjoint.kernels.evaluate import evaluate, tabulate
@@ -19,9 +19,11 @@ from coadjoint.kernels.program import Code
 from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
-from coadjoint.mechanics.mechanical_connection import one_stage, positive_step, shape_size
+from coadjoint.mechanics.mechanical_connection import shape_size
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods import Method
+from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
 
 
 class BundleMotion(NamedTuple):
@@ -33,7 +35,7 @@ class BundleMotion(NamedTuple):
     g: Element
 
 
-class Slopes(NamedTuple):
+class Contribution(NamedTuple):
     """What one step contributes to (B35–B36).
 
     group = D^R_σ l ∈ 𝔤*, first = D₁l + (Ad_{F⁻¹}B₁)* D^R_σ l, last = D₃l + (Ad_{F⁻¹}B₂)* D^R_σ l, carried =
@@ -91,14 +93,15 @@ class ReducedLagrangian:
         relative = group.compose(self._turn(state, xi), group.inverse(F))
         return group.vee(group.matrix(relative) - jnp.eye(group.matrix_size))
 
-    def slopes(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Slopes:
+    def slopes(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Contribution:
         """D^R_σ l, and what stands with it in the equation of the shapes, about the ξ of this step."""
         group, omega = self.system.group, self.connection.increment
 
-        def varied(x, chi, x_next):
-            return self.value(state, xi, x, group.compose(nudge(group, chi), sigma), x_next)
+        def value(x, sigma, x_next):
+            return self.value(state, xi, x, sigma, x_next)
 
-        D1, along_sigma, D3 = jax.grad(varied, argnums=(0, 1, 2))(x, jnp.zeros(group.dim), x_next)
+        D1, D3 = jax.grad(value, argnums=(0, 2))(x, sigma, x_next)
+        along_sigma = right_derivative(group, lambda sigma: value(x, sigma, x_next), sigma)
         carried = group.Ad_dual(group.inverse(self.increment(x, sigma, x_next)), along_sigma)
         back = group.inverse(omega(x, x_next))
 
@@ -106,12 +109,7 @@ class ReducedLagrangian:
             return group.vee(group.matrix(group.compose(omega(x, x_next), back)))
 
         B1, B2 = jax.vjp(turned, x, x_next)[1](carried)
-        return Slopes(along_sigma, carried, D1 + B1, D3 + B2)
-
-
-def nudge(group: LieGroup, chi: Array) -> Element:
-    """e + χ: a curve through e with tangent χ, of which only the first derivative at χ = 0 counts."""
-    return jax.tree.map(jnp.add, group.identity(), group.tangent(chi))
+        return Contribution(along_sigma, carried, D1 + B1, D3 + B2)
 
 
 class _Node(NamedTuple):
@@ -123,7 +121,7 @@ class _Node(NamedTuple):
 
 
 def lagrange_poincare(
-    system: System, start: State, *, dt: float, steps: int, method: Any, connection: DiscreteConnection
+    system: System, start: State, *, dt: float, steps: int, method: Method, connection: DiscreteConnection
 ) -> BundleMotion:
     """Solve the discrete Lagrange–Poincaré equations for (σ_k, x_{k+1}) and rebuild g_{k+1} = g_k Ω σ_k⁻¹.
 
@@ -176,7 +174,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
 
 
 def lagrange_poincare_residual(
-    system: System, start: State, *, dt: float, method: Any, connection: DiscreteConnection, g: Any, x: Any
+    system: System, start: State, *, dt: float, method: Method, connection: DiscreteConnection, g: Any, x: Any
 ) -> np.ndarray:
     """Left minus right side of (B35), (B36) at the inner nodes of any motion on M × G, shape (N−1, dim G + m).
 
@@ -198,7 +196,7 @@ def lagrange_poincare_residual(
     return finite(np.concatenate([turning, moving], axis=1), "The reduced Lagrangian")
 
 
-def _reduced_lagrangian(system: System, method: Any, connection: Any, dt: Any) -> ReducedLagrangian:
+def _reduced_lagrangian(system: System, method: Method, connection: Any, dt: Any) -> ReducedLagrangian:
     """l of a rule through a connection; raises ArgumentError for what does not fit."""
     size = shape_size(system)
     if not isinstance(connection, DiscreteConnection):

@@ -13,7 +13,7 @@ import coadjoint as co
 from bundles import SIZE, apart, generator, largest, random_connection, random_motion, random_system
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.bundle import reduced
-from coadjoint.mechanics.lagrange_poincare import ReducedLagrangian
+from coadjoint.theory.lagrange_poincare import ReducedLagrangian
 from stepping import Stepper
 from systems import GROUPS, RULES
 

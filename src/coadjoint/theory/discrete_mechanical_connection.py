@@ -1,0 +1,69 @@
+"""The discrete mechanical connection of a rule: horizontal steps have momentum zero."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels import newton
+from coadjoint.kernels.program import Code
+from coadjoint.mechanics.connection import random_shapes
+from coadjoint.mechanics.discrete_connection import DiscreteConnection
+from coadjoint.mechanics.mechanical_connection import timeless
+from coadjoint.mechanics.system import System
+from coadjoint.methods import Method
+from coadjoint.spaces.numbers import float64
+
+
+def discrete_mechanical_connection(system: System, method: Method, dt: float) -> DiscreteConnection:
+    """The discrete mechanical connection of a rule: Ω(x, x⁺) is the F with D^R_FΛ(F, x, x⁺; h) = 0.
+
+    D^R_FΛ = μ_k is the left discrete Legendre transform, so that horizontal steps are those with momentum zero, and
+    a motion of `method`, a rule of one stage, with momentum zero is the horizontal lift of its shapes. Of kinetic
+    energy and a potential of x, Ω does not depend on dt. Where no F is found, Ω is not finite, and what uses it raises.
+    """
+    size, step, h = timeless(system), one_stage(system, method), positive_step(dt)
+    group = system.group
+    at = method.begin(system, system.state(q=random_shapes(size, 1)[0]), h)
+    at = at.replace(mu=np.zeros(group.dim))
+
+    def increment(x, x_next):
+        here, nu = at.replace(n=x), (x_next - x) / h
+
+        def record(xi):
+            return step.record(system, here, h, jnp.concatenate([xi, nu]))
+
+        def momentum(xi):
+            return step.equations(system, record(xi), h)[: group.dim]
+
+        root = newton.solve(momentum, jnp.zeros(group.dim), h, (group.dim,))
+        xi = jnp.where(root.code == Code.CONVERGED, root.unknowns, jnp.nan)
+        return step.relative(system, record(xi), h)
+
+    return DiscreteConnection(group, size, increment)
+
+
+def one_stage(system: System, method: Method) -> Any:
+    """The step of a method that has one Λ(F, x, x⁺; h); raises ArgumentError for others."""
+    if not isinstance(method, Method):
+        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {method!r}.")
+    step = method.stages[0][0]
+    unknowns = system.group.dim, system.additional.dim(system.group)
+    if len(method.stages) != 1 or tuple(step.groups(system)) != unknowns or not method.claims.symplectic:
+        raise ArgumentError(
+            "A bundle needs a variational rule of one stage, such as co.Midpoint() or co.LeftRectangle(), but got "
+            f"{method.title}."
+        )
+    step.require_fit(system)
+    return step
+
+
+def positive_step(dt: Any) -> Any:
+    """h > 0; raises ArgumentError."""
+    h = float64(dt, "Argument `dt`")
+    if np.shape(h) != () or not h > 0:
+        raise ArgumentError(f"Argument `dt` must be a positive number, but is {dt!r}.")
+    return h
