@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 
 import coadjoint as co
-from coadjoint.errors import GroupError
+from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups.matrix_exponential import REACH, exponential, exponential_minus_one
 from coadjoint.kernels.evaluate import evaluate
 from systems import element, generator
@@ -127,3 +127,31 @@ def test_exponential_steps_beyond_its_chart_fail_in_a_sentence():
     co.simulate(body, start, dt=0.4, steps=2, method=co.LeftRectangle(co.Exponential()))
     with pytest.raises(co.ArgumentError, match=r"leave the chart of Exponential\(\) by a factor"):
         co.simulate(body, start, dt=0.8, steps=2, method=co.LeftRectangle(co.Exponential()))
+
+
+def test_a_constraint_that_does_not_fit_its_basis_is_refused():
+    """det exp(ξ) = 1 on traceless matrices alone."""
+    with pytest.raises(GroupError, match="must vanish on the group, but is"):
+        co.MatrixGroup([np.eye(2)], constraint=lambda g: jnp.linalg.det(g) - 1)
+    with pytest.raises(GroupError, match="must be a function g ↦ array"):
+        co.MatrixGroup([np.eye(2)], constraint=3)  # type: ignore[arg-type]
+    with pytest.raises(GroupError, match="it raised AttributeError"):
+        co.MatrixGroup([np.eye(2)], constraint=lambda g: g.nothing)
+
+
+def test_elements_outside_a_group_without_constraint_are_refused():
+    """g − I is a sum of products of basis matrices, and g has an inverse."""
+    moves = [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]]
+    plane = co.MatrixGroup(1e-3 * np.array(moves))  # SE(2) in other units
+    system = co.System(plane, lambda xi: 0.5 * xi @ xi)
+    random = generator("outside")
+    inside = evaluate(plane.exp, 900 * random.normal(size=3))
+    np.testing.assert_array_equal(system.state(g=inside).g, inside)
+    for g in (2 * np.eye(3), inside + np.diag([0, 0, 0.1]), np.eye(3) + 0.1 * np.outer([0, 0, 1], [1, 0, 0])):
+        with pytest.raises(ArgumentError, match="must lie in MatrixGroup"):
+            system.state(g=g)
+    everything = co.MatrixGroup(np.eye(4).reshape(4, 2, 2))
+    general = co.System(everything, lambda xi: 0.5 * xi @ xi)
+    general.state(g=[[1, 2], [3, 4]])
+    with pytest.raises(ArgumentError, match="must lie in MatrixGroup"):
+        general.state(g=[[1, 2], [2, 4]])

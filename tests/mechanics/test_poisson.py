@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 
 import jax
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels import xla
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics import continuous
@@ -201,3 +202,41 @@ def test_without_forces_alone_casimirs_are_kept():
     (casimir,) = co.casimirs(body).values()
     after = Stepper(body, co.Midpoint(co.Cayley())).final(start, 0.1, 3)
     assert float(evaluate(casimir, after)) < 0.9 * float(evaluate(casimir, start))
+
+
+def test_the_bracket_refuses_what_is_no_function_on_the_reduced_space():
+    """It has no derivative along g, so that {g, k} would be zero and {gn, k} too small."""
+    system = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Defining())
+    state = system.state(q=[1, 2, 3], qdot=[0.4, 0.5, 0.6], xi=[0.1, 0.2, 0.3])
+
+    def energy(s):
+        return 0.5 * s.mu @ s.mu + 0.5 * s.pi @ s.pi
+
+    for function, name in (
+        (lambda s: s.g[0, 1], "g"),
+        (lambda s: s.q[0], "g"),
+        (lambda s: s.xi[0], "xi"),
+        (lambda s: s.nu @ s.pi, "nu"),
+    ):
+        for pair in ((function, energy), (energy, function)):
+            with pytest.raises(ArgumentError, match=f"by mu, n, pi and a, but changes with {name}"):
+                co.poisson_bracket(*pair)(state)
+    with pytest.raises(LagrangianError, match="Poisson bracket must return one number"):
+        co.poisson_bracket(lambda s: s.mu, energy)(state)
+    with pytest.raises(LagrangianError, match="Poisson bracket cannot be differentiated"):
+        co.poisson_bracket(lambda s: np.sin(s.mu[0]), energy)(state)
+    with pytest.raises(ArgumentError, match="of two functions of a state"):
+        co.poisson_bracket(3, energy)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="is a function of a state"):
+        co.poisson_bracket(energy, energy)([0, 0, 1])  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="must be a dictionary of names"):
+        system.watching([energy])  # type: ignore[arg-type]
+
+
+def test_casimirs_that_were_not_looked_for_are_announced():
+    """so(6) has invariants of degree 2, 3 and 4; the quartic has too many monomials. so(5) has all of its own."""
+    with pytest.warns(UserWarning, match="of degree 4 and more were not looked for"):
+        assert len(co.casimirs(co.System(co.SOn(6), lambda *_: 0.0))) == 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(co.casimirs(co.System(co.SOn(5), lambda *_: 0.0))) == 2

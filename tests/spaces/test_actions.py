@@ -441,3 +441,23 @@ def test_an_action_that_bends_a_flat_space_is_refused_because_node_forms_do_not_
 def test_a_sphere_needs_orthogonal_matrices():
     with pytest.raises(co.GroupError, match="acts by orthogonal matrices"):
         co.System(co.SE3(), lambda xi, n, nu: 0.5 * nu @ nu, additional=co.Sphere())
+
+
+def test_a_retraction_that_finds_no_point_says_so():
+    """From |x| = 1 along u: x + u − 2λx reaches the sphere where |u| < 1 and never beyond; no point off it is given."""
+    group, space = co.SO3(), co.Submanifold(lambda x: x @ x - 1)
+    x, e = np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0])
+    for size in (0.0, 1e-17, 0.1, 0.5, 0.9):
+        there = x + evaluate(lambda u: space.difference(group, x, u), size * e)
+        np.testing.assert_allclose(there, size * e + np.sqrt(1 - size**2) * x, rtol=0, atol=1e-12)
+    for size in (0.99999, 1.0, 1.2, 3.0):
+        assert np.all(np.isnan(evaluate(lambda u: space.difference(group, x, u), size * e)))
+    system = co.System(group, lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=space)
+    with pytest.raises(co.StepError, match="not finite"):
+        co.simulate(system, system.state(q=[0, 0, 1], qdot=[0, 6, 0], xi=[0.1, 0, 0]), dt=0.2, steps=20)
+
+
+def test_a_sphere_lies_in_a_representation():
+    for inside in (3, co.Sphere()):
+        with pytest.raises(ArgumentError, match="Sphere needs a representation"):
+            co.Sphere(inside)  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements
+from coadjoint.kernels.evaluate import evaluate
 
 
 class MatrixGroup(MatrixElements):
@@ -18,7 +20,7 @@ class MatrixGroup(MatrixElements):
 
     `basis`: dim matrices (N, N), linearly independent and closed under the bracket. `constraint`: a function
     g ↦ array that vanishes on the group (SL: det g − 1); with it the group has `project` and `defect`.
-    Raises GroupError for a basis that is dependent or not closed.
+    Raises GroupError for a basis that is dependent or not closed, and for a constraint that exp(ξ) does not satisfy.
 
         SL2 = MatrixGroup([[[1, 0], [0, -1]], [[0, 1], [0, 0]], [[0, 0], [1, 0]]],
                           constraint=lambda g: jnp.linalg.det(g) - 1)
@@ -40,6 +42,8 @@ class MatrixGroup(MatrixElements):
         self._name = name
         self._key = (matrices.shape, matrices.tobytes(), constraint)
         self._check_algebra()
+        if constraint is not None:
+            self._check_constraint()
 
     def _check_algebra(self) -> None:
         # Every matrix in its own unit: independence and closure do not depend on the scale of a basis.
@@ -58,6 +62,45 @@ class MatrixGroup(MatrixElements):
                 f"The basis of {self._name} must be closed under the bracket, but [e_i, e_j] leaves its span by "
                 f"{np.max(np.abs(outside)):.1e} of |e_i||e_j|; add the missing matrices."
             )
+
+    def _check_constraint(self) -> None:
+        xi = np.random.default_rng(2).normal(size=self.dim)
+        xi *= 0.5 / np.max(np.abs(np.einsum("k,kij->ij", xi, self._basis)))
+        try:
+            off = float(evaluate(lambda xi: self.defect(self.exp(xi)), xi))
+        except Exception as error:
+            raise GroupError(
+                f"Argument `constraint` of {self._name} must be a function g ↦ array written with jax.numpy, but with "
+                f"a matrix ({self.matrix_size}, {self.matrix_size}) it raised {type(error).__name__}: "
+                f"{str(error).splitlines()[0]}"
+            ) from error
+        if not off <= 1e-10:
+            raise GroupError(
+                f"Argument `constraint` of {self._name} must vanish on the group, but is {off:.1e} at the exponential "
+                "of an element of its algebra: another basis or another constraint is meant."
+            )
+
+    @cached_property
+    def _hull(self) -> np.ndarray:
+        """Orthonormal rows that span all products of basis matrices: exp(ξ) − I lies among them."""
+        rows = _orthonormal(self._basis.reshape(self.dim, -1))
+        while True:
+            products = np.einsum("iab,jbc->ijac", rows.reshape(-1, *self._basis.shape[1:]), self._basis)
+            longer = _orthonormal(np.concatenate([rows, products.reshape(-1, rows.shape[1])]))
+            if len(longer) == len(rows):
+                return rows
+            rows = longer
+
+    def outside(self, g: Array) -> Array:
+        """The defect; without a constraint, how far g is from the sums of I and products of basis matrices.
+
+        Infinite where g has no inverse.
+        """
+        if self.constrained:
+            return self.defect(g)
+        rest = jnp.ravel(g - jnp.eye(self.matrix_size))
+        off = jnp.max(jnp.abs(rest - self._hull.T @ (self._hull @ rest)))
+        return jnp.where(jnp.linalg.det(g) == 0, jnp.inf, off)
 
     def __eq__(self, other) -> bool:
         return isinstance(other, MatrixGroup) and self._key == other._key
@@ -95,3 +138,10 @@ class MatrixGroup(MatrixElements):
         rows = jacobian / lengths[:, None]
         step = rows.T @ jnp.linalg.solve(rows @ rows.T + 1e-10 * jnp.eye(len(lengths)), defect / lengths)
         return g - step.reshape(g.shape)
+
+
+def _orthonormal(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal rows that span the given ones, each of which counts in its own unit."""
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, values, found = np.linalg.svd(rows[sizes[:, 0] > 0] / sizes[sizes > 0][:, None], full_matrices=False)
+    return found[values > 1e-10 * values[0]]

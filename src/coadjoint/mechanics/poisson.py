@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.check import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.spaces.space import transpose
 
@@ -33,14 +35,26 @@ def poisson_bracket(f: Function, k: Function) -> Function:
              + ⟨π, k_μ·f_π − f_μ·k_π⟩ − ⟨f_a, k_μ·a⟩ + ⟨k_a, f_μ·a⟩.
 
     f, k: functions of a state that return one number, by its mu, n, pi, a and places.
-    Raises ArgumentError on a curved space of additional dynamics.
+    Raises LagrangianError for what is no such function, ArgumentError for one of g, q or velocities, and on a curved
+    space of additional dynamics.
     """
+    for given in (f, k):
+        if not callable(given):
+            raise ArgumentError(f"A Poisson bracket is that of two functions of a state, but got {given!r}.")
 
     def value(state: State) -> Any:
         slope, rate = _slope(f, state), vector_field(k, state)
         return sum(b @ x for b, x in zip(slope, rate, strict=True))
 
-    return lambda state: evaluate(value, state)
+    def bracket(state: State) -> Any:
+        if not isinstance(state, State):
+            raise ArgumentError(f"A Poisson bracket is a function of a state, system.state(…), but got {state!r}.")
+        for given in (f, k):
+            require_scalar(given, "A function in a Poisson bracket", (state,))
+            _require_phase(given, state)
+        return evaluate(value, state)
+
+    return bracket
 
 
 def vector_field(k: Function, state: State) -> Phase:
@@ -63,6 +77,20 @@ def vector_field(k: Function, state: State) -> Phase:
         pi=transpose(lambda w: Q.lifted(group, xi, n, w), Q.ambient(group), state.pi) - by.n,
         a=-V.infinitesimal(group, xi, a),
     )
+
+
+def _require_phase(f: Function, state: State) -> None:
+    """Raise ArgumentError where f changes with g or the velocities, which the reduced bracket knows nothing of."""
+    if traced(state) or not state.places.additional.flat:
+        return
+    others = {"g": state.g, "xi": state.xi, "nu": state.nu}
+    slopes = evaluate(lambda others: jax.grad(lambda o: f(state.replace(**o)))(others), others)
+    for name, slope in slopes.items():
+        if any(np.any(np.asarray(leaf) != 0) for leaf in jax.tree.leaves(slope)):
+            raise ArgumentError(
+                f"A function in a Poisson bracket must depend on the state by mu, n, pi and a, but changes with "
+                f"{name}: the bracket is that of the reduced space, and energies are functions of momenta there."
+            )
 
 
 def _slope(f: Function, state: State) -> Phase:

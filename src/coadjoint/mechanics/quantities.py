@@ -18,7 +18,12 @@ Quantities = tuple[tuple[str, Callable[..., Any]], ...]
 
 def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None) -> Quantities:
     """Names and functions; raises ArgumentError for what is neither."""
-    found = tuple(dict(given or {}).items())
+    try:
+        found = tuple(dict(given or {}).items())
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(
+            f"Quantities must be a dictionary of names and functions of the state, but are {given!r}."
+        ) from error
     for name, function in found:
         if not (isinstance(name, str) and name.isidentifier()):
             raise ArgumentError(f"A quantity must have a name such as `height`, but is called {name!r}.")

@@ -172,9 +172,10 @@ def checked_element(group: LieGroup, g: Any) -> Any:
 
 
 def _require_inside(group: LieGroup, element: Any) -> None:
-    if float(evaluate(group.outside, element)) <= ON_GROUP:
+    off = float(evaluate(group.outside, element))
+    if off <= ON_GROUP:
         return
-    defect = float(evaluate(group.defect, element))
+    defect = float(evaluate(group.defect, element)) if group.constrained else off
     mirror = defect <= ON_GROUP
     whose = "the determinant of a factor" if isinstance(group, DirectProduct) else "its determinant"
     why = f"{whose} is −1" if mirror else f"its defining equations fail by {defect:.2g}"

@@ -127,7 +127,7 @@ class System:
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs watch more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
-        return _replaced(self, quantities=quantities_from({**dict(self.quantities), **quantities}))
+        return _replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 
     @property
     def continuous(self) -> bool:

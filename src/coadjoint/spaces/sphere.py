@@ -26,6 +26,10 @@ class Sphere(Representation):
     inside: Representation = field(default_factory=Defining)
     flat = False
 
+    def __post_init__(self):
+        if not isinstance(self.inside, Representation) or not self.inside.flat:
+            raise ArgumentError(f"Sphere needs a representation such as co.Defining(), but got {self.inside!r}.")
+
     def ambient(self, group: LieGroup) -> int:
         return self.inside.ambient(group)
 

@@ -22,6 +22,8 @@ ON_SPACE = 1e-9
 """How far a constraint may be from zero by round-off."""
 _NEWTON = 5
 """Newton's steps of a retraction: they start |u|² off and square that, 2e-19 after five from |u| = ½."""
+_SETTLED = 1e-12
+"""What the square of the last of them may be of |x|² + |u|²; the error that it leaves is its square."""
 
 
 @dataclass(frozen=True)
@@ -109,14 +111,15 @@ class Submanifold(Space):
         return self._frame(group, x).T @ b
 
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
-        """ρ(x, u) − x = u − Dc(x)ᵀλ, Newton's method for c(x + u − Dc(x)ᵀλ) = c(x)."""
+        """ρ(x, u) − x = u − Dc(x)ᵀλ, Newton's method for c(x + u − Dc(x)ᵀλ) = c(x); NaN where that has no solution."""
         rows = self.normals(group, x)
-        moved = u
+        moved, last = u, jnp.zeros_like(u)
         for _ in range(_NEWTON):
             there = x + moved
             error = self.equations(group, there) - self.equations(group, x)
-            moved = moved - rows.T @ jnp.linalg.solve(self.normals(group, there) @ rows.T, error)
-        return moved
+            last = rows.T @ jnp.linalg.solve(self.normals(group, there) @ rows.T, error)
+            moved = moved - last
+        return jnp.where(last @ last <= _SETTLED * (x @ x + u @ u), moved, jnp.nan)
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
         rows = self.normals(group, x)
