@@ -73,3 +73,19 @@ def test_what_is_no_force_is_refused_in_one_sentence(forces, words):
 def test_a_force_on_a_system_without_additional_dynamics_is_refused():
     with pytest.raises(co.LagrangianError, match="this system has no additional dynamics"):
         run(lambda motion: co.Force(force=jnp.zeros(3)), additional=None)
+
+
+@pytest.mark.parametrize("torque", [[0, 0, 1], np.array([0, 0, 1])], ids=["list", "array"])
+def test_whole_numbers_are_forces_too(torque):
+    system = body(lambda motion: co.Force(torque=torque))
+    start = system.state(q=[0, 0, 0])
+    found = co.simulate(system, start, dt=0.1, steps=10).final
+    assert found.mu == pytest.approx([0, 0, 1], abs=1e-14)
+
+
+def test_a_force_that_misses_its_inputs_is_named():
+    system = body({"drag": lambda motion: GOOD, "jet": lambda motion: co.Force(torque=motion.inputs.jet)})
+    start = system.state(q=[0, 0, 0])
+    for integrate in (co.simulate, co.trajectory):
+        with pytest.raises(co.LagrangianError, match="The force `jet` reads `jet` of None, and there are no inputs"):
+            integrate(system, start, dt=0.1, steps=1)

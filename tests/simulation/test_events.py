@@ -49,6 +49,8 @@ def test_a_dive_ends_at_its_depth(vehicle, method, backend):
     assert run.relative_change("kelvin_noether") < 1e-12
     before = run.records.q[:-1, 2]
     assert np.all(before < DEPTH)
+    np.testing.assert_allclose(run.dataset.time[:-1], 0.35 * np.arange(run.count - 1), rtol=1e-15)
+    assert float(run.dataset.time[-1]) == run.event
 
 
 def test_the_event_is_located_to_the_order_of_the_method(vehicle):
@@ -85,6 +87,8 @@ def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle
     )
     assert stored.event == plain.event
     assert np.array_equal(stored.dataset["q"].values, plain.dataset["q"].values)
+    assert float(stored.dataset.time[-1]) == float(plain.dataset.time[-1]) == plain.event
+    assert float(co.load(tmp_path / "dive").dataset.time[-1]) == plain.event
     again = co.resume(tmp_path / "dive", system, until=deep)
     assert again.event == plain.event
     with pytest.raises(co.ArgumentError, match="begun with `until`"):
@@ -156,7 +160,7 @@ def test_dense_output_has_the_order_of_the_method(top, method):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
 
 
-@pytest.mark.parametrize("times", [-0.1, [0.1, 5.0], [[0.1]], "soon", np.nan])
+@pytest.mark.parametrize("times", [-0.1, [0.1, 5.0], [[0.1]], [], "soon", np.nan])
 def test_times_outside_the_run_are_refused(top, times):
     system, start = top
     run = co.simulate(system, start, dt=0.01, steps=10, progress=False)

@@ -194,6 +194,10 @@ def test_every_member_takes_the_same_signal():
         (lambda: co.Held([[0.0]], [1]), "k values"),
         (lambda: co.Linear([0, np.nan], [1, 2]), "must be finite"),
         (lambda: co.Signal(3.0), "takes a function of time"),
+        (
+            lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: None)}),
+            "A signal must be a number",
+        ),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=3.0), "must be a function of the motion"),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={}), "is empty"),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": 1.0}), "under 'spin' must be a function"),

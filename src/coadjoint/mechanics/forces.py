@@ -34,7 +34,7 @@ class Forces:
 
     def each(self, places: Places, *arguments: Any) -> list[tuple[Array, Array]]:
         """(T, f) of every function; raises LagrangianError for what is no force."""
-        return [_checked(places, name, function(*arguments)) for name, function in self]
+        return [_checked(places, name, _called(name, function, arguments)) for name, function in self]
 
 
 def forces_from(given: Any, parameters: bool) -> Forces | None:
@@ -54,8 +54,25 @@ def forces_from(given: Any, parameters: bool) -> Forces | None:
     return Forces(tuple(functions), tuple(functions.values()))
 
 
+def _whose(name: str) -> str:
+    return "`forces`" if name == UNNAMED else f"The force `{name}`"
+
+
+def _called(name: str, function: Callable[..., Force], arguments: tuple[Any, ...]) -> Any:
+    """What a force returns; inputs that are not there become a sentence."""
+    try:
+        return function(*arguments)
+    except AttributeError as error:
+        if error.obj is None and arguments[0].inputs is None:
+            raise LagrangianError(
+                f"{_whose(name)} reads `{error.name}` of None, and there are no inputs: if that is one, give `inputs` "
+                "to co.simulate or co.trajectory, or constants to system.state."
+            ) from error
+        raise
+
+
 def _checked(places: Places, name: str, returned: Any) -> tuple[Array, Array]:
-    whose = "`forces`" if name == UNNAMED else f"The force `{name}`"
+    whose = _whose(name)
     if not isinstance(returned, Force):
         raise LagrangianError(
             f"{whose} must return co.Force(torque=…, force=…), but returned {type(returned).__name__}."
@@ -99,7 +116,7 @@ def _array(what: str, value: Any) -> Array:
         raise LagrangianError(f"{what} must be an array of numbers, but is {_shown(value)}.") from error
     if array.dtype.kind not in "fiu" and not jnp.issubdtype(array.dtype, jnp.floating):
         raise LagrangianError(f"{what} must be an array of real numbers, but is one of {array.dtype}.")
-    return array
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def _shown(value: Any) -> str:

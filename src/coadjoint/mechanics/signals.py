@@ -33,7 +33,11 @@ class Signal:
             raise ArgumentError(f"co.Signal takes a function of time, such as jnp.sin, but got {self.function!r}.")
 
     def __call__(self, t: Any) -> Array:
-        return jnp.asarray(self.function(t), dtype=float)
+        value = self.function(t)
+        try:
+            return jnp.asarray(value, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(f"A signal must be a number or an array of numbers, but is {value!r}.") from error
 
 
 class _Table(Signal):

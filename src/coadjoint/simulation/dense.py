@@ -28,7 +28,7 @@ def at_times(plan: Plan, records: State, times: Any) -> State:
     nodes, forward = np.asarray(records.t), 1.0 if plan.h > 0 else -1.0
     slack = 1e-9 * abs(plan.h)
     inside = (forward * (wanted - nodes[0]) >= -slack) & (forward * (wanted - nodes[-1]) <= slack)
-    if wanted.ndim != 1 or not np.all(inside):
+    if wanted.ndim != 1 or not wanted.size or not np.all(inside):
         raise ArgumentError(
             f"Argument `times` must be one time, or a row of times, between {nodes[0]:g} and {nodes[-1]:g} s, the "
             f"first and the last that the run saved, but is {times!r}."

@@ -14,8 +14,12 @@ if TYPE_CHECKING:
 
 
 def times(method: Method, start: State, h: float, steps: np.ndarray, records: State) -> np.ndarray:
-    """The times of records, s."""
-    return np.asarray(records.t) if method.variable else np.ravel(start.t)[0] + h * steps
+    """The times of records, s: whole multiples of h, but for an event, which ends a run between two of them."""
+    t = np.asarray(records.t)
+    if method.variable:
+        return t
+    grid = np.ravel(start.t)[0] + h * steps
+    return grid if t.ndim > 1 else np.where(np.isclose(t, grid, rtol=1e-14, atol=1e-9 * abs(h)), grid, t)
 
 
 def step_sizes(run: Run) -> dict[str, Any]:
