@@ -38,7 +38,12 @@ def motion(name: str, rule: str):
     return jax.tree.map(lambda *rows: np.stack(rows), *((state.g, state.n, state.mu) for state in states))
 
 
-@pytest.mark.parametrize(("name", "rule"), CASES)
+# A step of the reduced algorithm is traced for each case, which takes seconds.
+QUICK = [("SO3", "midpoint"), ("SE2", "trapezoidal"), ("SL2", "right")]
+SOME = [case if case in QUICK else pytest.param(*case, marks=pytest.mark.long) for case in CASES]
+
+
+@pytest.mark.parametrize(("name", "rule"), SOME)
 def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection(name, rule):
     system, start = random_system(name)
     g, x, _ = motion(name, rule)

@@ -151,9 +151,8 @@ def _of_nodes(system: System, records: State, slopes: Slopes) -> list[Residual]:
         return moved, seen, here.a - V.act(group, back, a0), after.n - n, after.a - a
 
     moved, seen, parameter, n, a = evaluate(jax.vmap(places), here, after, link)
-    size_g, size_n, size_a = _largest(evaluate(jax.vmap(group.matrix), records.g)), _largest(records.n), _largest(
-        records.a
-    )  # fmt: skip
+    size_g = _largest(evaluate(jax.vmap(group.matrix), records.g))
+    size_n, size_a = _largest(records.n), _largest(records.a)
     return [
         _row("P38 F", "F_k = g_k⁻¹g_{k+1}", moved, size_g),
         _row("P38 s", "s_k = g_k⁻¹q_{k+1}", seen, size_n),
