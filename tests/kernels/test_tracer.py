@@ -19,7 +19,12 @@ SEED = 5
 _random = np.random.default_rng(SEED)
 A, B = _random.normal(size=(3, 3)), _random.normal(size=3)
 
-UNKNOWN = {"while": "while", "a while for each row": "while", "sorting": "sort", "gradient of a determinant": "scatter-add"}
+UNKNOWN = {
+    "while": "while",
+    "a while for each row": "while",
+    "sorting": "sort",
+    "gradient of a determinant": "scatter-add",
+}
 """Functions that run on numbers but have no expressions, and the primitive to blame."""
 
 

@@ -12,7 +12,7 @@ from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
 from coadjoint.audit.systems import PROBLEMS, QUICK, Problem
 from coadjoint.audit.tables import COLUMNS, rows
 from coadjoint.cli import terminal
-from coadjoint.cli.units import unknown
+from coadjoint.cli.units import letters, unknown
 from coadjoint.errors import ArgumentError
 
 
@@ -21,21 +21,21 @@ def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:
     families: dict[str, list[Shipped]] = {}
     for shipped in SHIPPED:
         for name in {shipped.name, shipped.name.partition("(")[0]}:
-            families.setdefault(_plain(name), []).append(shipped)
+            families.setdefault(letters(name), []).append(shipped)
     for name in names:
-        if _plain(name) not in families:
+        if letters(name) not in families:
             raise ArgumentError(unknown(f"method `{name}`", "The audit", name, [known.name for known in SHIPPED]))
-    wanted = [shipped for name in names for shipped in families[_plain(name)]]
+    wanted = [shipped for name in names for shipped in families[letters(name)]]
     return tuple(shipped for shipped in SHIPPED if not names or shipped in wanted)
 
 
 def chosen_systems(names: Sequence[str], quick: bool) -> tuple[Problem, ...]:
     """The systems of these names; all without any, four with `quick`. Raises ArgumentError."""
-    plain = {_plain(name): problem for name, problem in PROBLEMS.items()}
+    plain = {letters(name): problem for name, problem in PROBLEMS.items()}
     for name in names:
-        if _plain(name) not in plain:
+        if letters(name) not in plain:
             raise ArgumentError(unknown(f"system `{name}`", "The audit", name, list(PROBLEMS)))
-    wanted = [plain[_plain(name)].name for name in names] or (QUICK if quick else list(PROBLEMS))
+    wanted = [plain[letters(name)].name for name in names] or (QUICK if quick else list(PROBLEMS))
     return tuple(problem for name, problem in PROBLEMS.items() if name in wanted)
 
 
@@ -58,7 +58,3 @@ def show(found: Audit, out: Path | None, command: str) -> list[Path]:
     if written:
         terminal.line("Written: " + ", ".join(map(str, written)) + ".")
     return written
-
-
-def _plain(name: str) -> str:
-    return "".join(letter for letter in name.lower() if letter.isalnum())

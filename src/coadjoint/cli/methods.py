@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import coadjoint
 from coadjoint.cli.sections import MethodSection
-from coadjoint.cli.units import unknown
+from coadjoint.cli.units import letters, unknown
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def method_name(written: str) -> str:
 
 def map_name(written: str) -> str:
     """The class name of a difference map, after "squared" for squared maps; raises ArgumentError."""
-    plain = _plain(written)
+    plain = letters(written)
     if plain.startswith("squared"):
         return "squared " + map_name(plain.removeprefix("squared"))
     return _named(written, "coadjoint.difference_maps", "map")
@@ -75,11 +75,7 @@ def _map(name: str) -> DifferenceMap:
 
 def _named(written: str, home: str, what: str) -> str:
     names = [name for name in coadjoint._HOMES[home] if name not in _CONTRACTS]
-    plain = {_plain(name): name for name in names}
-    if _plain(written) not in plain:
+    plain = {letters(name): name for name in names}
+    if letters(written) not in plain:
         raise ArgumentError(unknown(f"{what} `{written}`", "coadjoint", written, names))
-    return plain[_plain(written)]
-
-
-def _plain(name: str) -> str:
-    return "".join(letter for letter in name.lower() if letter.isalnum())
+    return plain[letters(written)]

@@ -76,6 +76,11 @@ def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
     return f"{where} has no {what}: {hint}"
 
 
+def letters(name: str) -> str:
+    """The letters and digits of a name in lower case, by which `left-rectangle` is `LeftRectangle`."""
+    return "".join(letter for letter in name.lower() if letter.isalnum())
+
+
 def _times(what: str, value: Any, factor: float) -> Any:
     if isinstance(value, list):
         return [_times(what, inner, factor) for inner in value]
