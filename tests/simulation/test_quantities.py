@@ -75,3 +75,32 @@ def test_a_quantity_that_is_not_finite_ends_the_run():
     system, start = top(slope=lambda state: jnp.log(2.99 - state.t))
     with pytest.raises(co.StepError):
         co.simulate(system, start, dt=0.01, steps=400)
+
+
+def test_functions_of_a_state_read_named_spaces():
+    """Two vectors seen from the body, and two places: by name in quantities, events, brackets and records."""
+
+    def lagrangian(xi, n, nu, a):
+        return 0.5 * xi @ xi + 0.5 * nu.buoy @ nu.buoy + 0.5 * nu.sinker @ nu.sinker - a.down @ n.sinker
+
+    system = co.System(
+        co.SO3(),
+        lagrangian,
+        additional={"buoy": co.Defining(), "sinker": co.Defining()},
+        advected={"down": co.Defining(), "north": co.Defining()},
+    )
+    places = {"buoy": [1.0, 0, 0], "sinker": [0, 0, 2.0]}
+    rates = {"buoy": [0, 0.1, 0], "sinker": [0.2, 0, 0]}
+    start = system.state(q=places, qdot=rates, xi=[0.3, 0.1, 0.2], a0={"down": [0, 0, 1], "north": [1, 0, 0]})
+    watched = {"tilt": lambda s: s.named.a.down[2], "depth": lambda s: s.named.q.sinker[2]}
+    run = co.simulate(system.watching(watched), start, dt=0.01, steps=50)
+    np.testing.assert_array_equal(run.dataset.tilt, run.dataset.a_down[:, 2])
+    np.testing.assert_allclose(run.dataset.depth, run.dataset.q_sinker[:, 2], rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(run.records.named.n.buoy, run.dataset.n_buoy)
+
+    event = co.simulate(system, start, dt=0.01, steps=200, until=lambda s: s.named.q.sinker[2] - 1.5)
+    assert event.event == pytest.approx(1.0, abs=1e-3)  # ½t² = ½
+    rate = co.poisson_bracket(lambda s: s.named.a.down[0], lambda s: 0.5 * s.mu @ s.mu)(start)
+    assert rate == pytest.approx(-0.1)  # (a × ω)₁ of μ = ω: a₂ω₃ − a₃ω₂
+    with pytest.raises(LagrangianError, match=r"asks an array for `down`.*state\.named\.a\.down"):
+        co.simulate(system.watching({"tilt": lambda s: s.a.down[2]}), start, dt=0.01, steps=3)

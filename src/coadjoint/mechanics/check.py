@@ -122,6 +122,12 @@ def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -
                 f"{what} cannot be differentiated by JAX ({kind}): write it with jax.numpy, without `if` on values, "
                 "float() or NumPy functions of its arguments."
             ) from error
+        if "Tracer has no attribute" in first and any(isinstance(given, State) for given in arguments):
+            name = first.split()[-1]
+            raise LagrangianError(
+                f"{what} asks an array for `{name}`, which it does not have: what a dictionary of spaces has named is "
+                f"read by `state.named`, as in state.named.a.{name}."
+            ) from error
         raise LagrangianError(f"{what} raised {kind}: {first}") from error
 
 

@@ -79,6 +79,28 @@ class State:
         """The velocity q̇ = g·ν in the space frame."""
         return self.each(lambda s: s.places.additional.push(s.places.group, s.g, s.n, s.nu))
 
+    @property
+    def named(self) -> Parts:
+        """n, ν, π, a, q, q̇ as ℓ sees them: `state.named.a.down` where the system has advected=dict(down=…)."""
+
+        def parts(s: State) -> Parts:
+            group, Q, V = s.places
+            n, nu, pi, q, qdot = (Q.view(group, x) for x in (s.n, s.nu, s.pi, s.q, s.qdot))
+            return Parts(n, nu, pi, V.view(group, s.a), q, qdot)
+
+        return self.each(parts)
+
+
+class Parts(NamedTuple):
+    """Points, velocities, momenta and advected parameters by the names that a dictionary of spaces gave them."""
+
+    n: Any
+    nu: Any
+    pi: Any
+    a: Any
+    q: Any
+    qdot: Any
+
 
 class Motion(NamedTuple):
     """What forces and inputs may depend on: body velocities, n, advected parameters, time, inputs, internal state."""
