@@ -11,7 +11,7 @@ import numpy as np
 import coadjoint as co
 from benchmarks import bodies, peers
 from benchmarks.clock import Contender, interleaved
-from benchmarks.precision import Point, repeated
+from benchmarks.precision import Point, by_rk4, repeated
 from benchmarks.problems import NODES, Problem, heavy_top, ready, vehicle
 from coadjoint.kernels.chunk import Chunk
 
@@ -115,7 +115,7 @@ def _top_courses(quick: bool) -> dict[str, Any]:
               for name, scheme, h in (("midpoint", None, 1e-3), ("Suzuki-4 (midpoint)", co.Suzuki4, 5e-3),
                                       ("Kahan–Li-6 (midpoint)", co.KahanLi6, 1e-2),
                                       ("Kahan–Li-8 (midpoint)", co.KahanLi8, 1e-2))]  # fmt: skip
-    points.append(_rk4(problem, 1e-3))
+    points.append(by_rk4(problem, 1e-3))
     points.append(_by("DOP853, 1e-09", 1e-9, _dop853(problem, 1e-9)))
     if peers.version("mujoco"):
         for integrator in ("RK4", "implicit", "Euler"):
@@ -164,7 +164,7 @@ def _points(problem: Problem, quick: bool) -> Iterator[Point]:
         for h in steps[-1:] if quick else steps:
             yield _ours(name, problem, method, h)
     halvings = (5,) if quick else (2, 4, 5, 6, 7, 8)
-    yield from (_rk4(problem, problem.coarse / 2**k) for k in halvings)
+    yield from (by_rk4(problem, problem.coarse / 2**k) for k in halvings)
     tolerances = (1e-9,) if quick else (1e-9, 1e-11, 1e-12, 1e-13)
     for tolerance in tolerances:
         yield _by("DOP853 (scipy, compiled)", tolerance, _dop853(problem, tolerance))
@@ -186,15 +186,6 @@ def _points(problem: Problem, quick: bool) -> Iterator[Point]:
 def _ours(name: str, problem: Problem, method: co.Method, h: float) -> Point:
     every, case = round(problem.duration / h) // NODES, ready(problem, method, h)
     return Point(name, h, lambda: problem.path(case.run(NODES, every)), lambda: case.run(NODES, every))
-
-
-def _rk4(problem: Problem, h: float) -> Point:
-    def solve() -> np.ndarray:
-        y, out = problem.y0.copy(), np.empty((NODES, 18))
-        bodies.rk4(problem.body.numbers, h, y, NODES, round(problem.duration / h) // NODES, out)
-        return np.concatenate([out, y[None]])
-
-    return Point("RK4 (numba)", h, solve, solve)
 
 
 def _by(name: str, setting: float, solve: Callable[[], np.ndarray]) -> Point:

@@ -100,7 +100,7 @@ def _points(problem: Problem, quick: bool) -> Iterator[Point]:
         for k in halvings:
             yield _ours(name, problem, method, problem.coarse / 2**k)
     for k in halvings:
-        yield _rk4(problem, problem.coarse / 2**k)
+        yield by_rk4(problem, problem.coarse / 2**k)
     for tolerance in tolerances:
         yield _adaptive("DOP853 (scipy, NumPy)", tolerance, _by_scipy(problem, tolerance, False))
         yield _adaptive("DOP853 (scipy, compiled)", tolerance, _by_scipy(problem, tolerance, True))
@@ -124,7 +124,9 @@ def _ours(name: str, problem: Problem, method: co.Method, h: float) -> Point:
     return Point(name, h, solve, lambda: case.run(NODES, every))
 
 
-def _rk4(problem: Problem, h: float) -> Point:
+def by_rk4(problem: Problem, h: float) -> Point:
+    """RK4 by hand with steps of h."""
+
     def solve() -> np.ndarray:
         y, out = problem.y0.copy(), np.empty((NODES, 18))
         bodies.rk4(problem.body.numbers, h, y, NODES, round(problem.duration / h) // NODES, out)
