@@ -20,16 +20,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 _HOMES = {
+    "added_mass": ("added_mass_about", "added_mass_in_axes"),
+    "capytaine": ("capytaine_added_mass",),
     "ellipsoids": ("displaced_mass", "ellipsoid", "ellipsoid_added_mass"),
     "general_form": ("general_vehicle", "se3_start", "se3_vehicle"),
     "paper_form": ("start", "vehicle"),
+    "slender_bodies": ("slender_body_added_mass",),
     "tables": ("PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "paper_start", "paper_vehicle"),
+    "wamit": ("wamit_added_mass",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [*_HOME_OF]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
+    from coadjoint.models.underwater.added_mass import added_mass_about as added_mass_about
+    from coadjoint.models.underwater.added_mass import added_mass_in_axes as added_mass_in_axes
+    from coadjoint.models.underwater.capytaine import capytaine_added_mass as capytaine_added_mass
     from coadjoint.models.underwater.ellipsoids import displaced_mass as displaced_mass
     from coadjoint.models.underwater.ellipsoids import ellipsoid as ellipsoid
     from coadjoint.models.underwater.ellipsoids import ellipsoid_added_mass as ellipsoid_added_mass
@@ -38,12 +45,14 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
+    from coadjoint.models.underwater.slender_bodies import slender_body_added_mass as slender_body_added_mass
     from coadjoint.models.underwater.tables import PAPER_DURATION as PAPER_DURATION
     from coadjoint.models.underwater.tables import PAPER_STEP as PAPER_STEP
     from coadjoint.models.underwater.tables import TABLE_1 as TABLE_1
     from coadjoint.models.underwater.tables import TABLE_2 as TABLE_2
     from coadjoint.models.underwater.tables import paper_start as paper_start
     from coadjoint.models.underwater.tables import paper_vehicle as paper_vehicle
+    from coadjoint.models.underwater.wamit import wamit_added_mass as wamit_added_mass
 
 
 def __getattr__(name: str) -> Any:
