@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from scipy.spatial.transform import Rotation
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.models.underwater import (
@@ -78,14 +79,14 @@ def close(found, expected):
 
 
 def test_the_kinetic_energy_is_the_same_about_every_point_and_in_all_axes():
-    """T = ½ v·(mass) v … with v_O′ = v_O + ω × r, and with components in the turned axes."""
+    """v_O′ = v_O + ω × r, and components in axes that are turned about a slanted line."""
     random = np.random.default_rng(7)
     half = random.normal(size=(6, 6))
     M, r = half @ half.T, random.normal(size=3)
     v, omega = random.normal(size=3), random.normal(size=3)
     here, there = np.append(v, omega), np.append(v + np.cross(omega, r), omega)
     assert there @ added_mass_about(M, r) @ there == pytest.approx(here @ M @ here, rel=1e-12)
-    S = np.diag([1.0, -1.0, -1.0])
+    S = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
     turned = np.append(S @ v, S @ omega)
     assert turned @ added_mass_in_axes(M, S) @ turned == pytest.approx(here @ M @ here, rel=1e-12)
 
