@@ -144,7 +144,8 @@ def four_settings() -> None:
         apart = np.maximum(
             np.max(np.abs(other.g - path.g), axis=(1, 2)), np.max(np.abs(other.q - path.q), axis=1) / way
         )
-        axes.semilogy(np.maximum(apart, 1e-17), label=name, lw=1.2)
+        thick = name == "SE(3)"  # the semidirect product lies on it
+        axes.semilogy(np.maximum(apart, 1e-17), label=name, lw=3.0 if thick else 1.2, alpha=0.4 if thick else 1.0)
     axes.set(xlabel="step k", ylabel="distance from SO(3) with ℝ³", ylim=(1e-17, 1e-11))
     axes.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
     save(figure, "four_settings")

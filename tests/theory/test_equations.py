@@ -100,3 +100,8 @@ def test_forces_are_refused():
     run = co.simulate(system, start, dt=H, steps=4)
     with pytest.raises(co.ArgumentError, match="without forces"):
         theory.printed_equations(run)
+
+
+def test_what_is_no_run_is_refused():
+    with pytest.raises(co.ArgumentError, match="must be a run of co.simulate"):
+        printed_equations(3)

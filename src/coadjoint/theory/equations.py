@@ -87,7 +87,9 @@ def printed_equations(
     `noether`: the 𝒦 of (P50)–(P52), by default 𝒦 = c. `unreduced`: L of (P36) for (P37) and (B8), by default that of
     the system. Raises ArgumentError for runs with forces, compositions, or records that are not consecutive.
     """
-    if getattr(run, "plan", None) is not None and run.plan.save_every != 1:
+    if not hasattr(run, "plan"):
+        raise ArgumentError(f"Argument `run` must be a run of co.simulate, but is {run!r}; equations_of takes states.")
+    if run.plan.save_every != 1:
         raise ArgumentError("The equations need consecutive records: run with save_every=1.")
     return equations_of(run.system, run.method, run.records, run.dt, noether, unreduced)
 
