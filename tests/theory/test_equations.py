@@ -103,5 +103,5 @@ def test_forces_are_refused():
 
 
 def test_what_is_no_run_is_refused():
-    with pytest.raises(co.ArgumentError, match="must be a run of co.simulate"):
-        printed_equations(3)
+    with pytest.raises(co.ArgumentError, match=r"must be a run of co\.simulate"):
+        theory.printed_equations(3)
