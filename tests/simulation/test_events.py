@@ -94,7 +94,8 @@ def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle
     with pytest.raises(co.ArgumentError, match="begun with `until`"):
         co.resume(tmp_path / "dive", system)
     plain.save(tmp_path / "dive.nc")
-    assert "ended the run" in str(co.load(tmp_path / "dive.nc"))
+    loaded = co.load(tmp_path / "dive.nc")
+    assert "ended the run" in str(loaded) and loaded.event == plain.event
 
 
 @pytest.mark.parametrize(

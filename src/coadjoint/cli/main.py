@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run() -> None:
-    """The entry of `python -m coadjoint.cli.main`."""
+    """The entry of `python -m coadjoint`."""
     sys.exit(main())
 
 

@@ -64,7 +64,7 @@ class Galerkin(Method, Step):
 
     def __post_init__(self):
         super().__post_init__()
-        if self.degree not in (1, 2, 3, 4):
+        if type(self.degree) is not int or self.degree not in (1, 2, 3, 4):
             raise ArgumentError(
                 f"Argument `degree` must be 1, 2, 3 or 4, for the orders 2, 4, 6 and 8, but is {self.degree!r}."
             )

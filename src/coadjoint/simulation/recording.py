@@ -54,6 +54,12 @@ class SavedRun(Recording):
     def __init__(self, dataset: xarray.Dataset):
         self.__dict__["dataset"] = dataset
 
+    @property
+    def event(self) -> float | None:
+        """When `until` crossed zero and ended the run, s; None where it did not."""
+        found = self.dataset.attrs.get("event")
+        return None if found is None else float(found)
+
     def __str__(self) -> str:
         return str(self.dataset.attrs.get("card", "a run without a certificate"))
 
