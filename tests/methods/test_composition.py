@@ -138,6 +138,11 @@ def test_the_adjoint_of_the_left_rule_given_as_a_discrete_lagrangian_is_the_righ
     (ours,) = Stepper(with_left_rectangle(system), co.AdjointVariational(co.Cayley())).run(start, 0.1, 1)
     (theirs,) = Stepper(system, co.RightRectangle(co.Cayley())).run(start, 0.1, 1)
     assert difference(system, ours.after, theirs.after) < 1e-12
+    values = [
+        evaluate(lambda record, h, step=leap.step, own=own: step.discrete_lagrangian(own, record, h), leap.record, 0.1)
+        for leap, own in ((ours, with_left_rectangle(system)), (theirs, system))
+    ]
+    assert values[0] == pytest.approx(values[1], rel=1e-13)
 
 
 def test_symmetrised_right_rectangle_is_the_left_right_pair():

@@ -280,3 +280,23 @@ def test_an_interrupted_run_goes_on_with_its_energy_and_its_last_step(tmp_path, 
     assert 0 < done[-1] < 3_000 and again.summary()["steps_fixed"] == 0
     for name in ("time", "xi", "mu", "step_size", "discrete_energy"):
         np.testing.assert_array_equal(again.dataset[name], whole.dataset[name])
+
+
+def turned(inertia, backend="auto"):
+    """The momentum after steps at a relative equilibrium, where h is fixed: μ₃ = J₃₃."""
+    body = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ p.inertia @ xi, parameters=co.Parameters(inertia=inertia))
+    start = body.state(xi=[0.0, 0.0, 1.0])
+    return co.trajectory(body, start, dt=0.1, steps=3, method=co.VariableStep(), backend=backend).final.mu[2]
+
+
+def test_native_code_says_that_steps_that_may_fail_have_no_derivative():
+    with co.float64(), pytest.raises(co.ArgumentError, match="no derivative in native code"):
+        jax.grad(lambda inertia: turned(inertia, "native"))(np.diag([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.long
+def test_gradients_go_through_xla():
+    with co.float64():
+        slope = jax.grad(turned)(np.diag([1.0, 2.0, 3.0]))
+    assert slope[2, 2] == pytest.approx(1.0, abs=1e-10)
+    assert np.all(np.isfinite(slope))

@@ -161,6 +161,35 @@ def test_dense_output_has_the_order_of_the_method(top, method):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
 
 
+def test_between_nodes_the_inputs_are_those_that_the_run_held(top):
+    """A feedback −kξ, held over each step: steps taken again from a record hold what the record holds."""
+    body = co.System(
+        co.SO3(), lambda xi, p: 0.5 * xi @ p.inertia @ xi, parameters=co.Parameters(inertia=np.diag([1.0, 2.0, 3.0])),
+        forces=lambda motion, p: co.Force(torque=motion.inputs),
+    )  # fmt: skip
+    start = body.state(xi=[0.3, 1.0, 0.2])
+    every, tenth = (
+        co.simulate(body, start, dt=0.1, steps=20, inputs=lambda m: -2.0 * m.xi, save_every=n, progress=False)
+        for n in (1, 10)
+    )
+    found = tenth.at(every.records.t)
+    for name in ("g", "mu", "xi", "inputs"):
+        np.testing.assert_allclose(getattr(found, name), getattr(every.records, name), rtol=1e-14, atol=1e-15)
+    at_start = np.abs(tenth.at([1.0 + 1e-7]).mu[0] - every.records.mu[10])
+    assert np.max(at_start) < 1e-6, "the motion is continuous at a node"
+
+
+def test_a_time_between_nodes_whose_step_has_no_solution_is_told_in_one_sentence():
+    """Rigid bodies in group form bound the momentum by 1/h: a part of a fast step need not exist."""
+    body = co.System(
+        co.SO3(), group_lagrangian=lambda F, p, h: jnp.trace((F - jnp.eye(3)) @ p.shape) / h,
+        parameters=co.Parameters(shape=np.diag([2.0, 1.0, 0.5])),
+    )  # fmt: skip
+    start, method = body.state(xi=[20.0, 5.0, 0.3]), co.GroupVariational(start="velocity")
+    with pytest.raises(co.StepError, match="take a smaller dt"):
+        co.simulate(body, start, dt=0.1, steps=20, method=method, until=lambda s: s.t - 1.234, progress=False)
+
+
 @pytest.mark.parametrize("times", [-0.1, [0.1, 5.0], [[0.1]], [], "soon", np.nan])
 def test_times_outside_the_run_are_refused(top, times):
     system, start = top

@@ -18,16 +18,16 @@ from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of what changes the energy: the forces, `time` and held `inputs` where ℓ depends on them."""
+    """The names of what changes the energy: the forces, `time` and held `inputs` where ℓ or ℋ depends on them."""
     forces = system.forces.names if system.forces is not None else ()
     time = (TIME,) if system.depends_on_time else ()
     return (*forces, *time, INPUTS) if _held_inputs_enter(system) else (*forces, *time)
 
 
 def _held_inputs_enter(system: System) -> bool:
-    """Whether ℓ takes inputs that change in jumps, from step to step."""
+    """Whether ℓ or ℋ takes inputs that change in jumps, from step to step."""
     jumping = system.inputs is not None and system.inputs.holds
-    return jumping and system.takes("inputs") and system.lagrangian is not None
+    return jumping and system.takes("inputs") and system.continuous
 
 
 def with_ledger(system: System, state: State, asked: bool) -> State:

@@ -28,6 +28,10 @@ class AdjointVariational(Variational):
     def adjoint(self) -> Method:
         return Variational(self.difference_map, self.start)
 
+    def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
+        s = record.n + h * record.nu
+        return self._discrete(system, record, h, record.xi, record.n, s, record.a, t)
+
     def _discrete(self, system: System, record: State, h: Array, xi: Array, n: Array, s: Array, a: Array, t: Array):
         group, Q, V = system.places
         back = group.inverse(self.increment(system, h, xi))
@@ -69,7 +73,7 @@ class AdjointVariational(Variational):
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the right node, then −∂_tΛ*."""
         end = self._end(system, record, h)
         motion = system.motion(end.xi, end.n, end.nu, end.a, end.t, end.inputs, end.internal)
-        value = partial(self._discrete, system, record, h, record.xi, record.n, record.n + h * record.nu, record.a)
+        value = partial(self._value, system, record, h)
         along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), end.xi, end.nu, along_t)
 

@@ -40,6 +40,8 @@ class StepProgram:
     """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
     until: Callable[[State], Any] | None = None
     """A function of a state whose change of sign ends the run."""
+    holding: bool = False
+    """Whether steps take the inputs that the state holds, instead of new ones."""
 
     @property
     def stages(self) -> tuple[StepStage, ...]:
@@ -52,7 +54,7 @@ class StepProgram:
     def prepare(self, parameters: Constants, state: State) -> State:
         """The state with the inputs that are held over the step; a ledger takes up by how much they change ℋ."""
         system = replace_parameters(self.skeleton, parameters.system)
-        if system.inputs is None or not system.inputs.holds:
+        if self.holding or system.inputs is None or not system.inputs.holds:
             return state
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
         held = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion))

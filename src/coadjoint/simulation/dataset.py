@@ -59,7 +59,7 @@ def dataset(run: Run) -> xarray.Dataset:
     made = xarray.Dataset(
         variables(run.system, run.records, run.monitors),
         coords={
-            "time": times(run.method, run.start, run.dt, run.steps_saved, run.records),
+            "time": times(run.plan.program, run.start, run.dt, run.steps_saved, run.records),
             "step": ("time", run.steps_saved),
         },
         attrs=attributes(run),

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, StepError
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels import backend as kernels
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.events import part_of_step, without_event
+from coadjoint.simulation.events import part_of_step, sound, without_event
 from coadjoint.spaces.numbers import float64
+
+SLACK = 1e-9
+"""The part of a step that is round-off of the time."""
 
 
 def at_times(plan: Plan, records: State, times: Any) -> State:
@@ -26,7 +30,7 @@ def at_times(plan: Plan, records: State, times: Any) -> State:
         raise ArgumentError("A method that chooses its own step sizes has no dense output: save every step instead.")
     wanted = np.atleast_1d(float64(times, "Argument `times`"))
     nodes, forward = np.asarray(records.t), 1.0 if plan.h > 0 else -1.0
-    slack = 1e-9 * abs(plan.h)
+    slack = SLACK * abs(plan.h)
     inside = (forward * (wanted - nodes[0]) >= -slack) & (forward * (wanted - nodes[-1]) <= slack)
     if wanted.ndim != 1 or not wanted.size or not np.all(inside):
         raise ArgumentError(
@@ -43,19 +47,24 @@ def _row(records: State, index: int) -> State:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[index], records)
 
 
-def _record(plan: Plan, state: State, time: float) -> State:
-    """The record at a time, from a node before it."""
-    steps = (time - float(state.t)) / plan.h
-    whole = max(int(np.floor(steps + 1e-9)), 0)
+def _record(plan: Plan, record: State, time: float) -> State:
+    """The record at a time, from the record of a node before it."""
+    steps = (time - float(record.t)) / plan.h
+    if steps < SLACK:
+        return record
+    first = min(steps, 1.0) if abs(steps - 1.0) > SLACK else 1.0
+    state = sound(part_of_step(_as_held(plan), record, first)).final
+    whole = max(int(np.floor(steps + SLACK)) - 1, 0)
     if whole:
-        state = _sound(kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, whole, False)).final
-    if (rest := (time - float(state.t)) / plan.h) > 1e-9:
-        state = _sound(part_of_step(plan, state, rest)).final
-    opened = _sound(part_of_step(plan, state, 1.0)).records
-    return _row(opened, 0)
+        state = sound(kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, whole, False)).final
+    if (rest := (time - float(state.t)) / plan.h) > SLACK:
+        state = sound(part_of_step(plan, state, rest)).final
+    return _row(sound(part_of_step(plan, state, 1.0)).records, 0)
 
 
-def _sound(chunk: Any) -> Any:
-    if chunk.code:
-        raise StepError("A step to a time between the nodes failed; take a smaller dt.")
-    return chunk
+def _as_held(plan: Plan) -> Plan:
+    """The plan of steps that take the inputs in the state: a record holds those of its step, and its velocities."""
+    inputs = plan.program.skeleton.inputs
+    if inputs is None or not inputs.holds:
+        return plan
+    return replace(plan, program=replace(plan.program, holding=True))

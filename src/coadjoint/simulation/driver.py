@@ -149,7 +149,6 @@ class Driver:
         position.advance(chunk)
         position.event = float(position.state.t)
         self.plan = free
-        self.sink.checkpoint(position)
 
     def _stretch(self, position: Position, speed: float) -> None:
         """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import root_scalar
 
-from coadjoint.errors import LagrangianError
+from coadjoint.errors import LagrangianError, StepError
 from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.evaluate import evaluate, tabulate
@@ -49,23 +49,29 @@ def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = Fal
     )
 
 
+def sound(chunk: Chunk) -> Chunk:
+    """The chunk itself; raises StepError where its step failed."""
+    if chunk.code:
+        what = chunk.code.name.lower().replace("_", " ")
+        raise StepError(f"A step to a time between two nodes failed ({what}): take a smaller dt.")
+    return chunk
+
+
 def crossing(plan: Plan, state: State) -> float:
     """The part of the step from `state` after which `until` is zero: a root in (0, 1] of until(Φ_{θh}(state)).
 
     The dense output of a step is the method's own step of part θ: its momenta are as exact as those of the nodes, it
-    lies on the group, and it is continuous with both.
+    lies on the group, and it is continuous with both. Raises StepError where such a step cannot be solved.
     """
     until, free = plan.program.until, without_event(plan)
     assert until is not None
     value = tabulate(until, state)
-
     start = float(value(state))
 
     def along(fraction: float) -> float:
         if fraction == 0.0:
             return start
-        chunk = part_of_step(free, state, fraction)
-        return float(value(chunk.final)) if not chunk.code else np.nan
+        return float(value(sound(part_of_step(free, state, fraction)).final))
 
     if start * along(1.0) >= 0:
         return 1.0

@@ -1,4 +1,4 @@
-"""The nodes of a run: at whole multiples of dt, or wherever the steps of a variable method have come to."""
+"""The nodes of a run: at whole multiples of dt, or wherever a variable method or an event has led to."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.mechanics.state import State
-from coadjoint.methods.method import Method
+from coadjoint.methods.program import StepProgram
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
 
 
-def times(method: Method, start: State, h: float, steps: np.ndarray, records: State) -> np.ndarray:
-    """The times of records, s: whole multiples of h, but for an event, which ends a run between two of them."""
-    t = np.asarray(records.t)
-    if method.variable:
-        return t
-    grid = np.ravel(start.t)[0] + h * steps
-    return grid if t.ndim > 1 else np.where(np.isclose(t, grid, rtol=1e-14, atol=1e-9 * abs(h)), grid, t)
+def times(program: StepProgram, start: State, h: float, steps: np.ndarray, records: State) -> np.ndarray:
+    """The times of records, s."""
+    if program.method.variable or program.stops:
+        return np.asarray(records.t)
+    return np.ravel(start.t)[0] + h * steps
 
 
 def step_sizes(run: Run) -> dict[str, Any]:

@@ -181,7 +181,7 @@ class Store:
         return self._arrays["time"].chunks[0]
 
     def _grid(self, steps: np.ndarray, records: State) -> Variables:
-        time = times(self.plan.program.method, self.start, self.plan.h, steps, records)
+        time = times(self.plan.program, self.start, self.plan.h, steps, records)
         return {"time": (("time",), time), "step": (("time",), steps.astype(np.int64))}
 
     def _variables(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> Variables:

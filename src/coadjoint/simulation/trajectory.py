@@ -101,9 +101,14 @@ def trajectory(
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:
     """Native code where JAX computes on this processor anyway and the step can be traced.
 
-    Inside a transformation numbers are not known: others of their shapes stand for them.
+    Inside a transformation numbers are not known: others of their shapes stand for them. Steps that may fail have no
+    derivative in native code.
     """
     if backend == "auto" and jax.default_backend() != "cpu":
+        return "xla"
+    if inside and any(stage.tolerant for stage in program.stages):
+        if backend == "native":
+            raise ArgumentError(f'{program.method.title} has no derivative in native code: take backend="xla".')
         return "xla"
     given = (constants, state)
     parameters, begun = jax.tree.map(lambda leaf: np.full(np.shape(leaf), 0.5), given) if inside else given
