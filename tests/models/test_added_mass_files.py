@@ -247,6 +247,8 @@ def over(name, values):
         (dataset(computed()).assign_coords(forward_speed=1.5), "forward speed"),
         (dataset(computed()).isel(omega=[0, 1]), "no infinite frequency .* 1 to 2: add omega=numpy.inf"),
         (dataset(computed()).isel(omega=2, drop=True), "no omega, period"),
+        (dataset(computed()).isel(omega=[0, 2, 2]), "infinite frequency 2 times"),
+        (dataset(computed()).astype(str), "must be real numbers"),
         (dataset(np.nan * computed()), "not finite"),
         (dataset(-computed()), "kinetic energy of water is positive"),
     ],

@@ -67,6 +67,8 @@ def _dataset(source: Path) -> Any:
         raise FileError(
             f"The file {source} holds no added_mass, but {held}: solve radiation problems, not only diffraction."
         )
+    if dataset["added_mass"].dtype.kind not in "fiu":
+        raise FileError(f"The added_mass in {source} must be real numbers, but is {dataset['added_mass'].dtype}.")
     missing = [name for name in DEGREES if name not in dataset["added_mass"].dims]
     if missing:
         raise FileError(f"The added_mass in {source} has no dimension {missing[0]}: it is not a dataset of Capytaine.")
@@ -105,6 +107,8 @@ def _at_infinite_frequency(dataset: Any, source: Path) -> np.ndarray:
             f"The file {source} has no infinite frequency ({measure} = {INFINITE[measure]:g}), but "
             f"{_range(dataset[measure].values)}: add omega=numpy.inf to the cases that Capytaine solves."
         )
+    if len(chosen) > 1:
+        raise FileError(f"The file {source} has infinite frequency {len(chosen)} times: keep one of them.")
     if measure in array.dims:
         array = array.isel({measure: int(chosen[0])})
     several = [str(name) for name in array.dims if name not in DEGREES and array.sizes[name] > 1]
