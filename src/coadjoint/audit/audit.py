@@ -11,7 +11,7 @@ from coadjoint.audit.findings import Audit, Cell, Claim, Finding
 from coadjoint.audit.long_run import LongRun, long_run
 from coadjoint.audit.one_step import irreversibility, symplectic_defect
 from coadjoint.audit.order import Convergence, convergence
-from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
+from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped, audited
 from coadjoint.audit.stepper import Stepper
 from coadjoint.audit.systems import PROBLEMS, Problem
 from coadjoint.difference_maps import DifferenceMap
@@ -43,7 +43,13 @@ def audit(
 ) -> Audit:
     """Measure the claims of `methods` over `maps` on `problems`; `steps` of the long runs."""
     began, cells = time.perf_counter(), []
-    grid = [(shipped, tau, problem) for problem in problems for shipped in methods for tau in maps]
+    grid = [
+        (shipped, tau, problem)
+        for problem in problems
+        for shipped in methods
+        for tau in maps
+        if audited(shipped, tau, problem)
+    ]
     with Progress(len(grid), progress, "audit", "cells") as bar:
         for shipped, tau, problem in grid:
             cells.append(audit_cell(shipped, tau, maps[tau], problem, steps))

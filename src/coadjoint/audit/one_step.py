@@ -10,7 +10,7 @@ before and after are central differences of order 8 in ε. Kept is (mathematics:
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -41,16 +41,13 @@ class Tangent(NamedTuple):
 
 def symplectic_defect(stepper: Stepper, h: float, pairs: int = 3) -> float:
     """|ω after − ω before| of a step relative to the sum of the sizes of their terms, the largest of random pairs."""
-    random = np.random.default_rng(SEED)
     system, state = stepper.system, stepper.begin(h)
-    worst = 0.0
-    for _ in range(pairs):
-        before = [_curve(system, state, random) for _ in range(2)]
-        after = [_stack([stepper.run(one, h, 1).final for one in _rows(curve)]) for curve in before]
-        end = stepper.run(state, h, 1).final
-        (first, size), (last, other) = (_form(system)(s, *c) for s, c in ((state, before), (end, after)))
-        worst = max(worst, abs(float(last - first)) / float(size + other))
-    return worst
+    before = _curves(system, state, 2 * pairs)
+    after = _stack([_stack([stepper.run(one, h, 1).final for one in _rows(curve)]) for curve in _rows(before)])
+    (first, size), (last, other) = (
+        _forms(system, at, curves) for at, curves in ((state, before), (stepper.run(state, h, 1).final, after))
+    )
+    return float(np.max(np.abs(last - first) / (size + other)))
 
 
 def irreversibility(stepper: Stepper, h: float, steps: int = 10) -> float:
@@ -60,25 +57,28 @@ def irreversibility(stepper: Stepper, h: float, steps: int = 10) -> float:
     return distance(stepper.run(there, -h, 1, steps).final, begun)
 
 
-def _curve(system: System, state: State, random: np.random.Generator) -> State:
-    """States along a random curve through `state`, one at each place of the differences."""
+def _curves(system: System, state: State, count: int) -> State:
+    """States along random curves through `state`, (curve, place of the differences, ...)."""
     group, Q, V = system.places
-    eta, mu = random.normal(size=(2, group.dim))
-    y, pi = random.normal(size=(2, Q.dim(group))), random.normal(size=Q.ambient(group))
+    random = np.random.default_rng(SEED)
+    sizes = group.dim, Q.dim(group), group.dim, Q.ambient(group)
+    ways = tuple(random.normal(size=(count, size)) for size in sizes)
 
-    def at(state: State, eps: Array) -> State:
-        g = group.compose(state.g, group.exp(eps * eta))
-        back = group.inverse(group.exp(eps * eta))
-        moved = state.n + Q.difference(group, state.n, Q.tangent(group, state.n, eps * y[0]))
+    def at(state: State, way: tuple[Array, ...], eps: Array) -> State:
+        eta, y, mu, pi = (eps * part for part in way)
+        g = group.compose(state.g, group.exp(eta))
+        back = group.inverse(group.exp(eta))
+        moved = state.n + Q.difference(group, state.n, Q.tangent(group, state.n, y))
         n = Q.act(group, back, moved)
-        b = Q.project(group, n, state.pi + eps * pi)
-        return state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=state.mu + eps * mu, pi=b)
+        b = Q.project(group, n, state.pi + pi)
+        return state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=state.mu + mu, pi=b)
 
-    return evaluate(lambda s: jax.vmap(at, in_axes=(None, 0))(s, _PLACES), state)
+    along = jax.vmap(jax.vmap(at, in_axes=(None, None, 0)), in_axes=(None, 0, None))
+    return evaluate(along, state, ways, _PLACES)
 
 
-def _form(system: System) -> Any:
-    """ω at a state of the tangents of two curves through it, and the sum of the sizes of its terms."""
+def _forms(system: System, state: State, curves: State) -> tuple[Array, Array]:
+    """ω at a state of the tangents of pairs of curves through it, and the sums of the sizes of its terms."""
     group, Q, _ = system.places
 
     def tangent(state: State, curve: State) -> Tangent:
@@ -96,11 +96,12 @@ def _form(system: System) -> Any:
         terms = jnp.stack([*on_group, d2.pi @ d1.w, -d1.pi @ d2.w, state.pi @ turned])
         return jnp.sum(terms), jnp.sum(jnp.abs(terms))
 
-    return lambda *values: evaluate(form, *values)
+    one, other = (jax.tree.map(lambda leaf, i=i: leaf[i::2], curves) for i in range(2))
+    return evaluate(jax.vmap(form, in_axes=(None, 0, 0)), state, one, other)
 
 
 def _rows(states: State) -> list[State]:
-    return [jax.tree.map(lambda leaf, i=i: leaf[i], states) for i in range(len(_PLACES))]
+    return [jax.tree.map(lambda leaf, i=i: leaf[i], states) for i in range(len(states.t))]
 
 
 def _stack(states: list[State]) -> State:

@@ -79,8 +79,12 @@ class UnitQuaternion(LieGroup):
         return jnp.sqrt(xi @ xi)
 
     def project(self, g: Array) -> Array:
-        """½q(3 − |q|²): removes round-off quadratically."""
-        return 0.5 * g * (3 - g @ g)
+        """½q(3 − |q|²) = q − ½q(|q|² − 1): removes round-off quadratically.
+
+        With x = q − 1, |q|² − 1 = 2x₀ + |x|², which near the identity rounds by a share of x, not of 1.
+        """
+        x = g - self.identity()
+        return g - 0.5 * g * (2 * x[0] + x @ x)
 
     def defect(self, g: Array) -> Array:
         return jnp.abs(g @ g - 1)
