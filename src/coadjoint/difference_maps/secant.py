@@ -22,8 +22,8 @@ from coadjoint.groups.small_angle import cubic_ratio
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces import Space
 
-_TERMS = 12
-"""Of the series of sinh(X)/X: exact to round-off within the chart, |X| < π."""
+_TERMS = 20
+"""Of the series of sinh(X)/X: exact to round-off for |X| < 2π, twice what the chart leaves a rotation."""
 
 
 def secant(difference_map: DifferenceMap, group: LieGroup, space: Space, hxi: Array, x: Array, v: Array) -> Array:
