@@ -57,8 +57,16 @@ def chunks(dataset, name):
     return dataset[name].encoding["chunks"]
 
 
-@pytest.mark.parametrize("make", [fleet, stiff])
-@pytest.mark.parametrize("backend", ["native", "xla"])
+PATHS = [
+    pytest.param(fleet, "native", marks=pytest.mark.long),
+    (fleet, "xla"),
+    (stiff, "native"),
+    pytest.param(stiff, "xla", marks=pytest.mark.long),
+]
+"""Each ensemble by one path always, by the other in `long`."""
+
+
+@pytest.mark.parametrize(("make", "backend"), PATHS)
 def test_an_ensemble_on_disk_is_the_one_in_memory_to_the_bit(tmp_path, small_blocks, backend, make):
     system, begun = make()
     whole = co.simulate(system, begun, **RUN, backend=backend)
@@ -102,8 +110,7 @@ def test_an_ensemble_of_members_that_all_fail_streams(tmp_path):
     assert np.isnan(co.load(tmp_path / "run").dataset.xi.values).all()
 
 
-@pytest.mark.parametrize("backend", ["native", "xla"])
-@pytest.mark.parametrize("make", [fleet, stiff])
+@pytest.mark.parametrize(("make", "backend"), PATHS)
 def test_an_interrupted_ensemble_goes_on_to_the_same_bits(
     tmp_path, monkeypatch, small_blocks, every_stretch, backend, make
 ):
@@ -172,7 +179,7 @@ def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypat
     assert len(co.simulate(system, begun, **RUN, store=tmp_path / "run").dataset.time) == 102
 
 
-@pytest.mark.parametrize("grow", ["nodes", "members"])
+@pytest.mark.parametrize("grow", ["nodes", pytest.param("members", marks=pytest.mark.long)])
 def test_memory_stays_flat_while_an_ensemble_streams(tmp_path, grow):
     """Eight times the records, 330 MB of them, in the same memory but for the states of the members."""
     script = f"""

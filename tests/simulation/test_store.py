@@ -110,9 +110,15 @@ def stopped_after(monkeypatch, looks: int) -> None:
     monkeypatch.setattr(Progress, "advance", advance)
 
 
-@pytest.mark.parametrize("backend", ["native", "xla"])
 @pytest.mark.parametrize(
-    "method", [co.Midpoint(co.Cayley()), co.LeftRectangle(co.Exponential(), start="velocity")], ids=lambda m: m.title
+    ("method", "backend"),
+    [
+        (co.Midpoint(co.Cayley()), "native"),
+        (co.Midpoint(co.Cayley()), "xla"),
+        (co.LeftRectangle(co.Exponential(), start="velocity"), "native"),
+        pytest.param(co.LeftRectangle(co.Exponential(), start="velocity"), "xla", marks=pytest.mark.long),
+    ],
+    ids=lambda part: getattr(part, "title", part),
 )
 def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, vehicle, monkeypatch, backend, method):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)

@@ -17,6 +17,7 @@ from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import Motion, State
 from coadjoint.mechanics.system import System, added
 from coadjoint.methods.method import Claims, Method, Step
+from coadjoint.methods.quadrature import gauss
 
 MAX_POINTS = 8
 
@@ -111,8 +112,8 @@ class EnergyMomentum(Method, Step):
 
     def _means(self) -> tuple[np.ndarray, np.ndarray]:
         """Gauss's places in (0, 1) and weights."""
-        x, weights = np.polynomial.legendre.leggauss(self.points)
-        return 0.5 * (1 + x), 0.5 * weights
+        rule = gauss(self.points)
+        return rule.c, rule.b
 
     def remember(self, system: System, state: State) -> State:
         return state if self.points == 1 else state.replace(memory=self._spread(state.xi, state.nu))
