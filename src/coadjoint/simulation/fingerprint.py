@@ -42,7 +42,8 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     if program.stops:
         functions.append((program.stop, (constants, state, state)))
     order = {step: i for i, step in enumerate(different)}
-    stages = [program.substeps, *((order[stage.step], stage.fraction) for stage in program.stages)]
+    told = [(order[stage.step], stage.fraction, stage.groups, stage.tolerant) for stage in program.stages]
+    stages = [program.substeps, *told]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
