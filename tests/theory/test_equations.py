@@ -48,6 +48,20 @@ def test_the_equations_of_both_papers_hold_on_runs_in_group_form(world, more):
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.parametrize("method", [co.Variational(), co.AdjointVariational()], ids=lambda m: type(m).__name__)
+def test_the_equations_of_theorem_6_hold_for_a_discrete_lagrangian_and_for_its_adjoint(method):
+    inertia, center = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 1.5])
+    top = co.System(
+        co.SO3(),
+        discrete_lagrangian=lambda xi, a, h: h * (0.5 * xi @ (inertia * xi) - center @ a),
+        advected=co.Defining(),
+    )
+    start = top.state(xi=[0.3, 0.2, 1.5], a0=[0, 0, 1]).replace(mu=np.array([0.3, 0.4, 4.5]), from_velocities=False)
+    run = co.simulate(top, start, dt=H, steps=STEPS, method=method)
+    found = theory.printed_equations(run)
+    assert found.worst.largest < ROUND_OFF, str(found)
+
+
 def test_a_momentum_that_was_changed_on_the_way_is_seen():
     """Two runs after one another, the second with μ off by a millionth."""
     system, start = random_group_system("SO3 alone")

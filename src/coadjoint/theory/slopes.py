@@ -55,7 +55,7 @@ def slopes_of(system: System, step: Any, h: float, record: State) -> Slopes:
 def _value(system: System, step: Any, record: State, h: float, xi, n, s, a) -> Array:
     """Λ(ξ, n, s, a; h) of a rule: h Σ w ℓ at its nodes; or the user's own."""
     if isinstance(step, Variational):
-        return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs)
+        return step.discrete_lagrangian(system, record.replace(xi=xi, n=n, nu=(s - n) / h, a=a), h)
     group, Q, _ = system.places
     turn = step.turn(system, h, xi)
     nu = (s - n) / h if turn is None else Q.push(group, group.inverse(turn), n, (s - n) / h)
