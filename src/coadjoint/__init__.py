@@ -44,6 +44,7 @@ _HOMES = {
     "coadjoint.mechanics.discrete_connection": ("DiscreteConnection",),
     "coadjoint.mechanics.damping": ("quadratic_drag", "rayleigh"),
     "coadjoint.mechanics.each": ("each",),
+    "coadjoint.mechanics.internal": ("sampled", "sampling"),
     "coadjoint.mechanics.mechanical_connection": ("mechanical_connection",),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
@@ -117,6 +118,8 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.damping import rayleigh as rayleigh
     from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection
     from coadjoint.mechanics.each import each as each
+    from coadjoint.mechanics.internal import sampled as sampled
+    from coadjoint.mechanics.internal import sampling as sampling
     from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters

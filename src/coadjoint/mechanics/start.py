@@ -15,6 +15,7 @@ from coadjoint.kernels.digest import TRACED_OUTSIDE
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian, require_scalar
 from coadjoint.mechanics.each import Each, count_members, member_of, stacked
+from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -44,6 +45,7 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     group, Q, V = system.places
     inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
     arguments = (g, q, qdot, xi, a0, t)
+    internal = starting_values(internal)
     count = count_members(arguments)
     if count is None:
         parameters, axes = member_of(system.parameters, 0), None
@@ -66,7 +68,19 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         a = V.act(group, back, given.a0)
         mu, pi = legendre(system_, given.xi, n, nu, a, given.t, inputs)
         return State(
-            given.t, given.g, n, a, mu, pi, given.xi, nu, inputs, internal, places=system.places, from_velocities=True
+            given.t,
+            given.g,
+            n,
+            a,
+            mu,
+            pi,
+            given.xi,
+            nu,
+            inputs,
+            internal,
+            internal_time=None if internal is None or system.internal is None else given.t,
+            places=system.places,
+            from_velocities=True,
         )
 
     made = body if count is None else jax.vmap(body, in_axes=(0, axes))

@@ -30,7 +30,8 @@ class State:
 
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
-    and noise, `memory` to the method.
+    and noise, `memory` to the method. `internal_time` is up to when the system's rule has advanced `internal`, None
+    where there is no rule.
     `ledger` is what forces have put in since the start (`mechanics.ledger`), None where nobody asks.
     `t_rest` is what rounding has cut off t (Kahan's summation), so that t stays right to the last digit for ever.
     `from_velocities` marks a start given by its velocities: the run that starts there takes μ, π from (ξ, ν) with its
@@ -48,6 +49,7 @@ class State:
     inputs: Any = None
     internal: Any = None
     memory: Any = None
+    internal_time: Any = None
     ledger: Any = None
     t_rest: Array = 0.0
     places: Places = field(metadata={"static": True}, kw_only=True)

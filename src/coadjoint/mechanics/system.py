@@ -38,6 +38,8 @@ class System:
     `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
     `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
     up, and the energy budget of a run has a line for each.
+    `internal`: the rule (motion, h [, p]) → the next internal state, a dictionary like the start's, applied once a step
+    at each node after the first; forces read `motion.internal.name`, held over the step (`mechanics.internal`).
     `quantities`: functions (state) or (state, p) by their names, each a number that runs watch at every step.
     `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
@@ -52,6 +54,7 @@ class System:
     group_lagrangian: Callable[..., Any] | None
     hamiltonian: Callable[..., Any] | None
     quantities: Quantities
+    internal: Callable[..., Any] | None
     name: str
     units: tuple[tuple[str, str], ...]
     inputs: Inputs | None
@@ -70,6 +73,7 @@ class System:
         group_lagrangian: Callable[..., Any] | None = None,
         hamiltonian: Callable[..., Any] | None = None,
         quantities: Mapping[str, Callable[..., Any]] | None = None,
+        internal: Callable[..., Any] | None = None,
         name: str = "",
         units: Mapping[str, str] | None = None,
     ):
@@ -90,6 +94,7 @@ class System:
             "group_lagrangian": group_lagrangian,
             "hamiltonian": hamiltonian,
             "quantities": quantities_from(quantities),
+            "internal": internal,
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "inputs": None,
@@ -247,6 +252,9 @@ class System:
             require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *last])
         if self.group_lagrangian is not None:
             require_signature(self.group_lagrangian, "The discrete Lagrangian in group form", ["F", *last])
+        if self.internal is not None:
+            own = ["motion", "h", *(["p"] if self.parameters is not None else [])]
+            require_signature(self.internal, "The rule `internal`", own)
 
 
 def replace_parameters(system: System, parameters: Parameters | None) -> System:

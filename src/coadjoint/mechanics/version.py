@@ -7,6 +7,7 @@ from typing import Any
 
 from coadjoint.kernels.digest import digest
 from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
@@ -24,6 +25,9 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_force(here.motion(xi, n, nu, a, t, inputs, state.internal))
+            if name == "internal":
+                there = state.replace(xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs)
+                return applied(here, there, t)
             if name == "hamiltonian":
                 return here.reduced_hamiltonian(xi, n, nu, a, t, inputs)
             if name == "lagrangian":
@@ -35,6 +39,6 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
         return function
 
     others = [jaxpr_of(function, state)[0] for function in more]
-    functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces")
+    functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
     given = [name for name in functions if getattr(system, name) is not None]
     return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.internal import advanced
 from coadjoint.mechanics.ledger import entered, with_jump
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -41,7 +42,7 @@ class StepProgram:
     until: Callable[[State], Any] | None = None
     """A function of a state whose change of sign ends the run."""
     holding: bool = False
-    """Whether steps take the inputs that the state holds, instead of new ones."""
+    """Whether steps take the inputs and the internal state that the state holds, instead of new ones."""
 
     @property
     def stages(self) -> tuple[StepStage, ...]:
@@ -52,9 +53,15 @@ class StepProgram:
         return self.method.substeps
 
     def prepare(self, parameters: Constants, state: State) -> State:
-        """The state with the inputs that are held over the step; a ledger takes up by how much they change ℋ."""
+        """The state with the inputs and the internal state that are held over the step.
+
+        A ledger takes up by how much the inputs change ℋ; the rule for the internal state sees the new inputs.
+        """
         system = replace_parameters(self.skeleton, parameters.system)
-        if self.holding or system.inputs is None or not system.inputs.holds:
+        return state if self.holding else advanced(system, self._with_inputs(system, state))
+
+    def _with_inputs(self, system: System, state: State) -> State:
+        if system.inputs is None or not system.inputs.holds:
             return state
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
         held = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion))

@@ -34,7 +34,7 @@ def require_quantities(system: System, state: State) -> None:
     from coadjoint.simulation.dataset import reserved
 
     for name, function in system.quantities:
-        if name in reserved(system) or name.startswith(("work_", "inputs_")):
+        if name in reserved(system) or name.startswith(("work_", "inputs_", "internal_")):
             raise ArgumentError(
                 f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
             )

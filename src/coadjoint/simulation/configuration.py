@@ -98,7 +98,7 @@ def start_from(form: Any, numbers: Mapping[str, np.ndarray], system: System) -> 
     """The start that `start_form` took apart; raises ArgumentError where it could not be written."""
     if form is None:
         raise ArgumentError("The start of this run has parts that its folder does not keep: give `start` again.")
-    grown = {name: _planted(form[name], numbers) for name in _NUMBERS}
+    grown = {name: _planted(form.get(name), numbers) for name in _NUMBERS}
     return State(**grown, **form["fixed"], places=system.places)
 
 

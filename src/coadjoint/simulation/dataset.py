@@ -137,9 +137,9 @@ def variables(
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
     inputs = evaluate(jax.vmap(system.inputs_at), records.t, records.inputs) if system.inputs else records.inputs
-    if inputs is not None:
-        for path, leaf in jax.tree_util.tree_leaves_with_path(inputs):
-            name = "inputs" + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
+    for kind, values in (("inputs", inputs), ("internal", records.internal)):
+        for path, leaf in jax.tree_util.tree_leaves_with_path(values):
+            name = kind + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
             found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
     if rotation is not None:
         found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))

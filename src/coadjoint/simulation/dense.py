@@ -59,7 +59,10 @@ def _record(plan: Plan, record: State, time: float) -> State:
         state = sound(kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, whole, False)).final
     if (rest := (time - float(state.t)) / plan.h) > SLACK:
         state = sound(part_of_step(plan, state, rest)).final
-    return _row(sound(part_of_step(plan, state, 1.0)).records, 0)
+    between = abs(steps - round(steps)) > SLACK
+    # Between nodes an internal state is what the step holds: its rule is not applied there.
+    opening = _holding(plan) if between and plan.program.skeleton.internal is not None else plan
+    return _row(sound(part_of_step(opening, state, 1.0)).records, 0)
 
 
 def _as_held(plan: Plan) -> Plan:
@@ -67,4 +70,8 @@ def _as_held(plan: Plan) -> Plan:
     inputs = plan.program.skeleton.inputs
     if inputs is None or not inputs.holds:
         return plan
+    return _holding(plan)
+
+
+def _holding(plan: Plan) -> Plan:
     return replace(plan, program=replace(plan.program, holding=True))

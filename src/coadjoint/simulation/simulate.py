@@ -16,6 +16,7 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.inputs import Given
+from coadjoint.mechanics.internal import require_internal
 from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
@@ -114,6 +115,7 @@ def prepare(
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
         return _prepare_members(system, start, method, *whole)
     system, start = with_inputs(system, start, inputs)
+    require_internal(system, start, h)
     warnings = system.check(start) + require_forward(system, method, start, h)
     state = with_ledger(system, method.begin(system, start, h), monitors)
     _require_chart(system, method, state, h)
@@ -204,6 +206,7 @@ def _prepare_members(
         raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
     system, start = with_inputs(system, start, inputs)
     one, first = first_member(system, start)
+    require_internal(one, first, h)
     warnings = one.check(first) + require_forward(one, method, first, h)
     members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)

@@ -18,6 +18,7 @@ from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
+from coadjoint.mechanics.internal import require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -75,6 +76,7 @@ def trajectory(
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
     system, start = with_inputs(system, start, inputs)
+    require_internal(system, start, h)
     if not traced(system.parameters, start, h):
         require_forward(system, method, start, h)
     digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []))
