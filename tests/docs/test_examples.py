@@ -91,3 +91,13 @@ def test_a_cat_lands_on_its_feet_without_momentum(run_example):
     assert found["momentum"] < 1e-15
     assert abs(abs(found["turn"][-1]) - 180) < 3
     assert Path("falling_cat.png").stat().st_size > 10_000
+
+
+def test_remus_reaches_the_depth_that_it_is_told(run_example):
+    found = run_example("remus_mission", 60)
+    data = found["data"]
+    assert abs(float(data.q[-1, 2]) - 10.0) < 0.3
+    assert np.max(np.abs(data.internal_stern_planes.values)) <= np.radians(15)
+    assert found["run"].summary()["energy_budget_error_max"] < 1e-5
+    for name in ("remus_mission.png", "remus_energy.png"):
+        assert Path(name).stat().st_size > 10_000

@@ -111,7 +111,10 @@ def test_a_sampled_pid_is_the_same_to_the_bit_under_any_save_every_after_resume_
     same(whole.at([90 * H + 1e-12]).internal, jax.tree.map(lambda leaf: leaf[90:91], whole.records).internal)
     for part in (0.5, 3.5):  # Between nodes the internal state is what the step holds.
         k = 90 + int(part)
-        same(whole.at([(90 + part) * H]).internal, jax.tree.map(lambda leaf, k=k: leaf[k : k + 1], whole.records).internal)
+        same(
+            whole.at([(90 + part) * H]).internal,
+            jax.tree.map(lambda leaf, k=k: leaf[k : k + 1], whole.records).internal,
+        )
     stored = co.simulate(system, start, dt=H, steps=200, store=tmp_path / "run", save_every=10)
     same(co.resume(tmp_path / "run", system).final, stored.final)
     same(stored.final.internal, whole.final.internal)

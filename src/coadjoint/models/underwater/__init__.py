@@ -25,6 +25,7 @@ _HOMES = {
     "ellipsoids": ("displaced_mass", "ellipsoid", "ellipsoid_added_mass"),
     "general_form": ("general_vehicle", "se3_start", "se3_vehicle"),
     "paper_form": ("start", "vehicle"),
+    "remus": ("REMUS_100", "remus_100", "remus_start"),
     "slender_bodies": ("slender_body_added_mass",),
     "tables": ("PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "paper_start", "paper_vehicle"),
     "wamit": ("wamit_added_mass",),
@@ -45,6 +46,9 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
+    from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
+    from coadjoint.models.underwater.remus import remus_100 as remus_100
+    from coadjoint.models.underwater.remus import remus_start as remus_start
     from coadjoint.models.underwater.slender_bodies import slender_body_added_mass as slender_body_added_mass
     from coadjoint.models.underwater.tables import PAPER_DURATION as PAPER_DURATION
     from coadjoint.models.underwater.tables import PAPER_STEP as PAPER_STEP
