@@ -17,7 +17,7 @@ from coadjoint.audit.audit import (
 )
 from coadjoint.audit.figures import energy_figure, order_figure
 from coadjoint.audit.findings import Audit
-from coadjoint.audit.systems import PROBLEMS
+from coadjoint.audit.systems import PROBLEMS, QUICK
 from coadjoint.audit.tables import COLUMNS, by_system, markdown, rows, summary
 from coadjoint.errors import FileError
 from coadjoint.plotting.style import save
@@ -66,7 +66,7 @@ def text(audit: Audit, command: str, figures: list[str]) -> str:
     refused = "\n".join(f"- {sentence}" for sentence in audit.refusals)
     refused = f"What methods refuse, and were not asked about:\n\n{refused}\n\n" if refused else ""
     return _PAGE.format(
-        refused=refused,
+        refused=refused, quick=", ".join(QUICK),
         command=command, verdict=verdict, table=markdown(COLUMNS, rows(audit)), systems=described,
         orders=markdown(*by_system(audit)), order=ORDER_WITHIN, symplectic=SYMPLECTIC_WITHIN,
         reversible=REVERSIBLE_WITHIN, drift=DRIFT_WITHIN, round_off=ROUND_OFF, wandering=WANDERING, figures=shown,
@@ -87,9 +87,9 @@ _PAGE = """# Audit: what the methods claim, and what was measured
 Written by `{command}`; do not edit it by hand. {verdict}
 
 Every method is run on every system over the difference maps of the table, by the code that `co.simulate` runs. `Pade`
-and `SecondKind` are run on the systems of a quick audit, with the methods up to order 2, of which the others are made.
-On SE(3) Galerkin's of order 8, and over the exponential its others, are left out: their steps are too large for native
-code, and were not measured. Columns: the order
+and `SecondKind` are run on four systems only ({quick}), with the methods
+up to order 2, of which the others are made. On SE(3) Galerkin's of order 8, and over the exponential its others, are
+left out: their steps are too large for native code, and were not measured. Columns: the order
 that is claimed, and the least and greatest that were measured; then the worst over the systems of
 
 - *symplectic*: the change of the two-form ω(δ₁, δ₂) over one step, relative to the sizes of its terms; within
