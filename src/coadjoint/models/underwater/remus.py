@@ -83,6 +83,22 @@ Gains, period and delay are this library's own."""
 _PARAMETERS = {**REMUS_100, "inertia": np.diag(INERTIA), "added_mass": np.diag(ADDED_MASS)}
 
 
+_ACTUATORS = {"rudder": "rad", "stern_planes": "rad", "revolutions": "1/s"}
+_INTEGRALS = {"depth": "m s", "heading": "rad s", "speed": "m"}
+_UNITS = {
+    **UNITS,
+    "a_current": "m/s",
+    **{f"inputs_{name}": unit for name, unit in {"depth": "m", "heading": "rad", "speed": "m/s"}.items()},
+    **{f"internal_{name}": unit for name, unit in _ACTUATORS.items()},
+    **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
+    **{
+        f"internal_pilot_{when}_{name}": unit
+        for when in ("value", "pending")
+        for name, unit in {**_ACTUATORS, **_INTEGRALS}.items()
+    },
+}
+
+
 def lagrangian(xi, n, nu, a, p):
     """ℓ(ω, n, ν, a) = ½[ν_r; ω]ᵀ(M_RB + M_A)[ν_r; ω] + (mg − B) n·d + (mg r_g − B r_b)·d, ν_r = ν − c.
 
@@ -149,7 +165,7 @@ def remus_100(*, automatic: bool = True) -> System:
         },
         internal=autopilot if automatic else None,
         name="REMUS 100",
-        units={**UNITS, "a_current": "m/s", "internal_rudder": "rad", "internal_stern_planes": "rad"},
+        units=_UNITS,
     )
 
 
