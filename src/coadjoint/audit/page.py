@@ -46,10 +46,10 @@ def write(audit: Audit, folder: Path, command: str) -> list[Path]:
 
 
 def _drawn(figure: Figure, path: Path) -> Path:
-    """The figure as a small file: 64 colours are enough for lines on white."""
+    """The figure as a small file: 200 colours are enough for lines on white."""
     save(figure, path, DOTS)
     with Image.open(path) as picture:
-        picture.convert("RGB").quantize(64).save(path, optimize=True)
+        picture.convert("RGB").quantize(200).save(path, optimize=True)
     return path
 
 
