@@ -209,14 +209,19 @@ MIRROR = np.diag([1.0, -1.0])
 )
 def test_a_reflection_is_no_group_element(group, g):
     body = co.System(group, lambda xi: 0.5 * xi @ xi)
-    assert "determinant is −1" in sentence_of(lambda: body.state(g=g)).replace("determinant of a factor", "determinant")
+    assert "determinant is −1" in sentence_of(lambda: body.state(g=g))
 
 
 def test_the_factor_of_a_product_that_knows_its_equations_is_held_to_them():
     group = co.DirectProduct(co.SO3(), SHEAR)
     body = co.System(group, lambda xi: 0.5 * xi @ xi)
-    assert "its defining equations fail by 3" in sentence_of(lambda: body.state(g=(2 * np.eye(3), np.eye(2))))
-    run = co.simulate(body, body.state(g=(np.eye(3), 2 * np.eye(2)), xi=[1, 2, 3, 4]), dt=0.01, steps=3)
+    assert "in its factor SO3() the defining equations fail by 3" in sentence_of(
+        lambda: body.state(g=(2 * np.eye(3), np.eye(2)))
+    )
+    assert f"in its factor {SHEAR!r} the defining equations fail" in sentence_of(
+        lambda: body.state(g=(np.eye(3), 2 * np.eye(2)))
+    )
+    run = co.simulate(body, body.state(g=(np.eye(3), [[1, 2], [0, 1]]), xi=[1, 2, 3, 4]), dt=0.01, steps=3)
     assert np.max(run.dataset.group_defect) < 1e-14
 
 

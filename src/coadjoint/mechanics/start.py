@@ -186,14 +186,16 @@ def checked_element(group: LieGroup, g: Any) -> Any:
 
 
 def _require_inside(group: LieGroup, element: Any) -> None:
-    off = float(evaluate(group.outside, element))
-    if off <= ON_GROUP:
+    if float(evaluate(group.outside, element)) <= ON_GROUP:
         return
-    defect = float(evaluate(group.defect, element)) if group.constrained else off
-    mirror = defect <= ON_GROUP
-    whose = "the determinant of a factor" if isinstance(group, DirectProduct) else "its determinant"
-    why = f"{whose} is −1" if mirror else f"its defining equations fail by {defect:.2g}"
-    raise ArgumentError(f"Argument `g` must lie in {group!r}, but {why}; for a rotation, make it by co.attitude.")
+    whole, of = group, ""
+    while isinstance(group, DirectProduct):
+        parts = zip(group.factors, element, strict=True)
+        group, element = next(pair for pair in parts if float(evaluate(pair[0].outside, pair[1])) > ON_GROUP)
+        of = f" in its factor {group!r}"
+    off = float(evaluate(group.defect if group.constrained else group.outside, element))
+    why = "the determinant is −1" if off <= ON_GROUP else f"the defining equations fail by {off:.2g}"
+    raise ArgumentError(f"Argument `g` must lie in {whole!r}, but{of} {why}; for a rotation, make it by co.attitude.")
 
 
 def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
