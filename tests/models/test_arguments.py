@@ -93,7 +93,7 @@ def test_a_body_that_cannot_be_is_refused_in_one_sentence(make, says):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"rotation": np.diag([1, 1, -1])}, "its determinant is −1"),
+        ({"rotation": np.diag([1, 1, -1])}, "the determinant is −1"),
         ({"rotation": 2 * np.eye(3)}, "must lie in SO3()"),
         ({"rotation": np.eye(2)}, "Argument `rotation` must have shape (3, 3), but has shape (2, 2)."),
         ({"rotation": np.eye(3), "euler_zyx": (0, 0, 0)}, "Give one of `rotation` and `euler_zyx`, not both."),
