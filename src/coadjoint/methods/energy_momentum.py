@@ -16,6 +16,7 @@ from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import Motion, State
 from coadjoint.mechanics.system import System, added
+from coadjoint.methods.halved import Halved
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.quadrature import gauss
 
@@ -46,7 +47,7 @@ class _Leap(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EnergyMomentum(Method, Step):
+class EnergyMomentum(Method, Halved):
     """A discrete gradient of the reduced Hamiltonian ℋ(μ, π, n, a), order 2, symmetric: keeps ℋ and the momenta.
 
     Between nodes x₀ and x₁, x = (μ, π, n, a), the mean ∇̄ℋ = ∫₀¹ ∇ℋ(x₀ + s(x₁ − x₀)) ds has ⟨∇̄ℋ, x₁ − x₀⟩ = ℋ₁ − ℋ₀.
@@ -135,13 +136,6 @@ class EnergyMomentum(Method, Step):
         """(ξ, ν) at the points, a row each."""
         end = self.groups(system)[0]
         return z[:end].reshape(self.points, -1), z[end:].reshape(self.points, -1)
-
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        half = self.difference_map.tau(system.group, 0.5 * h * xi)
-        return system.group.compose(half, half)
-
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
-        return self.difference_map.chart(system.group, 0.5 * h * record.xi)
 
     def _leap(self, system: System, record: State, h: Array) -> _Leap:
         group, Q, V = system.places

@@ -10,11 +10,12 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.halved import Halved
 from coadjoint.methods.method import Method, Step
 
 
 @dataclass(frozen=True)
-class Midpoint(Method, Step):
+class Midpoint(Method, Halved):
     """Λ = hℓ(ξ, H⁻¹(n + s)/2, H⁻¹(s − n)/h, H⁻¹a) with H = σ(hξ/2) and F = H², order 2, symmetric.
 
     σ is the difference map given; the increment is its squared map. At the node n̄ = H⁻¹n + ½hν̄, ā = H⁻¹a, t + h/2:
@@ -34,24 +35,13 @@ class Midpoint(Method, Step):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def _half(self, system: System, h: Array, xi: Array) -> Element:
-        """H = σ(hξ/2)."""
-        return self.difference_map.tau(system.group, 0.5 * h * xi)
-
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        half = self._half(system, h, xi)
-        return system.group.compose(half, half)
-
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
-        return self.difference_map.chart(system.group, 0.5 * h * record.xi)
-
     def turn(self, system: System, h: Array, xi: Array) -> Element:
-        return self._half(system, h, xi)
+        return self.half(system, h, xi)
 
     def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
         xi = record.xi
-        half = self._half(system, h, xi)
+        half = self.half(system, h, xi)
         back = group.inverse(half)
         start, nu = Q.act(group, back, record.n), record.nu
         point = Point(xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)

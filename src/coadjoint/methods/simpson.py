@@ -11,6 +11,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.halved import Halved
 from coadjoint.methods.method import Method, Step
 
 _END, _MIDDLE = 1 / 6, 4 / 6
@@ -30,7 +31,7 @@ class _Nodes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Simpson(Method, Step):
+class Simpson(Method, Halved):
     """Λ = h(ℓ⁰ + 4ℓ^½ + ℓ¹)/6 at (n, Hν̄, a), (n̄, ν̄, ā) and (n₊, H⁻¹ν̄, a₊), F = H², order 2, symmetric.
 
     H = σ(hξ/2) with the difference map σ, n̄ = H⁻¹n + ½hν̄, n₊ = H⁻¹(n̄ + ½hν̄), ā = H⁻¹a, a₊ = H⁻¹ā: a third of the
@@ -52,13 +53,6 @@ class Simpson(Method, Step):
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
-
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        half = self.turn(system, h, xi)
-        return system.group.compose(half, half)
-
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
-        return self.difference_map.chart(system.group, 0.5 * h * record.xi)
 
     def turn(self, system: System, h: Array, xi: Array) -> Element:
         """H."""
