@@ -1,0 +1,104 @@
+"""Axes at the border: inside, space is north, east, down and a body forward, starboard, down; others are turned here.
+
+    NED/FRD  north, east, down; forward, starboard, down: ships, underwater vehicles, and this library
+    ENU/FLU  east, north, up; forward, port, up: robotics (ROS REP 103), Gazebo
+
+Both changes of axes are half turns, N about (1, 1, 0)/√2 in space and B about forward in the body, so each is its own
+inverse: the functions below take from `axes` to NED/FRD, and from NED/FRD to `axes`, by the same formula.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.spaces.numbers import float64
+
+Axes = Literal["NED/FRD", "ENU/FLU"]
+
+_SPACE = {"NED/FRD": np.eye(3), "ENU/FLU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])}
+_BODY = {"NED/FRD": np.eye(3), "ENU/FLU": np.diag([1.0, -1.0, -1.0])}
+
+
+def space_axes(axes: Axes) -> np.ndarray:
+    """N, (3, 3), with v_NED = N v: (n, e, d) = (y, x, −z) for east, north, up; N = Nᵀ = N⁻¹, det N = 1."""
+    return _known(axes, _SPACE)
+
+
+def body_axes(axes: Axes) -> np.ndarray:
+    """B, (3, 3), with v_FRD = B v: diag(1, −1, −1) for forward, port, up; B = Bᵀ = B⁻¹, det B = 1."""
+    return _known(axes, _BODY)
+
+
+def space_vector(vector: Any, axes: Axes) -> Any:
+    """N v of a position, velocity or current in space, (..., 3)."""
+    return _array(vector, "vector", (3,)) @ space_axes(axes)
+
+
+def body_vector(vector: Any, axes: Axes) -> Any:
+    """B v of a velocity, an angular velocity, a place, a force or a torque of the body, (..., 3).
+
+    Angular velocities and torques turn like other vectors, because B is a rotation and no reflection.
+    """
+    return _array(vector, "vector", (3,)) @ body_axes(axes)
+
+
+def body_tensor(tensor: Any, axes: Axes) -> Any:
+    """B J B of an inertia or of another matrix that takes body vectors to body vectors, (..., 3, 3)."""
+    B = body_axes(axes)
+    return B @ _array(tensor, "tensor", (3, 3)) @ B
+
+
+def twist(both: Any, axes: Axes) -> Any:
+    """diag(B, B) (v, ω) of a velocity with an angular velocity, or of a force with a torque, (..., 6)."""
+    return _array(both, "both", (6,)) @ np.kron(np.eye(2), body_axes(axes))
+
+
+def twist_matrix(matrix: Any, axes: Axes) -> Any:
+    """T M T, T = diag(B, B), of an added mass or a damping matrix, (..., 6, 6), order surge ... yaw.
+
+    An entry that couples one of surge and roll with one of the other four changes its sign, and no other does.
+    """
+    T = np.kron(np.eye(2), body_axes(axes))
+    return T @ _array(matrix, "matrix", (6, 6)) @ T
+
+
+def rotation(R: Any, axes: Axes) -> Any:
+    """N R B of an attitude, (..., 3, 3), from the body to space."""
+    return space_axes(axes) @ _array(R, "R", (3, 3)) @ body_axes(axes)
+
+
+def euler_zyx(angles: Any, axes: Axes) -> Any:
+    """Yaw, pitch and roll, (..., 3) rad: (π/2 − yaw, −pitch, roll) between ENU/FLU and NED/FRD, yaw in (−π, π].
+
+    N R_z(y)R_y(p)R_x(r) B = R_z(π/2 − y)R_y(−p)R_x(r), since N B = R_z(π/2) and B turns about x by π: a heading of
+    north is a yaw of 0 in NED and of π/2 in ENU; nose up is a positive pitch in NED and a negative one in ENU.
+    """
+    given = _array(angles, "angles", (3,))
+    if _known(axes, {"NED/FRD": True, "ENU/FLU": False}):
+        return given
+    xnp: Any = jnp if traced(given) else np
+    yaw = 0.5 * np.pi - given[..., 0]
+    yaw = yaw - 2 * np.pi * xnp.ceil((yaw - np.pi) / (2 * np.pi))
+    return xnp.stack([yaw, -given[..., 1], given[..., 2]], axis=-1)
+
+
+def _known(axes: Any, table: dict[str, Any]) -> Any:
+    if not isinstance(axes, str) or axes not in table:
+        raise ArgumentError(
+            'Argument `axes` must be "NED/FRD" (north, east, down; forward, starboard, down) or "ENU/FLU" (east, '
+            f"north, up; forward, port, up), but is {axes!r}."
+        )
+    return table[axes]
+
+
+def _array(value: Any, name: str, last: tuple[int, ...]) -> Any:
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found)[-len(last) :] != last:
+        shape = ", ".join(["...", *map(str, last)])
+        raise ArgumentError(f"Argument `{name}` must have shape ({shape}), but has shape {np.shape(found)}.")
+    return found
