@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 import coadjoint as co
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import REMUS_100, hydrodynamics, remus_100, remus_start
-from coadjoint.models.underwater.autopilot import attitude_angles, pid
+from coadjoint.models.underwater.autopilot import attitude_angles
+from coadjoint.models.underwater.pilots.pid import pid
 
 OPEN = remus_100(automatic=False)
 P: Any = OPEN.parameters

@@ -8,19 +8,7 @@ import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.internal import sampled, sampling
-
-
-def pid(gains: Any, error: Array, rate: Array, integral: Array, period: Any, limit: Any) -> tuple[Array, Array]:
-    """(u, I) with u = clip(k_p e + k_i I − k_d ė_m, ±limit) and I ← I + T e unless that winds up.
-
-    gains: (k_p, k_i, k_d). rate: that of what is measured, so that a step of the set point does not kick. period: T, s.
-    The integral stops where u is beyond its limit and e drives it further out (conditional integration; Åström and
-    Hägglund 2006, 3.5).
-    """
-    free = gains[0] * error + gains[1] * integral - gains[2] * rate
-    winds_up = (jnp.abs(free) > limit) & (free * error * gains[1] > 0)
-    following = jnp.where(winds_up, integral, integral + period * error)
-    return jnp.clip(gains[0] * error + gains[1] * following - gains[2] * rate, -limit, limit), following
+from coadjoint.models.underwater.pilots.pid import nearest_turn, pid
 
 
 def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
@@ -28,11 +16,6 @@ def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
     east = jnp.cross(down, north)
     pitch = jnp.arctan2(-down[0], jnp.sqrt(down[1] ** 2 + down[2] ** 2 + 1e-300))
     return jnp.arctan2(down[1], down[2]), pitch, jnp.arctan2(east[0], north[0])
-
-
-def nearest_turn(angle: Array) -> Array:
-    """The angle in (−π, π]."""
-    return jnp.arctan2(jnp.sin(angle), jnp.cos(angle))
 
 
 def autopilot(motion: Any, h: Any, p: Any) -> dict[str, Any]:
