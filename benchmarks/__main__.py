@@ -26,6 +26,7 @@ SECTIONS = {
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),
     "orders": ("orders", 1, "higher orders"),
+    "kirchhoff": ("kirchhoff", 1, "bodies in an ideal fluid, beside other simulators"),
 }
 """Section → (module, cores, title): each runs in a process of its own, on so many cores."""
 
@@ -114,6 +115,8 @@ def _report(name: str, part: dict[str, Any], out: Path) -> None:
     if name == "orders":
         print(figures.courses(part, out / "energy_500s.png"))
         print(figures.top(part, out / "heavy_top.png"))
+    if name == "kirchhoff":
+        print(figures.ideal_fluid(part, out / "ideal_fluid.png"))
 
 
 def _conclude(found: dict[str, Any], out: Path) -> None:
@@ -122,7 +125,8 @@ def _conclude(found: dict[str, Any], out: Path) -> None:
     from benchmarks.tables import tables
 
     table = goals(found)
-    table.print()
+    if table.rows:
+        table.print()
     parts = [t.markdown() for name in SECTIONS if name in found for t in tables(name, found[name])]
     (out / "tables.md").write_text("\n".join([table.markdown(), *parts]), encoding="utf-8")
     (out / "benchmarks.json").write_text(json.dumps(found, indent=1, ensure_ascii=False), encoding="utf-8")

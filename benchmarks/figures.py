@@ -118,3 +118,28 @@ def top(found: dict[str, Any], path: Path) -> Path:
         axes.set_ylabel("position error at t = 2 s (m)")
         legend(figure, handles, [*ours, *others])
         return save(figure, path)
+
+
+def ideal_fluid(found: dict[str, Any], path: Path) -> Path:
+    """Largest energy error so far of bodies in an ideal fluid, a panel a body; ours in colour, others in grey."""
+    ours = list(found["ours"])
+    labels = {
+        f"{r['name']}, {r['step']:g} s" for rows in found["bodies"].values() for r in rows if r["name"] not in ours
+    }
+    others = sorted(labels)
+    with style():
+        figure = canvas(PAGE, 4.3)
+        panels = figure.subplots(1, len(found["bodies"]), squeeze=False)[0]
+        handles: dict[str, Any] = {}
+        for axes, (title, rows) in zip(panels, found["bodies"].items(), strict=True):
+            axes.set_title(title)
+            axes.set_xlabel("t (s)")
+            for row in rows:
+                name = row["name"] if row["name"] in ours else f"{row['name']}, {row['step']:g} s"
+                times, errors = zip(*((t, max(e, 1e-16)) for t, e in row["course"]), strict=True)
+                handles[name] = axes.semilogy(times, errors, **(_look(name, ours, others) | {"marker": ""}))[0]
+            axes.set_ylim(top=min(axes.get_ylim()[1], 100.0))
+        panels[0].set_ylabel("largest relative energy error so far")
+        names = [name for name in [*ours, *others] if name in handles]
+        legend(figure, [handles[name] for name in names], names)
+        return save(figure, path)

@@ -89,18 +89,12 @@ def by_mujoco(problem: Problem, integrator: str, h: float, fluid: bool) -> tuple
         mujoco.mj_resetData(model, data)
         data.qvel[:] = [*problem.start.qdot, *problem.start.xi] if fluid else problem.start.xi
 
-    def row() -> np.ndarray:
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, data.qpos[-4:] / np.linalg.norm(data.qpos[-4:]))
-        q, v = (data.qpos[:3], R.reshape(3, 3).T @ data.qvel[:3]) if fluid else (np.zeros(3), np.zeros(3))
-        return np.concatenate([R, q, data.qvel[-3:], v])
-
     def path() -> np.ndarray:
         begin()
-        rows = [row()]
+        rows = [_row(mujoco, data)]
         for _ in range(NODES):
             mujoco.mj_step(model, data, nstep=steps // NODES)
-            rows.append(row())
+            rows.append(_row(mujoco, data))
         return np.array(rows)
 
     def whole() -> None:
@@ -108,6 +102,33 @@ def by_mujoco(problem: Problem, integrator: str, h: float, fluid: bool) -> tuple
         mujoco.mj_step(model, data, nstep=steps)
 
     return path, whole
+
+
+def by_mujoco_in_fluid(y0: np.ndarray, integrator: str, h: float, duration: float) -> np.ndarray:
+    """Rows y at every step of MuJoCo's ellipsoid in an ideal fluid, up to where it stops being finite."""
+    mujoco: Any = import_module("mujoco")
+    mujoco.set_mju_user_warning(lambda message: None)
+    model = mujoco.MjModel.from_xml_string(_ELLIPSOID.format(h=h, integrator=integrator))
+    # MuJoCo starts a run that blew up anew, unless it is told not to.
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    data = mujoco.MjData(model)
+    data.qvel[:] = [*(y0[:9].reshape(3, 3) @ y0[15:18]), *y0[12:15]]
+    rows = [_row(mujoco, data)]
+    for _ in range(round(duration / h)):
+        mujoco.mj_step(model, data)
+        rows.append(_row(mujoco, data))
+        if not np.all(np.isfinite(rows[-1])):
+            break
+    return np.array(rows)
+
+
+def _row(mujoco: Any, data: Any) -> np.ndarray:
+    """y of a free or of a ball joint; the latter has no place."""
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, data.qpos[-4:] / np.linalg.norm(data.qpos[-4:]))
+    free = len(data.qpos) == 7
+    q, v = (data.qpos[:3], R.reshape(3, 3).T @ data.qvel[:3]) if free else (np.zeros(3), np.zeros(3))
+    return np.concatenate([R, q, data.qvel[-3:], v])
 
 
 # Exudyn

@@ -146,6 +146,29 @@ def _orders(found: dict[str, Any]) -> list[Table]:
     ]
 
 
+def _kirchhoff(found: dict[str, Any]) -> list[Table]:
+    half = f"{found['duration'] / 2:g} s"
+    heads = ("Program", "step, s", f"energy to {half}", "after", "at the end", "impulse", "moment")
+    tables = []
+    for title, rows in found["bodies"].items():
+        cells = [
+            (r["name"], f"{r['step']:g}", f"lost after {r['failed']:.3g} s", "", "", "", "")
+            if "failed" in r
+            else (
+                r["name"],
+                f"{r['step']:g}",
+                *(f"{e:.1e}" for e in r["energy"]),
+                f"{r['end']:+.1e}",
+                f"{r['impulse']:.1e}",
+                f"{r['moment']:.1e}",
+            )
+            for r in rows
+        ]
+        tables.append(Table(f"{found['duration']:g} s of {title}", heads, cells))
+    missing = [(f"{name}: not installed", *[""] * 6) for name in found["missing"]]
+    return [*tables, Table("Not measured", heads, missing)] if missing else tables
+
+
 _TABLES = {
     "one": _one,
     "many_1": _many,
@@ -155,4 +178,5 @@ _TABLES = {
     "instructions": _instructions,
     "precision": _precision,
     "orders": _orders,
+    "kirchhoff": _kirchhoff,
 }

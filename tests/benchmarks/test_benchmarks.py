@@ -60,6 +60,20 @@ def test_the_equations_for_other_programs_are_those_of_the_system(name: str):
         assert distance <= 2e-8
 
 
+@pytest.mark.parametrize("name", ["ellipsoid", "remus"])
+def test_bodies_in_an_ideal_fluid_move_alike_by_their_own_equations_and_ours(name: str):
+    kirchhoff = importlib.import_module("benchmarks.kirchhoff")
+    body = getattr(kirchhoff, name)()
+    by_rk4 = kirchhoff._rk4(body, 0.005, 2.0)
+    ours = kirchhoff._ours(body, kirchhoff.METHODS["Kahan–Li-8 (midpoint)"], 2.0)()
+    distance = np.max(np.abs(by_rk4[::10] - ours))
+    print(f"{name}: {distance:.1e}")
+    assert distance <= 1e-6
+    for rows in (by_rk4, ours):
+        for invariant in body.invariants(rows):
+            assert np.max(np.abs(invariant - invariant[0])) <= 1e-7 * np.max(np.abs(invariant))
+
+
 def test_the_reference_of_the_heavy_top_has_the_published_digits():
     bodies, problems = (importlib.import_module(f"benchmarks.{module}") for module in ("bodies", "problems"))
     top = problems.heavy_top()
