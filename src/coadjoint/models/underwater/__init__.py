@@ -29,6 +29,15 @@ _HOMES = {
     "slender_bodies": ("slender_body_added_mass",),
     "tables": ("PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "paper_start", "paper_vehicle"),
     "wamit": ("wamit_added_mass",),
+    "parts.part": ("Command", "Flow", "Part"),
+    "parts.damping": ("Damping",),
+    "parts.hull": ("Hull",),
+    "parts.fin": ("Fin",),
+    "parts.propeller": ("Propeller",),
+    "water.water": ("StillWater", "UniformWater", "Water"),
+    "pilots.pilot": ("Pilot", "Sight"),
+    "vehicles.vehicle": ("Quantity", "Vehicle"),
+    "vehicles.craft": ("Craft",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -46,6 +55,15 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
+    from coadjoint.models.underwater.parts.damping import Damping as Damping
+    from coadjoint.models.underwater.parts.fin import Fin as Fin
+    from coadjoint.models.underwater.parts.hull import Hull as Hull
+    from coadjoint.models.underwater.parts.part import Command as Command
+    from coadjoint.models.underwater.parts.part import Flow as Flow
+    from coadjoint.models.underwater.parts.part import Part as Part
+    from coadjoint.models.underwater.parts.propeller import Propeller as Propeller
+    from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
+    from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
     from coadjoint.models.underwater.remus import remus_100 as remus_100
     from coadjoint.models.underwater.remus import remus_start as remus_start
@@ -56,7 +74,13 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.tables import TABLE_2 as TABLE_2
     from coadjoint.models.underwater.tables import paper_start as paper_start
     from coadjoint.models.underwater.tables import paper_vehicle as paper_vehicle
+    from coadjoint.models.underwater.vehicles.craft import Craft as Craft
+    from coadjoint.models.underwater.vehicles.vehicle import Quantity as Quantity
+    from coadjoint.models.underwater.vehicles.vehicle import Vehicle as Vehicle
     from coadjoint.models.underwater.wamit import wamit_added_mass as wamit_added_mass
+    from coadjoint.models.underwater.water.water import StillWater as StillWater
+    from coadjoint.models.underwater.water.water import UniformWater as UniformWater
+    from coadjoint.models.underwater.water.water import Water as Water
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,115 @@
+"""What a part of a vehicle is: it pushes, it may be commanded, and it may hold mass or displace water."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.state import Force
+
+
+class Flow(NamedTuple):
+    """The water as a part meets it; body axes forward, starboard, down, about the body origin O.
+
+    velocity: v = ν − R⁻¹c, of O through the water, (3,) m/s. omega: ω, (3,) rad/s. density: ρ, kg/m³. down: direction
+    of down. depth: of O, m. t: s.
+    """
+
+    velocity: Array
+    omega: Array
+    density: Array
+    down: Array
+    depth: Array
+    t: Array
+
+    def at(self, position: Any) -> Array:
+        """v + ω × r, the velocity through the water of the point r of the body."""
+        return self.velocity + jnp.cross(self.omega, position)
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a pilot may set on a part: the unit and shape of the command, and where the actuator starts."""
+
+    unit: str
+    shape: tuple[int, ...] = ()
+    start: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Part(ABC):
+    """One thing on a vehicle: a line of its energy budget, and an actuator where it has a `command`.
+
+    name: a word, unique on a vehicle. Fields of a kind that hold numbers are its parameters: `rudder_area` of the
+    system is `area` of the part `rudder`, which its methods read as `own.area`.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ArgumentError(f"The name of a part must be a word such as 'rudder', but is {self.name!r}.")
+
+    def parameters(self) -> dict[str, Any]:
+        """The numbers that can be replaced and varied: by default all fields that hold numbers."""
+        given = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "name"}
+        return {key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, Each))}
+
+    @property
+    def command(self) -> Command | None:
+        """What a pilot may set; None for a part that nobody moves."""
+        return None
+
+    def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
+        """The actuator after h: u = clip(command, ±limit), x ← x + clip((1 − exp(−h/τ))(u − x), ±rate·h).
+
+        limit, τ = own.lag (s) and own.rate (per s) count where the part has them. Exact for u held over h.
+        """
+        wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
+        change = wanted - actual
+        if "lag" in own:
+            change = (1 - jnp.exp(-h / own.lag)) * change
+        if "rate" in own:
+            change = jnp.clip(change, -own.rate * h, own.rate * h)
+        return actual + change
+
+    @abstractmethod
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
+
+    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+        """((mass, position), …): masses that this part moves, kg and m, beyond those of the body."""
+        return ()
+
+    def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+        """((volume, position), …): volume that this part adds to the body's, m³ and m."""
+        return ()
+
+    @property
+    def holds_mass(self) -> bool:
+        """Whether it has lumps or displaces water of its own."""
+        return type(self).lumps is not Part.lumps or type(self).displaced is not Part.displaced
+
+    def set(self, **values: Any) -> None:
+        """Give checked values to fields; for `__post_init__` of the kinds of parts."""
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+
+def acting_at(position: Any, force: Array) -> Force:
+    """A force at r as force and torque about O: (r × F, F)."""
+    return Force(torque=jnp.cross(position, force), force=force)
+
+
+def speed_of(vector: Array) -> Array:
+    """|v|, with derivative 0 at rest."""
+    square = vector @ vector
+    moving = square > 0
+    return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)

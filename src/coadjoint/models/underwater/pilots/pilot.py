@@ -1,0 +1,76 @@
+"""What a pilot sees, and what it is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.each import Each
+
+
+class Sight(NamedTuple):
+    """A craft as its pilot sees it.
+
+    position: (3,) m, north, east, down. velocity: v, of O through the water, ground_velocity: ν, omega: ω, (3,) each,
+    body axes. down, north: directions in the body frame. roll, pitch, heading: rad. depth: m; sink: its rate, m/s.
+    t: s. inputs: set points by name. actual: actuators by the names of their parts.
+    """
+
+    position: Array
+    velocity: Array
+    ground_velocity: Array
+    omega: Array
+    down: Array
+    north: Array
+    roll: Array
+    pitch: Array
+    heading: Array
+    depth: Array
+    sink: Array
+    t: Array
+    inputs: Any
+    actual: Any
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pilot(ABC):
+    """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
+
+    Fields that hold numbers are parameters: `pilot_period` of the system, and `own.gains` in `steer` is `pilot_gains`.
+    """
+
+    period: Any = 0.1
+    delay: Any = 0.0
+
+    def parameters(self) -> dict[str, Any]:
+        """The numbers that can be replaced and varied: by default all fields that hold numbers."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, Each))}
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """The set points that a run must give, and their units."""
+        return {}
+
+    def memory(self) -> dict[str, Any]:
+        """What it remembers, such as integrals, as numbers of the start."""
+        return {}
+
+    @abstractmethod
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Commands by the names of the parts, and what it remembers from now on; jax.numpy only."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FunctionPilot(Pilot):
+    """A function (sight, p) → {part: command} as a pilot, p being the parameters of the system."""
+
+    function: Callable[[Sight, Any], dict[str, Any]]
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return self.function(sight, own), {}

@@ -1,0 +1,177 @@
+"""The rule of a craft's internal state: its pilot looks and speaks, its actuators follow, its water changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.internal import sampled, sampling
+from coadjoint.mechanics.state import Motion
+from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot, Sight
+from coadjoint.models.underwater.vehicles.energies import Surroundings, own_of
+from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.models.underwater.water.water import Water
+from coadjoint.spaces.named import Named
+
+MEMORY = "memory"
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """(motion, h, p) → the internal state after h: {part: actuator, "pilot": its samples, "water": its memory}.
+
+    Over the step that ends at the node, actuators have followed the commands that were in force at its beginning.
+    Without a pilot, and for parts that it leaves alone, an input of a part's name commands it; others stay.
+    """
+
+    vehicle: Vehicle
+    pilot: Pilot | None
+    water: Water
+
+    def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
+        """The internal state at the start, with these actuators."""
+        found: dict[str, Any] = dict(actuators)
+        if self.pilot is not None:
+            memory = self.pilot.memory()
+            found["pilot"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
+        remembered = self.water.start()
+        return {**found, "water": remembered} if remembered else found
+
+    def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
+        inputs = self._inputs(motion)
+        after: dict[str, Any] = {}
+        commands = {name: value for name, value in inputs.items() if name in self._shapes}
+        if self.pilot is not None:
+            after["pilot"], steered = self._sample(self.pilot, motion, h, p, Named(**inputs))
+            commands.update({name: getattr(motion.internal.pilot.value, name) for name in steered})
+        for part in self.vehicle.commanded:
+            actual = getattr(motion.internal, part.name)
+            own = own_of(p, part.name, part.parameters())
+            if part.name in commands:
+                actual = part.advance(actual, jnp.asarray(commands[part.name]), h, own)
+            after[part.name] = actual
+        if self.water.start():
+            own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
+            after["water"] = self.water.advance(motion.internal.water, h, own)
+        return after
+
+    @property
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of the command of each part."""
+        return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
+
+    def _sample(self, pilot: Pilot, motion: Motion, h: Array, p: Any, inputs: Named) -> tuple[Any, set[str]]:
+        """The pilot's samples after h, and the names of the parts that it steers."""
+        steered: set[str] = set()
+        sight = seen(self.water, self.vehicle, motion, p, inputs)
+        own = p if isinstance(pilot, FunctionPilot) else own_of(p, "pilot", pilot.parameters())
+
+        def update(last: Any) -> dict[str, Any]:
+            memory = getattr(last, MEMORY) if MEMORY in last else Named()
+            commands, remembered = pilot.steer(sight, memory, own, self.vehicle)
+            steered.update(self._checked(commands))
+            found = {**last.asdict(), **{name: jnp.asarray(value, dtype=float) for name, value in commands.items()}}
+            return {**found, MEMORY: remembered} if MEMORY in last else found
+
+        held = motion.internal.pilot
+        samples = sampled(motion, h, held, update, period=p.pilot_period, delay=p.pilot_delay)
+        return samples, steered
+
+    def _checked(self, commands: Any) -> dict[str, Any]:
+        """What a pilot says; raises ArgumentError where it is nothing that the vehicle can follow."""
+        if not isinstance(commands, dict):
+            raise ArgumentError(
+                f"A pilot must return a dictionary of commands by the names of parts, but returned "
+                f"{type(commands).__name__}."
+            )
+        for name, value in commands.items():
+            self._require_command(name, value, "The pilot commands")
+        return commands
+
+    def _require_command(self, name: str, value: Any, who: str) -> None:
+        shapes = self._shapes
+        if name not in shapes:
+            raise ArgumentError(
+                f"{who} `{name}`, which is no actuator of `{self.vehicle.name}`; its actuators are: "
+                f"{', '.join(shapes) or 'none'}."
+            )
+        if jnp.shape(value) != shapes[name]:
+            raise ArgumentError(f"{who} `{name}` with shape {jnp.shape(value)}, but it takes {_shape(shapes[name])}.")
+
+    def _inputs(self, motion: Motion) -> dict[str, Any]:
+        """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
+        given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
+        if motion.inputs is not None and not isinstance(motion.inputs, Named):
+            raise ArgumentError("The inputs of a craft have names, as in inputs={'rudder': signal}.")
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        for name, unit in wanted.items():
+            if name not in given:
+                raise ArgumentError(
+                    f"The pilot of `{self.vehicle.name}` needs the input `{name}` ({unit}): give it to co.simulate, as "
+                    f"in inputs={{'{name}': co.Held([0.0], [value])}}."
+                )
+        for name, value in given.items():
+            if name in wanted or (isinstance(self.pilot, FunctionPilot) and name not in self._shapes):
+                continue
+            if name not in self._shapes:
+                known = ", ".join([*wanted, *self._shapes]) or "none"
+                raise ArgumentError(
+                    f"Nobody on `{self.vehicle.name}` knows the input `{name}`: pilot and actuators take {known}."
+                )
+            self._require_command(name, value, "An input commands")
+        return given
+
+
+def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Sight:
+    """The craft as its pilot sees it."""
+    around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
+    roll, pitch, heading = attitude_angles(motion.a.down, motion.a.north)
+    return Sight(
+        position=around.place(),
+        velocity=motion.nu - around.current(),
+        ground_velocity=motion.nu,
+        omega=motion.xi,
+        down=motion.a.down,
+        north=motion.a.north,
+        roll=roll,
+        pitch=pitch,
+        heading=heading,
+        depth=around.depth(),
+        sink=motion.nu @ motion.a.down,
+        t=motion.t,
+        inputs=inputs,
+        actual=Named(**{part.name: getattr(motion.internal, part.name) for part in vehicle.commanded}),
+    )
+
+
+def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
+    """Roll, pitch and heading (rad) from the directions of down and north in the body frame, forward-starboard-down."""
+    east = jnp.cross(down, north)
+    pitch = jnp.arctan2(-down[0], jnp.sqrt(down[1] ** 2 + down[2] ** 2 + 1e-300))
+    return jnp.arctan2(down[1], down[2]), pitch, jnp.arctan2(east[0], north[0])
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "one number" if shape == () else f"shape {shape}"
+
+
+def starting_actuators(vehicle: Vehicle, given: Any) -> dict[str, Any]:
+    """Where each actuator starts; raises ArgumentError for a name that is none, and for wrong shapes."""
+    values = dict(given or {})
+    known = {part.name: part.command for part in vehicle.commanded if part.command is not None}
+    for name, value in values.items():
+        if name not in known:
+            raise ArgumentError(
+                f"`{name}` in `actuators` is no actuator of `{vehicle.name}`; its actuators are: "
+                f"{', '.join(known) or 'none'}."
+            )
+        if np.shape(value) != known[name].shape:
+            raise ArgumentError(
+                f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {np.shape(value)}."
+            )
+    return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}

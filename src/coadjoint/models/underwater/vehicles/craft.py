@@ -1,0 +1,169 @@
+"""A craft: a vehicle with its pilot in its water, as a system on SO(3) × ℝ³."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import Force, State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import number, vector
+from coadjoint.models.underwater import axes as turned
+from coadjoint.models.underwater.paper_form import UNITS
+from coadjoint.models.underwater.parts.part import Part
+from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot
+from coadjoint.models.underwater.vehicles import energies
+from coadjoint.models.underwater.vehicles.actuators import Rule, starting_actuators
+from coadjoint.models.underwater.vehicles.energies import Surroundings, actual_of, own_of
+from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.models.underwater.water.water import StillWater, Water
+from coadjoint.spaces import Defining
+
+BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
+
+
+class Craft:
+    """A vehicle, its pilot and its water.
+
+        craft = Craft(vehicle, pilot=pilot, water=UniformWater((0.0, 0.2, 0.0)))
+        run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, duration=300, inputs={"depth": …})
+
+    pilot: a Pilot, or a function (sight, p) → {part: command}; without one, inputs of the names of parts command them.
+    water: by default still. Raises ArgumentError for what is none of these.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, *, pilot: Pilot | Callable[..., Any] | None = None, water: Water | None = None
+    ):
+        if not isinstance(vehicle, Vehicle):
+            raise ArgumentError(f"Argument `vehicle` must be a Vehicle, but is {vehicle!r}.")
+        if water is not None and not isinstance(water, Water):
+            raise ArgumentError(
+                f"Argument `water` must be a Water such as UniformWater((0.0, 0.2, 0.0)), but is {water!r}."
+            )
+        if pilot is not None and not isinstance(pilot, Pilot):
+            if not callable(pilot):
+                raise ArgumentError(f"Argument `pilot` must be a Pilot, or a function (sight, p), but is {pilot!r}.")
+            pilot = FunctionPilot(function=pilot)
+        self.vehicle, self.pilot, self.water = vehicle, pilot, StillWater() if water is None else water
+        self.rule = Rule(vehicle, pilot, self.water)
+
+    @cached_property
+    def system(self) -> System:
+        """ℓ with advected directions `down` and `north`, a force for each part, and the rule of the internal state."""
+        return System(
+            SO3(),
+            self._lagrangian(),
+            additional=Defining(),
+            advected={"down": Defining(), "north": Defining()},
+            parameters=self.parameters,
+            forces=self._forces() or None,
+            internal=self.rule if self._remembers else None,
+            name=self.vehicle.name,
+            units=self._units(),
+        )
+
+    @property
+    def parameters(self) -> Parameters:
+        """All numbers: of the body under their own names, of others as `rudder_area`, `pilot_period`, …"""
+        values = {name: getattr(self.vehicle, name) for name in BODY}
+        owners: list[tuple[str, Part | Pilot | Water]] = [(part.name, part) for part in self.vehicle.parts]
+        owners.append(("water", self.water))
+        if self.pilot is not None:
+            owners.append(("pilot", self.pilot))
+        for prefix, owner in owners:
+            for key, value in owner.parameters().items():
+                name = f"{prefix}_{key}"
+                if name in values:
+                    raise ArgumentError(f"Two parameters are named `{name}`: give one of the parts another name.")
+                values[name] = value
+        return Parameters(**values)
+
+    def start(
+        self,
+        *,
+        position: Any = (0.0, 0.0, 0.0),
+        speed: Any = None,
+        velocity: Any = None,
+        euler_zyx: Any = (0.0, 0.0, 0.0),
+        angular_velocity: Any = (0.0, 0.0, 0.0),
+        actuators: Mapping[str, Any] | None = None,
+        axes: turned.Axes = "NED/FRD",
+        t: float = 0.0,
+    ) -> State:
+        """The state at a position (3,) m, going ahead at `speed` m/s, or with a body `velocity`, through the water.
+
+        velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
+        axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
+        Raises ArgumentError for wrong shapes and for actuators that the vehicle does not have.
+        """
+        if speed is not None and velocity is not None:
+            raise ArgumentError("Give one of `speed` and `velocity`, not both.")
+        v = vector((0.0, 0.0, 0.0) if velocity is None else velocity, "velocity")
+        if speed is not None:
+            v = np.array([1.0, 0.0, 0.0]) * number(speed, "speed")
+        R, _ = orientation(euler_zyx=turned.euler_zyx(vector(euler_zyx, "euler_zyx"), axes))
+        q = turned.space_vector(vector(position, "position"), axes)
+        v = turned.body_vector(v, axes)
+        omega = turned.body_vector(vector(angular_velocity, "angular_velocity"), axes)
+        internal = self.rule.start(starting_actuators(self.vehicle, actuators), t)
+        remembered = self.water.start()
+
+        def drift(q, t, p):
+            own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
+            return self.water.current(q, t, remembered, own)
+
+        qdot = evaluate(lambda R, v, q, t, p: R @ v + drift(q, t, p), R, v, q, np.float64(t), self.system.parameters)
+        a0 = {"down": [0, 0, 1], "north": [1, 0, 0]}
+        return self.system.state(g=R, q=q, qdot=qdot, xi=omega, a0=a0, t=t, internal=internal or None)
+
+    @property
+    def _remembers(self) -> bool:
+        return bool(self.vehicle.commanded or self.pilot is not None or self.water.start())
+
+    def _lagrangian(self) -> Callable[..., Any]:
+        """ℓ(xi, n, nu, a, p), with the keywords `t` and `internal` only where they enter."""
+        water, parts = self.water, self.vehicle.parts
+
+        def lagrangian(xi, n, nu, a, p, *, t=0.0, internal=None):
+            return energies.lagrangian(water, parts, xi, n, nu, a, p, t, internal)
+
+        entering = {"t": not water.steady, "internal": bool(water.start()) or any(part.holds_mass for part in parts)}
+        known = inspect.signature(lagrangian).parameters
+        takes = [value for name, value in known.items() if entering.get(name, True)]
+        lagrangian.__signature__ = inspect.Signature(takes)  # pyright: ignore[reportFunctionMemberAccess]
+        return lagrangian
+
+    def _forces(self) -> dict[str, Callable[..., Force]]:
+        found = {part.name: self._push(part) for part in self.vehicle.parts}
+        if not self.water.uniform:
+            found["shear"] = lambda motion, p: energies.shear(self.water, self.vehicle.parts, motion, p)
+        return found
+
+    def _push(self, part: Part) -> Callable[..., Force]:
+        def push(motion, p):
+            around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
+            own = own_of(p, part.name, part.parameters())
+            return part.force(around.flow(motion.xi, motion.nu), actual_of(part, motion.internal), own)
+
+        return push
+
+    def _units(self) -> dict[str, str]:
+        commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        return {
+            **UNITS,
+            **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},
+            **{f"internal_{name}": unit for name, unit in commands.items()},
+            **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
+            **{f"internal_pilot_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()},
+        }

@@ -1,0 +1,1 @@
+"""The water that a craft moves through: currents and density."""

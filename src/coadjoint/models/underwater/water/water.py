@@ -1,0 +1,69 @@
+"""Water: its current and its density, in place and time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.models.quantities import vector
+
+
+@dataclass(frozen=True, eq=False)
+class Water(ABC):
+    """What surrounds a craft. Axes of the space frame: north, east, down.
+
+    Fields that hold numbers are parameters: `water_velocity` of the system is `velocity` of the water, which its
+    methods read as `own.velocity`. `own` has the vehicle's `fluid_density` too.
+    """
+
+    uniform = True
+    """Whether the current is the same everywhere."""
+    steady = True
+    """Whether it never changes at a place."""
+
+    def parameters(self) -> dict[str, Any]:
+        """The numbers that can be replaced and varied: by default all fields that are set."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {key: value for key, value in given.items() if value is not None}
+
+    def start(self) -> dict[str, Any]:
+        """What the water remembers at the start, as of a random current; {} if nothing."""
+        return {}
+
+    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+        """What it remembers after h."""
+        return {}
+
+    @abstractmethod
+    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+        """c(q, t), the velocity of the water, (3,) m/s."""
+
+    def density(self, depth: Array, own: Any) -> Array:
+        """ρ, kg/m³; by default that of the vehicle."""
+        return own.fluid_density
+
+    def pressure_head(self, depth: Array, own: Any) -> Array:
+        """∫₀^depth ρ dz, kg/m²: what buoyancy has of it is g times volume times this."""
+        return own.fluid_density * depth
+
+
+@dataclass(frozen=True, eq=False)
+class UniformWater(Water):
+    """The same steady current everywhere. velocity: (3,) m/s, north, east, down; still by default."""
+
+    velocity: Any = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity", vector(self.velocity, "velocity"))
+
+    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+        return own.velocity
+
+
+def StillWater() -> UniformWater:
+    """Water without a current."""
+    return UniformWater(np.zeros(3))
