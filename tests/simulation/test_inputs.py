@@ -197,6 +197,14 @@ def test_every_member_takes_the_same_signal():
     np.testing.assert_allclose(run.final.mu[0], alone.final.mu, rtol=1e-12)
 
 
+def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
+    constant = {"spin": 0.7, "torque": [0.1, 0.0, -0.2]}
+    signals = {name: co.Signal(lambda t, value=value: jnp.array(value)) for name, value in constant.items()}
+    given, expected = (co.simulate(BODY, START, dt=0.01, steps=50, inputs=inputs) for inputs in (constant, signals))
+    np.testing.assert_array_equal(given.final.mu, expected.final.mu)
+    assert np.linalg.norm(given.final.mu - START.mu) > 0.01
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -210,9 +218,9 @@ def test_every_member_takes_the_same_signal():
             lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: None)}),
             "A signal must be a number",
         ),
-        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=3.0), "must be a function of the motion"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs="fast"), "must be a signal such as"),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={}), "is empty"),
-        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": 1.0}), "under 'spin' must be a function"),
+        (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={"spin": "fast"}), "under 'spin' must be"),
         (lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs=co.each([1, 2])), "same for all members"),
         (
             lambda: co.simulate(BODY, START, dt=0.1, steps=2, inputs={**SMOOTH, "spin": co.Signal(lambda t: 1 / t)}),

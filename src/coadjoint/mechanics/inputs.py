@@ -6,12 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.signals import Signal
+from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import Motion
 from coadjoint.spaces.named import Named, named
+from coadjoint.spaces.numbers import float64
 
-Given = Signal | Callable[[Motion], Any] | Mapping[str, Signal | Callable[[Motion], Any]]
+Source = Signal | Callable[[Motion], Any] | float | np.ndarray
+Given = Source | Mapping[str, Source]
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,27 @@ class Inputs:
 
 
 def inputs_from(given: Any) -> Inputs | None:
-    """The argument `inputs` of a run; raises ArgumentError for what is neither a signal nor a function."""
+    """The argument `inputs` of a run; raises ArgumentError for what is neither a signal, a number nor a function."""
     if given is None or isinstance(given, Inputs):
         return given
     sources = dict(given) if isinstance(given, Mapping) else {"": given}
-    for name, source in sources.items():
-        if not callable(source) or not isinstance(name, str):
-            where = f"Argument `inputs` under {name!r}" if isinstance(given, Mapping) else "Argument `inputs`"
-            raise ArgumentError(
-                f"{where} must be a function of the motion, held over each step, or a signal such as "
-                f"co.Linear(times, values), but is {source!r}."
-            )
     if not sources:
         raise ArgumentError("The dictionary `inputs` is empty: leave it out, or name at least one input.")
-    return Inputs(tuple(sources) if isinstance(given, Mapping) else None, tuple(sources.values()))
+    if not all(isinstance(name, str) for name in sources):
+        raise ArgumentError(f"The names in `inputs` must be texts, but are {', '.join(map(repr, sources))}.")
+    found = tuple(_source(name, source) for name, source in sources.items())
+    return Inputs(tuple(sources) if isinstance(given, Mapping) else None, found)
+
+
+def _source(name: str, given: Any) -> Any:
+    """A signal or a function of the motion; a number or an array stands for itself at all times."""
+    if callable(given):
+        return given
+    try:
+        return Held([0.0], [float64(given, "An input")])
+    except (ArgumentError, TypeError, ValueError):
+        where = f"Argument `inputs` under {name!r}" if name else "Argument `inputs`"
+        raise ArgumentError(
+            f"{where} must be a signal such as co.Linear(times, values), a number or an array that stays as it is, or "
+            f"a function of the motion, held over each step, but is {given!r}."
+        ) from None
