@@ -34,12 +34,12 @@ _HOMES = {
     "parts.hull": ("Hull",),
     "parts.fin": ("Fin",),
     "parts.propeller": ("Propeller",),
-    "parts.published_curves": ("T200",),
-    "parts.thrusters": ("Thrusters",),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
     "vehicles.craft": ("Craft",),
+    "vehicles.file": ("read_vehicle",),
+    "vehicles.shelf": ("load_vehicle", "vehicle_names"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -64,8 +64,6 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.part import Flow as Flow
     from coadjoint.models.underwater.parts.part import Part as Part
     from coadjoint.models.underwater.parts.propeller import Propeller as Propeller
-    from coadjoint.models.underwater.parts.published_curves import T200 as T200
-    from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
@@ -79,6 +77,9 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.tables import paper_start as paper_start
     from coadjoint.models.underwater.tables import paper_vehicle as paper_vehicle
     from coadjoint.models.underwater.vehicles.craft import Craft as Craft
+    from coadjoint.models.underwater.vehicles.file import read_vehicle as read_vehicle
+    from coadjoint.models.underwater.vehicles.shelf import load_vehicle as load_vehicle
+    from coadjoint.models.underwater.vehicles.shelf import vehicle_names as vehicle_names
     from coadjoint.models.underwater.vehicles.vehicle import Quantity as Quantity
     from coadjoint.models.underwater.vehicles.vehicle import Vehicle as Vehicle
     from coadjoint.models.underwater.wamit import wamit_added_mass as wamit_added_mass
