@@ -34,6 +34,8 @@ _HOMES = {
     "parts.hull": ("Hull",),
     "parts.fin": ("Fin",),
     "parts.propeller": ("Propeller",),
+    "parts.published_curves": ("T200",),
+    "parts.thrusters": ("Thrusters",),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.part import Flow as Flow
     from coadjoint.models.underwater.parts.part import Part as Part
     from coadjoint.models.underwater.parts.propeller import Propeller as Propeller
+    from coadjoint.models.underwater.parts.published_curves import T200 as T200
+    from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100

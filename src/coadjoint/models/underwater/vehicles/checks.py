@@ -75,7 +75,7 @@ def _balance(vehicle: Vehicle) -> Iterator[str]:
         word = "sinks" if W > B else "floats up"
         yield (
             f"its weight is {W:.4g} N and its buoyancy {B:.4g} N, {100 * (B - W) / W:+.1f} %: it {word} unless "
-            "something holds it. Are both of the same vehicle, in water of this density? Where it is trimmed: neutral = true."
+            "something holds it. Are both of one vehicle, in this water? Where it is trimmed: neutral = true."
         )
 
 

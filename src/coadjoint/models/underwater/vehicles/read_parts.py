@@ -93,7 +93,7 @@ def turned(section: Section, name: str, value: Any, found: Field, axes: border.A
 
 
 def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
-    from coadjoint.models.underwater.parts.thrusters import Thrusters  # pyright: ignore[reportMissingImports]
+    from coadjoint.models.underwater.parts.thrusters import Thrusters
 
     unit = section.text("command_unit", "1")
     values: dict[str, Any] = {"curve": _curve(section), "unit": unit}
