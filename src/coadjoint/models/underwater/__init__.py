@@ -38,6 +38,7 @@ _HOMES = {
     "parts.thrusters": ("Thrusters",),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
+    "pilots.cruise": ("Cruise",),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
     "vehicles.craft": ("Craft",),
     "vehicles.file": ("read_vehicle",),
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.propeller import Propeller as Propeller
     from coadjoint.models.underwater.parts.published_curves import T200 as T200
     from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
+    from coadjoint.models.underwater.pilots.cruise import Cruise as Cruise
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100

@@ -9,17 +9,21 @@ import jax.numpy as jnp
 from coadjoint.groups.group import Array
 
 
-def pid(gains: Any, error: Array, rate: Array, integral: Array, period: Any, limit: Any) -> tuple[Array, Array]:
-    """(u, I) with u = clip(k_p e + k_i I − k_d ė_m, ±limit) and I ← I + T e unless that winds up.
+def pid(
+    gains: Any, error: Array, rate: Array, integral: Array, period: Any, limit: Any, *, base: Any = 0.0, low: Any = None
+) -> tuple[Array, Array]:
+    """(u, I) with u = clip(u₀ + k_p e + k_i I − k_d ė_m, low, limit) and I ← I + T e unless that winds up.
 
     gains: (k_p, k_i, k_d). rate: that of what is measured, so that a step of the set point does not kick. period: T, s.
-    The integral stops where u is beyond its limit and e drives it further out (conditional integration; Åström and
+    base: u₀, what is known beforehand. low: −limit by default.
+    The integral stops where u is beyond its limits and e drives it further out (conditional integration; Åström and
     Hägglund 2006, 3.5).
     """
-    free = gains[0] * error + gains[1] * integral - gains[2] * rate
-    winds_up = (jnp.abs(free) > limit) & (free * error * gains[1] > 0)
-    following = jnp.where(winds_up, integral, integral + period * error)
-    return jnp.clip(gains[0] * error + gains[1] * following - gains[2] * rate, -limit, limit), following
+    low = -limit if low is None else low
+    free = base + gains[0] * error + gains[1] * integral - gains[2] * rate
+    outwards = jnp.where(free > limit, 1.0, jnp.where(free < low, -1.0, 0.0))
+    following = jnp.where(outwards * error * gains[1] > 0, integral, integral + period * error)
+    return jnp.clip(base + gains[0] * error + gains[1] * following - gains[2] * rate, low, limit), following
 
 
 def nearest_turn(angle: Array) -> Array:

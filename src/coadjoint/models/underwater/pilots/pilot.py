@@ -61,6 +61,10 @@ class Pilot(ABC):
         """What it remembers, such as integrals, as numbers of the start."""
         return {}
 
+    def fitted(self, vehicle: Any) -> Pilot:
+        """The pilot as it flies this vehicle, with what it works out of its parts and mass; by default as it is."""
+        return self
+
     @abstractmethod
     def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Commands by the names of the parts, and what it remembers from now on; jax.numpy only."""

@@ -54,6 +54,7 @@ class Craft:
             if not callable(pilot):
                 raise ArgumentError(f"Argument `pilot` must be a Pilot, or a function (sight, p), but is {pilot!r}.")
             pilot = FunctionPilot(function=pilot)
+        pilot = None if pilot is None else pilot.fitted(vehicle)
         self.vehicle, self.pilot, self.water = vehicle, pilot, StillWater() if water is None else water
         self.rule = Rule(vehicle, pilot, self.water)
 

@@ -1,0 +1,90 @@
+"""Pilots fly: torpedo shapes with cross and X tails, by gains that are proposed from their mass, damping and fins."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from test_crafts import P, remus
+
+import coadjoint as co
+from coadjoint.models.underwater import Craft, Fin, UniformWater, Vehicle
+from coadjoint.models.underwater.pilots import design
+from coadjoint.models.underwater.pilots.cruise import Cruise
+from coadjoint.models.underwater.pilots.under_way import under_way
+
+DT = 0.05
+KEPT = ("depth", "heading", "speed")
+
+
+def x_tail() -> Vehicle:
+    """REMUS with four fins of half the area, slanted by 45°, in place of its two pairs."""
+    fins = {"area": P["fin_area"] / 2, "lift_slope": P["fin_lift_slope"], "stall": P["fin_stall"]}
+    fins |= {"limit": P["fin_limit"], "lag": P["fin_lag"]}
+    slanted = []
+    for k, angle in enumerate(np.radians([45, 135, 225, 315])):
+        out, across = np.array([0, np.cos(angle), np.sin(angle)]), np.array([0, -np.sin(angle), np.cos(angle)])
+        slanted.append(Fin(f"fin_{k}", position=0.13 * out + [P["fin_position"], 0, 0], normal=across, **fins))
+    plain = remus()
+    parts = [part for part in plain.parts if not isinstance(part, Fin)]
+    return dataclasses.replace(plain, name="X-tail", parts=(*parts, *slanted))
+
+
+def fly(vehicle, pilot, duration, *, water=None, start=None, **signals):
+    craft = Craft(vehicle, pilot=pilot, water=water)
+    inputs = {
+        name: co.Held(*signal) if isinstance(signal, tuple) else co.Held([0.0], [signal])
+        for name, signal in signals.items()
+    }
+    begin = craft.start(**{"speed": 1.5, "actuators": {"propeller": 15.0}, **(start or {})})
+    run = co.simulate(craft.system, begin, dt=DT, duration=duration, inputs=inputs)
+    assert run.plan.backend == "native"
+    return run
+
+
+STEP: dict[str, Any] = {
+    "depth": ([0.0, 20.0], [0.0, 8.0]),
+    "heading": ([0.0, 100.0], [0.0, 1.0]),
+    "speed": ([0.0, 160.0], [1.5, 1.8]),
+}
+
+
+@pytest.mark.parametrize("vehicle", [remus(), x_tail()], ids=lambda v: v.name)
+def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_proposed_gains(vehicle):
+    run = fly(vehicle, Cruise(speed=1.5), 240.0, water=UniformWater((0.1, 0.2, 0.0)), **STEP)
+    made = run.dataset
+    through = np.einsum("kji,kj->ki", made.R.values, made.qdot.values - [0.1, 0.2, 0.0])
+    depth, heading, speed = made.q.values[:, 2], made.euler_angles.values[:, 0], through[:, 0]
+    assert depth[-1] == pytest.approx(8.0, abs=0.02) and depth.max() < 8.0 * 1.06
+    assert heading[-1] == pytest.approx(1.0, abs=1e-3) and heading.max() < 1.0 * 1.06
+    assert speed[-1] == pytest.approx(1.8, abs=5e-3) and speed[int(160 / DT) :].max() < 1.8 + 0.3 * 0.06
+    assert np.degrees(np.abs(made.euler_angles.values[:, 2])).max() < 5.0  # Roll: left to the weight, or to the X-tail.
+
+
+def test_an_x_tail_takes_the_heel_away_that_the_propeller_gives_a_cross_tail():
+    heel = []
+    for vehicle in (remus(), x_tail()):
+        run = fly(vehicle, Cruise(speed=1.5), 60.0, depth=0.0, heading=0.0, speed=1.5)
+        heel.append(abs(float(run.dataset.euler_angles.values[-1, 2])))
+    assert heel[0] > 5e-3 and heel[1] < 0.1 * heel[0]
+
+
+def test_the_mixing_of_an_x_tail_turns_about_one_axis_and_about_no_other():
+    vehicle = x_tail()
+    motion, mixed = under_way(vehicle, 1.5), Cruise().fitted(vehicle).mixing
+    assert mixed is not None
+    turns = motion.effects[3:] @ mixed.matrix[:, :3]
+    turns[0] -= turns[0] * np.eye(3)[0]
+    np.testing.assert_allclose(turns - np.diag(np.diag(turns)), 0, atol=1e-9 * np.abs(turns).max())
+    assert np.all(np.diag(turns)[1:] > 0) and np.abs(mixed.matrix).max() == pytest.approx(1.0)
+
+
+def test_pitch_and_heading_have_the_poles_that_their_gains_are_placed_for():
+    """k_p = (ω² + a_θ)/b, k_d = (2ζω + a_q)/b: s² + (b k_d − a_q)s + b k_p − a_θ has frequency ω and damping ζ."""
+    turn = design.Turn(rate=-0.5, stiffness=0.4, effect=3.0)
+    k_p, _, k_d = design.placed(turn, 0.8, 10.0)
+    poles = np.roots([1, 3.0 * k_d + 0.5, 3.0 * k_p - 0.4])
+    np.testing.assert_allclose(np.abs(poles), 0.8, rtol=1e-12)
+    np.testing.assert_allclose(-poles.real / np.abs(poles), design.DAMPING_RATIO, rtol=1e-12)
