@@ -36,6 +36,9 @@ _HOMES = {
     "parts.propeller": ("Propeller",),
     "parts.published_curves": ("T200",),
     "parts.thrusters": ("Thrusters",),
+    "parts.moving_mass": ("MovingMass",),
+    "parts.ballast": ("Ballast",),
+    "parts.lifting_body": ("LiftingBody",),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
@@ -60,9 +63,12 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
+    from coadjoint.models.underwater.parts.ballast import Ballast as Ballast
     from coadjoint.models.underwater.parts.damping import Damping as Damping
     from coadjoint.models.underwater.parts.fin import Fin as Fin
     from coadjoint.models.underwater.parts.hull import Hull as Hull
+    from coadjoint.models.underwater.parts.lifting_body import LiftingBody as LiftingBody
+    from coadjoint.models.underwater.parts.moving_mass import MovingMass as MovingMass
     from coadjoint.models.underwater.parts.part import Command as Command
     from coadjoint.models.underwater.parts.part import Flow as Flow
     from coadjoint.models.underwater.parts.part import Part as Part

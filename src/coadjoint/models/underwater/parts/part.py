@@ -84,8 +84,17 @@ class Part(ABC):
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
 
-    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
-        """((mass, position), …): masses that this part moves, kg and m, beyond those of the body."""
+    @property
+    def units(self) -> dict[str, str] | None:
+        """Units of the keys of the actuator's internal state, where that is a dictionary."""
+        return None
+
+    def at_rest(self, where: Any) -> Any:
+        """The actuator's internal state at rest where this command has taken it."""
+        return where
+
+    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
+        """((mass, position, velocity in the hull), …): what this part moves, kg, m, m/s, beyond the body's own mass."""
         return ()
 
     def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:

@@ -35,7 +35,7 @@ class Rule:
 
     def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
         """The internal state at the start, with these actuators."""
-        found: dict[str, Any] = dict(actuators)
+        found: dict[str, Any] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
         if self.pilot is not None:
             memory = self.pilot.memory()
             found["pilot"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)

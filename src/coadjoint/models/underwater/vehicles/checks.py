@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.models.underwater.vehicles.check_parts import doubtful_parts
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.spaces.named import Named, named
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SLENDER = 3.0
@@ -33,7 +34,7 @@ def lumps(vehicle: Vehicle) -> tuple[float, np.ndarray]:
     mass, moment = 0.0, np.zeros(3)
     for part in vehicle.parts:
         if part.holds_mass:
-            for m, r in part.lumps(_start(part), _own(part)):
+            for m, r, _ in part.lumps(_start(part), _own(part)):
                 mass, moment = mass + float(m), moment + float(m) * np.asarray(r, dtype=float)
     return mass, moment
 
@@ -60,12 +61,10 @@ def mass_center(vehicle: Vehicle) -> np.ndarray:
 
 def _start(part: Any) -> Any:
     command = part.command
-    return None if command is None else np.full(command.shape, command.start)
+    return None if command is None else named(part.at_rest(np.full(command.shape, command.start)))
 
 
 def _own(part: Any) -> Any:
-    from coadjoint.spaces.named import Named
-
     return Named(**part.parameters())
 
 

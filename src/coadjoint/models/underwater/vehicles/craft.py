@@ -165,6 +165,9 @@ class Craft:
             **UNITS,
             **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},
             **{f"internal_{name}": unit for name, unit in commands.items()},
+            **{
+                f"internal_{part.name}_{k}": u for part in self.vehicle.commanded for k, u in (part.units or {}).items()
+            },
             **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
             **{f"internal_pilot_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()},
         }

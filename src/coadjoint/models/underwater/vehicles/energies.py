@@ -55,9 +55,9 @@ class Surroundings:
         return Flow(nu - self.current(), omega, density, self.down, depth, self.t)
 
 
-def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array]]:
-    """(mass, position) of the body and of what its parts move."""
-    yield p.mass, p.center_of_mass
+def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array, Array | float]]:
+    """(mass, position, velocity in the hull) of the body and of what its parts move."""
+    yield p.mass, p.center_of_mass, 0.0
     for part in parts:
         if part.holds_mass:
             yield from part.lumps(actual_of(part, internal), own_of(p, part.name, part.parameters()))
@@ -90,8 +90,8 @@ def lagrangian(water: Water, parts: tuple[Part, ...], omega, n, nu, a, p, t, int
     carried = water.uniform and water.steady
     moving = through if carried else nu
     total = 0.5 * (omega @ p.inertia @ omega + both @ p.added_mass @ both)
-    for mass, position in masses(parts, internal, p):
-        velocity = moving + jnp.cross(omega, position)
+    for mass, position, inside in masses(parts, internal, p):
+        velocity = moving + jnp.cross(omega, position) + inside
         total = total + mass * (0.5 * velocity @ velocity + p.gravity * around.depth(position))
     for volume, position in volumes(parts, internal, p):
         total = total - volume * p.gravity * water.pressure_head(around.depth(position), around.own)
