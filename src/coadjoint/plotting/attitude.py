@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from coadjoint.plotting.entries import Entry, require
+from coadjoint.plotting.navigation import WANTED
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
 _SENTENCE = "There is no attitude to draw: `attitude` needs a group with rotations of space, SO(3) or SE(3)."
@@ -24,6 +26,7 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
     figure = canvas(COLUMN, 3.6)
     column = figure.subplots(3, 1, sharex=True)
     for component, (axes, name) in enumerate(zip(column, ("yaw", "pitch", "roll"), strict=True)):
+        _set_points(axes, runs[0], name, unwrap)
         for run in runs:
             angle = run.values("euler_angles")[:, component]
             time, degrees = _unwrapped(run, angle) if unwrap else _broken(run, angle)
@@ -34,6 +37,15 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
     time_axis(column, [run.time for run in runs])
     legend(figure, *column[0].get_legend_handles_labels())
     return figure
+
+
+def _set_points(axes: Axes, run: Entry, name: str, unwrap: bool) -> None:
+    """The set point of an angle, where the run has one; of yaw also under the name `heading`."""
+    for source in (f"inputs_{name}", *(["inputs_heading"] if name == "yaw" else [])):
+        if source in run.dataset and run.values(source).ndim == 1 and run.unit(source) == "rad":
+            wanted = run.values(source)
+            time, degrees = _unwrapped(run, wanted) if unwrap else _broken(run, np.angle(np.exp(1j * wanted)))
+            axes.plot(time, degrees, label="set point", **WANTED)
 
 
 def _unwrapped(run: Entry, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

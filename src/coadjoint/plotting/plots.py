@@ -97,6 +97,58 @@ class Plots:
 
         return self._draw(lambda runs: components.variable(runs, name), others, labels, path)
 
+    def track(
+        self, *others: Any, way_points: Any = None, labels: Sequence[str] | None = None, path: Path | None = None
+    ) -> Figure:
+        """The path of a vehicle seen from above, north up, with its start, its end and `way_points` (k, 2 or 3), m."""
+        from coadjoint.plotting import navigation
+
+        return self._draw(lambda runs: navigation.track(runs, way_points), others, labels, path)
+
+    def depth(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+        """The depth of a vehicle over time, downwards, with its set point."""
+        from coadjoint.plotting import navigation
+
+        return self._draw(navigation.depth, others, labels, path)
+
+    def speeds(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+        """Surge, sway and heave through the water with the set point of speed, and the rates of roll, pitch and yaw."""
+        from coadjoint.plotting import motions
+
+        return self._draw(motions.speeds, others, labels, path)
+
+    def actuators(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+        """What every actuator does, what it was told, and its limits."""
+        from coadjoint.plotting import actuators
+
+        return self._draw(actuators.actuators, others, labels, path)
+
+    def current(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
+        """The velocity of the water where the vehicle is: north, east, down."""
+        from coadjoint.plotting import motions
+
+        return self._draw(motions.current, others, labels, path)
+
+    def mission(
+        self, *others: Any, way_points: Any = None, labels: Sequence[str] | None = None, path: Path | None = None
+    ) -> Figure:
+        """A vehicle's run on one page: track, depth, angles, speeds, rates, actuators, energy, current."""
+        from coadjoint.plotting import mission
+
+        return self._draw(lambda runs: mission.mission(runs, way_points), others, labels, path)
+
+    def animation(
+        self, *others: Any, path: Path, frames: int = 150, labels: Sequence[str] | None = None
+    ) -> os.PathLike[str]:
+        """Write an animation of vehicles to `path`: `.gif`, track and depth in `frames` pictures, or `.html`.
+
+        The page plays the tracks in space, to be turned with the mouse; it holds all that it needs.
+        """
+        from coadjoint.plotting.animation import animation
+        from coadjoint.plotting.entries import entries
+
+        return animation(entries([self.dataset, *others], labels), path, frames)
+
     def _draw(
         self,
         make: Callable[[list[Entry]], Figure],
@@ -114,7 +166,10 @@ class Plots:
         return figure
 
 
-FIGURES = ("energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect")
+FIGURES = (
+    "energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect",
+    "mission", "track", "depth", "speeds", "actuators", "current",
+)  # fmt: skip
 """The figures that a dataset can have, by the names of their methods."""
 
 
@@ -131,7 +186,20 @@ def available(dataset: Any) -> list[str]:
         "momenta": {"mu"},
         "group_defect": {"group_defect"},
     }
-    return [name for name in FIGURES if needs[name] & held]
+    return [name for name in FIGURES if (needs[name] & held if name in needs else name in _of_vehicle(dataset))]
+
+
+def _of_vehicle(dataset: Any) -> list[str]:
+    """The figures that only vehicles have."""
+    from coadjoint.models.underwater.log.log import Log, is_vehicle
+
+    if not is_vehicle(dataset):
+        return []
+    if "member" in dataset.dims:
+        dataset = dataset.isel(member=0)
+    log = Log(dataset)
+    more = (["actuators"] if log.actuators else []) + (["current"] if log.current is not None else [])
+    return ["mission", "track", "depth", "speeds", *more]
 
 
 def save_figures(

@@ -163,22 +163,37 @@ def derived(records: State) -> dict[str, Any]:
     return jax.vmap(one)(records)
 
 
-def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, str]]:
-    """Unit and meaning of each variable, where known."""
+def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any]]:
+    """Unit and meaning of each variable, where known, and the limits of an internal state."""
     units = {"time": "s", "step_size": "s", "euler_angles": "rad", **dict(system.units)}
     if "energy" in units:
         units = {"work": units["energy"], "energy_budget": units["energy"], **units}
-    found: dict[str, dict[str, str]] = {}
+    found: dict[str, dict[str, Any]] = {}
     watched = dict(system.quantities)
     for name in (*map(str, made), "time"):
         base = name if name in _MEANINGS or name in watched else name.split("_")[0]
         unit = units.get(name, units.get(base))
         told = {"units": unit, "long_name": meaning(watched[name]) if name in watched else _MEANINGS.get(base)}
         found[name] = {key: value for key, value in told.items() if value is not None}
+        if name.startswith("internal_"):
+            found[name] |= _limits(system, name.removeprefix("internal_"))
     return found
 
 
-def labelled(made: xarray.Dataset, told: Mapping[str, Mapping[str, str]]) -> xarray.Dataset:
+def _limits(system: System, name: str) -> dict[str, float]:
+    """The bounds of an internal state x: the parameters `x_low` and `x_high`, or ±`x_limit`, where they are numbers."""
+
+    def number(ending: str) -> float | None:
+        value = getattr(system.parameters, f"{name}_{ending}", None)
+        return float(value) if np.ndim(value) == 0 and isinstance(value, (np.ndarray, np.generic, float)) else None
+
+    limit = number("limit")
+    low = number("low") if limit is None else -limit
+    high = number("high") if limit is None else limit
+    return {key: value for key, value in (("low", low), ("high", high)) if value is not None}
+
+
+def labelled(made: xarray.Dataset, told: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:
     """The dataset with named angles, and with the units and meanings of its variables."""
     if "angle" in made.dims:
         made = made.assign_coords(angle=["yaw", "pitch", "roll"])

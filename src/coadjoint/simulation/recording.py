@@ -29,8 +29,12 @@ class Recording:
         """Figures: `run.plot.energy()`, `.kelvin_noether()`, `.trajectory()`, `.attitude()`."""
         return Plots(self.dataset)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the dataset as netCDF, whole or not at all; raises FileError rather than replace a file."""
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, axes: str = "NED/FRD") -> Path:
+        """Write the dataset as netCDF, or a vehicle's log as CSV where the name ends in .csv, whole or not at all.
+
+        A log has columns `time_s`, `north_m`, `east_m`, `depth_m`, …; `axes="ENU/FLU"` writes one of east, north, up.
+        Raises FileError rather than replace a file, ArgumentError for a log of what is no vehicle.
+        """
         target = Path(path)
         if target.exists() and not overwrite:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
@@ -39,13 +43,23 @@ class Recording:
         temporary = beside(target)
         try:
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            self.dataset.to_netcdf(temporary, engine="h5netcdf")
+            if target.suffix.lower() == ".csv":
+                temporary.write_text(self._log_text(axes), encoding="utf-8")
+            else:
+                self.dataset.to_netcdf(temporary, engine="h5netcdf")
             os.replace(temporary, target)
         except OSError as error:
             with contextlib.suppress(OSError):
                 temporary.unlink()
             raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
+
+    def _log_text(self, axes: str) -> str:
+        from coadjoint.models.underwater.log.columns import columns
+        from coadjoint.models.underwater.log.csv_file import csv_text
+        from coadjoint.models.underwater.log.log import Log
+
+        return csv_text(columns(Log(self.dataset), axes))
 
 
 class SavedRun(Recording):

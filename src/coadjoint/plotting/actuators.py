@@ -1,0 +1,85 @@
+"""What the actuators do: where they are, what they were told, and their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coadjoint.errors import ArgumentError
+from coadjoint.models.underwater.log.log import Log
+from coadjoint.plotting.entries import Entry
+from coadjoint.plotting.motions import draw_components, finish, key
+from coadjoint.plotting.navigation import WANTED
+from coadjoint.plotting.style import COLUMN, canvas
+
+_LIMIT = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
+_NEAR = 0.5
+"""A limit is drawn where an actuator comes nearer to it than this part of it."""
+
+
+def actuators(runs: Sequence[Entry]) -> Figure:
+    """A panel for each actuator: what it does, what it was told (dashed), its limits (dotted)."""
+    names = names_of(runs)
+    if not names:
+        raise ArgumentError(f"There are no actuators to draw: the run of {runs[0].label} has none.")
+    figure = canvas(COLUMN, 0.5 + 1.35 * len(names))
+    column = list(np.atleast_1d(figure.subplots(len(names), 1, sharex=True)))
+    for axes, name in zip(column, names, strict=True):
+        draw_actuators(axes, runs, [name])
+    finish(figure, column, runs)
+    return figure
+
+
+def names_of(runs: Sequence[Entry]) -> list[str]:
+    """The names of the actuators of all runs."""
+    return list(dict.fromkeys(name for run in runs for name in Log(run.dataset).actuators))
+
+
+def by_unit(runs: Sequence[Entry]) -> list[list[str]]:
+    """The names of the actuators, those of one unit together."""
+    found: dict[str, list[str]] = {}
+    for run in runs[:1]:
+        for name, actuator in Log(run.dataset).actuators.items():
+            found.setdefault(actuator.unit, []).append(name)
+    return list(found.values())
+
+
+def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> None:
+    """Actuators of one unit on these axes; what they were told only where there is one."""
+    labels: list[str] = []
+    unit = ""
+    for run in runs:
+        labels, first = [], 0
+        for name in names:
+            actuator = Log(run.dataset).actuators.get(name)
+            if actuator is None:
+                continue
+            factor, unit = (180 / np.pi, "°") if actuator.unit == "rad" else (1.0, actuator.unit)
+            actual = factor * actuator.actual.reshape(len(actuator.actual), -1)
+            if actuator.command is not None and len(names) == 1 and run is runs[0]:
+                _draw_commands(axes, run, factor * actuator.command.reshape(len(actual), -1))
+            draw_components(axes, run, actual, first)
+            _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
+            first += actual.shape[1]
+            said = name.replace("_", " ")
+            labels += [said] if actual.shape[1] == 1 else [f"{said} {i + 1}" for i in range(actual.shape[1])]
+    axes.set_ylabel(f"({unit})" if unit not in ("", "1") else "")
+    key(axes, labels)
+
+
+def _draw_commands(axes: Axes, run: Entry, commands: np.ndarray) -> None:
+    for number, series in enumerate(commands.T):
+        kept = run.thin(series)
+        axes.plot(run.time[kept], series[kept], label="_" if number else "command", **WANTED)
+
+
+def _draw_limits(axes: Axes, limits: Sequence[float], actual: np.ndarray) -> None:
+    """The limits that the actuator comes near to; the others would only make its curve small."""
+    for limit in limits:
+        nearest = np.min(np.abs(actual - limit), initial=np.inf)
+        if nearest <= _NEAR * abs(limit):
+            known = any(line.get_label() == "limit" for line in axes.get_lines())
+            axes.axhline(limit, label="_" if known else "limit", **_LIMIT)

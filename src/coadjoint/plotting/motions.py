@@ -1,0 +1,110 @@
+"""How a vehicle moves: its angles with their set points, its speeds and rates in body axes, the current it feels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from coadjoint.errors import ArgumentError
+from coadjoint.models.underwater.log.log import Log
+from coadjoint.plotting.entries import Entry
+from coadjoint.plotting.navigation import draw_wanted
+from coadjoint.plotting.style import COLOURS, COLUMN, canvas, legend, time_axis
+
+
+def speeds(runs: Sequence[Entry]) -> Figure:
+    """Surge, sway and heave through the water with the set point of speed, and the rates of roll, pitch and yaw."""
+    figure = canvas(COLUMN, 3.8)
+    above, below = figure.subplots(2, 1, sharex=True)
+    draw_speeds(above, runs)
+    draw_rates(below, runs)
+    finish(figure, [above, below], runs)
+    return figure
+
+
+def current(runs: Sequence[Entry]) -> Figure:
+    """The velocity of the water where the vehicle is, north, east and down."""
+    for run in runs:
+        if Log(run.dataset).current is None:
+            raise ArgumentError(f"There is no current to draw: the run of {run.label} is in still water.")
+    figure = canvas(COLUMN, 2.3)
+    axes = figure.subplots()
+    draw_current(axes, runs)
+    finish(figure, [axes], runs)
+    return figure
+
+
+def draw_speeds(axes: Axes, runs: Sequence[Entry]) -> None:
+    """Surge, sway and heave through the water on these axes."""
+    for run in runs:
+        log = Log(run.dataset)
+        if run is runs[0]:
+            draw_wanted(axes, run, log, "speed")
+        draw_components(axes, run, log.through_water)
+    has_current = any(Log(run.dataset).current is not None for run in runs)
+    axes.set_ylabel("speed through\nthe water (m/s)" if has_current else "speed (m/s)")
+    key(axes, ("surge $u$", "sway $v$", "heave $w$"))
+
+
+def draw_rates(axes: Axes, runs: Sequence[Entry]) -> None:
+    """The rates of roll, pitch and yaw, body axes, in °/s."""
+    for run in runs:
+        draw_components(axes, run, np.degrees(Log(run.dataset).rates))
+    axes.set_ylabel("rate (°/s)")
+    key(axes, ("roll $p$", "pitch $q$", "yaw $r$"))
+
+
+def draw_angles(axes: Axes, runs: Sequence[Entry]) -> None:
+    """Roll, pitch and heading in degrees, the heading counted on through full turns, with its set point."""
+    for run in runs:
+        log = Log(run.dataset)
+        angles = np.degrees(np.column_stack([log.attitude[:, :2], np.unwrap(log.attitude[:, 2])]))
+        if run is runs[0]:
+            draw_wanted(axes, run, log, "heading", 180 / np.pi)
+        draw_components(axes, run, angles)
+    axes.set_ylabel("angle (°)")
+    key(axes, ("roll", "pitch", "heading"))
+
+
+def draw_current(axes: Axes, runs: Sequence[Entry]) -> None:
+    """The velocity of the water in space."""
+    for run in runs:
+        water = Log(run.dataset).current
+        if water is not None:
+            draw_components(axes, run, water)
+    axes.set_ylabel("current (m/s)")
+    key(axes, ("north", "east", "down"))
+
+
+def draw_components(axes: Axes, run: Entry, values: np.ndarray, first: int = 0) -> None:
+    """A curve for each column, a colour a component from `first` on, a line style a run."""
+    for component, series in enumerate(values.T, start=first):
+        kept = run.thin(series)
+        axes.plot(run.time[kept], series[kept], color=COLOURS[component % len(COLOURS)], **{"linewidth": 0.9, **run.line})
+
+
+def key(axes: Axes, labels: Sequence[str]) -> None:
+    """Which colour is which component, and which curve a set point, in a line above the axes."""
+    handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=text) for i, text in enumerate(labels)]
+    others = {str(line.get_label()): line for line in axes.get_lines() if not str(line.get_label()).startswith("_")}
+    longest = max(map(len, [*labels, *others]), default=0)
+    axes.legend(
+        handles=[*handles, *others.values()],
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=4 if longest < 12 else 3,
+        borderaxespad=0.1,
+        handlelength=1.2,
+        columnspacing=1.0,
+    )
+
+
+def finish(figure: Figure, column: Sequence[Axes], runs: Sequence[Entry]) -> None:
+    """The time axis, and which line style is which run where there are several."""
+    time_axis(column, [run.time for run in runs])
+    named = [run for run in runs if not run.label.startswith("_")]
+    legend(figure, [Line2D([], [], color="#444444", **run.line) for run in named], [run.label for run in named])
