@@ -15,7 +15,7 @@ from files import TOP, TOP_OF_CATALOGUE, write
 
 import coadjoint
 from coadjoint.cli.main import main
-from coadjoint.plotting.plots import FIGURES
+from coadjoint.plotting.plots import FIGURES, OF_VEHICLES
 from coadjoint.simulation.recording import load
 
 MAIN = [sys.executable, "-c", "import sys; from coadjoint.cli.main import main; sys.exit(main(sys.argv[1:]))"]
@@ -40,7 +40,7 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert "Kelvin–Noether" in out
     assert err == ""
     folder = tmp_path / "top"
-    drawn = {f"{name}.png" for name in FIGURES if name not in ("trajectory", "budget")}
+    drawn = {f"{name}.png" for name in FIGURES if name not in ("trajectory", "budget", *OF_VEHICLES)}
     assert {path.name for path in folder.iterdir()} == {"run.toml", "top.py", "trajectory.nc", "summary.json", *drawn}
     assert (folder / "run.toml").read_text() == TOP
     summary = json.loads((folder / "summary.json").read_text())

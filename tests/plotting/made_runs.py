@@ -6,6 +6,15 @@ import numpy as np
 import xarray
 
 GROUPS = {"SO3()": 3, "SE3()": 6}
+_OF_VEHICLES = (
+    ("inputs_depth", "m"),
+    ("inputs_heading", "rad"),
+    ("internal_rudder", "rad"),
+    ("internal_pilot_value_rudder", "rad"),
+    ("internal_thrusters", "N"),
+)
+VEHICLE = dict.fromkeys(("a_down", "a_north"))
+"""What to leave out for a run that is no vehicle's."""
 
 
 def dataset(nodes: int = 200, group: str = "SO3()", method: str = "Midpoint(Cayley())", **variables) -> xarray.Dataset:
@@ -26,6 +35,15 @@ def dataset(nodes: int = 200, group: str = "SO3()", method: str = "Midpoint(Cayl
         "q": waves,
         "nu": waves,
         "pi": waves,
+        "n": waves,
+        "a_down": np.broadcast_to([0.0, 0.0, 1.0], waves.shape),
+        "a_north": np.broadcast_to([1.0, 0.0, 0.0], waves.shape),
+        "a_current": np.broadcast_to([0.0, 0.2, 0.0], waves.shape),
+        "inputs_depth": np.where(time < 5, 0.5, 1.0),
+        "inputs_heading": np.where(time < 5, 0.0, 1.0),
+        "internal_rudder": 0.2 * np.sin(time),
+        "internal_pilot_value_rudder": 0.25 * np.sin(time),
+        "internal_thrusters": waves[:, :2],
         **variables,
     }
     dims = {
@@ -36,7 +54,9 @@ def dataset(nodes: int = 200, group: str = "SO3()", method: str = "Midpoint(Cayl
     data = {name: (dims[name], held[name]) for name in dims}
     attrs = {"system": "made up", "method": method, "dt": 10.0 / (nodes - 1), "group": group}
     made = xarray.Dataset(data, coords={"time": time}, attrs=attrs)
-    for name, unit in (("q", "m"), ("xi", "rad/s"), ("nu", "m/s"), ("energy", "J")):
+    for name, unit in (("q", "m"), ("xi", "rad/s"), ("nu", "m/s"), ("energy", "J"), *_OF_VEHICLES):
         if name in made:
             made[name].attrs["units"] = unit
+    if "internal_rudder" in made:
+        made["internal_rudder"].attrs.update(low=-0.25, high=0.25)
     return made

@@ -97,11 +97,11 @@ class Plot:
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
     figures: tyro.conf.Positional[tuple[str, ...]] = ()
-    """The figures to draw; by default all that the runs have."""
+    """The figures to draw, by default all that the runs have; `animation` shows vehicles move."""
     out: Path | None = None
     """Where to write them, by default beside the runs."""
-    format: Literal["png", "pdf", "svg"] = "png"
-    """The format of the figures."""
+    format: Literal["png", "pdf", "svg", "gif", "html"] = "png"
+    """The format of the figures; gif, or html for a page with the track in space, of an animation."""
     json: bool = False
     """Print the files as JSON, and nothing else."""
 

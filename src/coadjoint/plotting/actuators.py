@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +16,7 @@ from coadjoint.plotting.motions import draw_components, finish, key
 from coadjoint.plotting.navigation import WANTED
 from coadjoint.plotting.style import COLUMN, canvas
 
-_LIMIT = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
+_LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
 _NEAR = 0.5
 """A limit is drawn where an actuator comes nearer to it than this part of it."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -90,7 +91,7 @@ class _Vehicle:
         self.figure, self.log, self.time, self.number = figure, Log(run.dataset), run.time, number
         self.panels = figure.axes[:2]
         self.label = run.label if number else ""
-        look = {"color": COLOURS[run.place % len(COLOURS)]}
+        look: dict[str, Any] = {"color": COLOURS[run.place % len(COLOURS)]}
         self.paths = [axes.add_line(Line2D([], [], animated=True, **look)) for axes in self.panels]
         self.arrows = [axes.add_line(Line2D([], [], animated=True, markersize=13, **look)) for axes in self.panels]
         self.text = figure.text(0.5, 0.985, "", ha="center", va="top", fontsize=9, animated=True)
@@ -101,14 +102,16 @@ class _Vehicle:
         log, k = self.log, int(np.clip(np.searchsorted(self.time, t), 0, len(self.time) - 1))
         so_far = np.append(self.kept[self.kept < k], k)
         north, east, depth = log.position[so_far].T
-        roll, pitch, heading = log.attitude[k]
+        _, pitch, heading = log.attitude[k]
         for path, x, y in zip(self.paths, (east, self.time[so_far]), (north, depth), strict=True):
             path.set_data(x, y)
         for arrow, x, y, turn in zip(
             self.arrows, (east, self.time[so_far]), (north, depth), (-heading, pitch - np.pi / 2), strict=True
         ):
             arrow.set_data(x[-1:], y[-1:])
-            arrow.set_marker(MarkerStyle([(0, 1.3), (-0.5, -0.9), (0, -0.55), (0.5, -0.9)], transform=Affine2D().rotate(turn)))
+            arrow.set_marker(
+                MarkerStyle([(0, 1.3), (-0.5, -0.9), (0, -0.55), (0.5, -0.9)], transform=Affine2D().rotate(turn))
+            )
         for axes, path, arrow in zip(self.panels, self.paths, self.arrows, strict=True):
             axes.draw_artist(path)
             axes.draw_artist(arrow)

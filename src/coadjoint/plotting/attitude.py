@@ -26,11 +26,11 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
     figure = canvas(COLUMN, 3.6)
     column = figure.subplots(3, 1, sharex=True)
     for component, (axes, name) in enumerate(zip(column, ("yaw", "pitch", "roll"), strict=True)):
-        _set_points(axes, runs[0], name, unwrap)
         for run in runs:
             angle = run.values("euler_angles")[:, component]
             time, degrees = _unwrapped(run, angle) if unwrap else _broken(run, angle)
             axes.plot(time, degrees, label=run.label, **run.look)
+        _set_points(axes, runs[0], name, unwrap)
         axes.set_ylabel(f"{name} (°)")
         low, high = axes.get_ylim()
         axes.yaxis.set_major_locator(MultipleLocator(90) if 200 < high - low < 500 else MaxNLocator(5))

@@ -84,7 +84,9 @@ def draw_components(axes: Axes, run: Entry, values: np.ndarray, first: int = 0) 
     """A curve for each column, a colour a component from `first` on, a line style a run."""
     for component, series in enumerate(values.T, start=first):
         kept = run.thin(series)
-        axes.plot(run.time[kept], series[kept], color=COLOURS[component % len(COLOURS)], **{"linewidth": 0.9, **run.line})
+        axes.plot(
+            run.time[kept], series[kept], color=COLOURS[component % len(COLOURS)], **{"linewidth": 0.9, **run.line}
+        )
 
 
 def key(axes: Axes, labels: Sequence[str]) -> None:

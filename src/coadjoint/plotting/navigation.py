@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,7 @@ from coadjoint.models.underwater.log.log import Log
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
-WANTED = {"color": "#555555", "linestyle": (0, (4, 2)), "linewidth": 0.8, "zorder": 1.5}
+WANTED: dict[str, Any] = {"color": "#555555", "linestyle": (0, (4, 2)), "linewidth": 0.8, "zorder": 1.5}
 """The look of set points and commands."""
 
 
@@ -43,13 +44,15 @@ def draw_track(axes: Axes, runs: Sequence[Entry], way_points: np.ndarray | None 
     if len(points):
         start = logs[0].position[:1, :2]
         legs = np.concatenate([start, points[:, :2]])
-        axes.plot(legs[:, 1], legs[:, 0], label="way points", marker="s", markersize=3, markevery=slice(1, None), **WANTED)
+        axes.plot(
+            legs[:, 1], legs[:, 0], label="way points", marker="s", markersize=3, markevery=slice(1, None), **WANTED
+        )
     for run, log in zip(runs, logs, strict=True):
         path = log.position[run.thin(log.position)]
         axes.plot(path[:, 1], path[:, 0], label=_label(runs, run, "track"), **run.look)
     for log in logs:
         axes.plot(log.position[0, 1], log.position[0, 0], "o", color="black", markersize=4, zorder=3)
-    ends = {"marker": "x", "color": "black", "markersize": 4, "linestyle": "none", "zorder": 3}
+    ends: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 4, "linestyle": "none", "zorder": 3}
     if not any(run.crowd > 1 for run in runs):
         for log in logs:
             axes.plot(log.position[-1, 1], log.position[-1, 0], **ends)

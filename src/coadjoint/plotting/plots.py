@@ -166,11 +166,16 @@ class Plots:
         return figure
 
 
+OF_VEHICLES = ("mission", "track", "depth", "speeds", "actuators", "current")
+"""The figures that only vehicles have."""
 FIGURES = (
-    "energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect",
-    "mission", "track", "depth", "speeds", "actuators", "current",
-)  # fmt: skip
+    *("energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect"),
+    *OF_VEHICLES,
+)
 """The figures that a dataset can have, by the names of their methods."""
+
+
+ANIMATION = "animation"
 
 
 def available(dataset: Any) -> list[str]:
@@ -198,8 +203,8 @@ def _of_vehicle(dataset: Any) -> list[str]:
     if "member" in dataset.dims:
         dataset = dataset.isel(member=0)
     log = Log(dataset)
-    more = (["actuators"] if log.actuators else []) + (["current"] if log.current is not None else [])
-    return ["mission", "track", "depth", "speeds", *more]
+    lacking = {"actuators": not log.actuators, "current": log.current is None}
+    return [name for name in OF_VEHICLES if not lacking.get(name, False)]
 
 
 def save_figures(
@@ -211,14 +216,24 @@ def save_figures(
 ) -> list[str]:
     """Write the named figures of the datasets as folder/name.ending, by default all that every dataset has.
 
-    Returns the file names; raises ArgumentError for a name that is none, and as the figures do.
+    `animation` is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a name that is none,
+    and as the figures do.
     """
     common = [name for name in FIGURES if all(name in available(dataset) for dataset in datasets)]
     chosen = common if names is None else list(names)
     for name in chosen:
-        if name not in FIGURES:
-            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(FIGURES)}.")
+        if name not in (*FIGURES, ANIMATION):
+            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join((*FIGURES, ANIMATION))}.")
     plots = Plots(datasets[0])
-    for name in chosen:
-        getattr(plots, name)(*datasets[1:], labels=labels, path=os.path.join(folder, f"{name}.{ending}"))
-    return [f"{name}.{ending}" for name in chosen]
+    files = [f"{name}.{_ending(name, ending)}" for name in chosen]
+    for name, file in zip(chosen, files, strict=True):
+        getattr(plots, name)(*datasets[1:], labels=labels, path=os.path.join(folder, file))
+    return files
+
+
+def _ending(name: str, ending: str) -> str:
+    """The ending of a figure's file: pictures for figures, .html or .gif for an animation."""
+    moving = ending in ("gif", "html")
+    if name == ANIMATION:
+        return ending if moving else "gif"
+    return "png" if moving else ending

@@ -185,7 +185,7 @@ def _limits(system: System, name: str) -> dict[str, float]:
 
     def number(ending: str) -> float | None:
         value = getattr(system.parameters, f"{name}_{ending}", None)
-        return float(value) if np.ndim(value) == 0 and isinstance(value, (np.ndarray, np.generic, float)) else None
+        return float(value) if isinstance(value, (np.ndarray, np.generic, float)) and np.ndim(value) == 0 else None
 
     limit = number("limit")
     low = number("low") if limit is None else -limit

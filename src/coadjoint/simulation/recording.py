@@ -40,11 +40,12 @@ class Recording:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
         if not target.parent.is_dir():
             raise FileError(f"The folder {target.parent} does not exist: make it first.")
+        log = self._log_text(axes) if target.suffix.lower() == ".csv" else None
         temporary = beside(target)
         try:
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            if target.suffix.lower() == ".csv":
-                temporary.write_text(self._log_text(axes), encoding="utf-8")
+            if log is not None:
+                temporary.write_text(log, encoding="utf-8")
             else:
                 self.dataset.to_netcdf(temporary, engine="h5netcdf")
             os.replace(temporary, target)

@@ -24,6 +24,7 @@ _HOMES = {
     "capytaine": ("capytaine_added_mass",),
     "ellipsoids": ("displaced_mass", "ellipsoid", "ellipsoid_added_mass"),
     "general_form": ("general_vehicle", "se3_start", "se3_vehicle"),
+    "log.inputs": ("inputs_from_csv",),
     "paper_form": ("start", "vehicle"),
     "remus": ("REMUS_100", "remus_100", "remus_start"),
     "slender_bodies": ("slender_body_added_mass",),
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import general_vehicle as general_vehicle
     from coadjoint.models.underwater.general_form import se3_start as se3_start
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
+    from coadjoint.models.underwater.log.inputs import inputs_from_csv as inputs_from_csv
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
     from coadjoint.models.underwater.parts.ballast import Ballast as Ballast

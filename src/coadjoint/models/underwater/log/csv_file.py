@@ -100,7 +100,9 @@ def _header(source: Path, number: int, header: list[str]) -> tuple[list[str], li
 
 def _numbers(source: Path, line: int, row: list[str], header: list[str]) -> list[float]:
     if len(row) != len(header):
-        raise FileError(f"{source}, line {line}: there must be {len(header)} numbers, one a column, but are {len(row)}.")
+        raise FileError(
+            f"{source}, line {line}: there must be {len(header)} numbers, one a column, but are {len(row)}."
+        )
     found = []
     for column, cell in zip(header, row, strict=True):
         if not _is_number(cell):

@@ -1,0 +1,115 @@
+"""Figures and animations of vehicles: where it went, north up and depth down, with what it was told."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from made_runs import VEHICLE, dataset
+from matplotlib.colors import to_hex
+from PIL import Image
+
+from coadjoint.errors import ArgumentError
+from coadjoint.plotting.plots import OF_VEHICLES, Plots, available
+
+
+def line(axes, label):
+    (found,) = [line for line in axes.get_lines() if line.get_label() == label]
+    return found
+
+
+def test_the_track_is_drawn_north_up_with_its_way_points():
+    run = dataset()
+    axes = Plots(run).track(way_points=[[3, 4], [5, 6]]).axes[0]
+    assert np.array_equal(line(axes, "track").get_xdata(), run.q.values[:, 1])
+    assert np.array_equal(line(axes, "track").get_ydata(), run.q.values[:, 0])
+    assert np.array_equal(line(axes, "way points").get_xydata()[1:], [[4, 3], [6, 5]])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("east (m)", "north (m)")
+
+
+def test_the_depth_grows_downwards_beside_its_set_point():
+    run = dataset()
+    axes = Plots(run).depth().axes[0]
+    assert axes.yaxis_inverted()
+    assert np.array_equal(line(axes, "depth").get_ydata(), run.q.values[:, 2])
+    assert np.array_equal(line(axes, "set point").get_ydata(), run.inputs_depth.values)
+
+
+def test_speeds_are_those_through_the_water():
+    run = dataset()
+    above, below = Plots(run).speeds().axes
+    sway = above.get_lines()[1].get_ydata()
+    assert np.allclose(sway, run.nu.values[:, 1] - 0.2)
+    assert np.allclose(below.get_lines()[2].get_ydata(), np.degrees(run.xi.values[:, 2]))
+
+
+def test_actuators_stand_beside_what_they_were_told_and_near_limits():
+    rudder, thrusters = Plots(dataset()).actuators().axes
+    assert np.allclose(line(rudder, "command").get_ydata(), np.degrees(dataset().internal_pilot_value_rudder))
+    heights = sorted(np.ravel([curve.get_ydata()[0] for curve in rudder.get_lines() if curve.get_linewidth() == 0.8]))
+    assert heights[0] == pytest.approx(np.degrees(-0.25))
+    assert heights[-1] == pytest.approx(np.degrees(0.25))
+    assert [text.get_text() for text in thrusters.get_legend().get_texts()] == ["thrusters 1", "thrusters 2"]
+    assert rudder.get_ylabel() == "(°)"
+
+
+def test_the_attitude_shows_the_heading_that_was_wanted():
+    yaw = Plots(dataset()).attitude().axes[0]
+    assert line(yaw, "set point").get_ydata()[-1] == pytest.approx(np.degrees(1.0))
+
+
+def test_a_run_of_no_vehicle_has_none_of_these():
+    run = dataset(**VEHICLE)
+    assert not set(OF_VEHICLES) & set(available(run))
+    for name in OF_VEHICLES:
+        with pytest.raises(ArgumentError, match="`down` and `north`"):
+            getattr(Plots(run), name)()
+    with pytest.raises(ArgumentError, match="`down` and `north`"):
+        Plots(run).animation(path="dive.gif")
+
+
+def test_a_vehicle_without_actuators_or_current_is_told_so():
+    run = dataset(a_current=None, internal_rudder=None, internal_thrusters=None, internal_pilot_value_rudder=None)
+    assert available(run)[-4:] == ["mission", "track", "depth", "speeds"]
+    with pytest.raises(ArgumentError, match="no actuators"):
+        Plots(run).actuators()
+    with pytest.raises(ArgumentError, match="still water"):
+        Plots(run).current()
+
+
+def test_a_gif_shows_the_vehicle_move(tmp_path):
+    path = Plots(dataset()).animation(path=tmp_path / "dive.gif", frames=12)
+    with Image.open(path) as pictures:
+        assert pictures.n_frames == 12
+        shown = []
+        for number in (0, 11):
+            pictures.seek(number)
+            shown.append(np.asarray(pictures.convert("RGB"), dtype=int))
+    assert np.count_nonzero(np.abs(shown[1] - shown[0]).sum(axis=2) > 50) > 200
+    assert to_hex(shown[0][0, 0] / 255.0) == "#ffffff" or shown[0][0, 0].min() > 245
+    assert [file.name for file in tmp_path.iterdir()] == ["dive.gif"]
+
+
+def test_a_page_holds_the_track_and_stays_small(tmp_path):
+    run = dataset(60_000)
+    path = Plots(run).animation(dataset(100), path=tmp_path / "dive.html", labels=["a</script>", "b"])
+    text = path.read_text(encoding="utf-8")
+    assert len(text) < 1_000_000
+    assert text.count("</script>") == 1
+    held = json.loads(re.search(r"const given = (.*);\n", text)[1])
+    first, second = held["runs"]
+    assert first["label"] == "a</script>"
+    assert np.allclose(second["place"], dataset(100).q.values, atol=1e-3)
+    assert first["time"][-1] == 10
+    assert not re.search(r"https?://", text)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"path": "dive.mp4"}, "must end in .gif or .html"), ({"path": "dive.gif", "frames": 1}, "from 2 to 1000")],
+)
+def test_an_animation_that_cannot_be_is_refused(options, words):
+    with pytest.raises(ArgumentError, match=words):
+        Plots(dataset()).animation(**options)
