@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
@@ -12,8 +13,10 @@ from coadjoint.models.underwater import (
     REMUS_100,
     Craft,
     Damping,
+    Derivatives,
     Fin,
     Hull,
+    Pilot,
     Propeller,
     UniformWater,
     Vehicle,
@@ -90,3 +93,162 @@ def test_a_function_of_what_a_pilot_sees_steers():
     run = co.simulate(craft.system, start, dt=0.05, duration=60.0, inputs={"heading": co.Held([0.0], [0.5])})
     assert run.dataset.euler_angles[-1, 0] == pytest.approx(0.5, abs=1e-3)
     assert np.all(run.dataset.internal_propeller == 12.0)
+
+
+def odd(**changes: Any) -> Vehicle:
+    """A vehicle without any symmetry, with a part of every kind."""
+    random = np.random.default_rng(7)
+    A, J = random.normal(size=(6, 6)), random.normal(size=(3, 3))
+    shape = {"area": 0.02, "lift_slope": 3.0, "stall": 0.35}
+    tail = {**shape, "limit": 0.3, "lag": 0.1, "rate": 1.0, "drag": 0.01}
+    angles = {"one": 0.8, "two": 2.4, "three": 3.9, "four": 5.5}
+    wheel = {"diameter": 0.14, "thrust": (0.45, -0.4), "torque": (0.07, -0.06), "thrust_deduction": 0.1}
+    parts = (
+        Damping("damping", linear=np.diag([1.0, 2, 2, 0.1, 1, 1]), quadratic=A @ A.T, forward=np.ones(6)),
+        Hull("hull", axial_drag=0.4, axial_area=0.03, crossflow_drag=(1, 0.8), width=0.3, height=0.2, length=1.6),
+        *(
+            Fin(name, position=(-0.7, 0.1 * np.cos(a), 0.1 * np.sin(a)), normal=(0, -np.sin(a), np.cos(a)), **tail)
+            for name, a in angles.items()
+        ),
+        Fin("sail", position=(0.3, 0, -0.2), normal=(0, 1, 0), **shape),
+        Propeller("propeller", **wheel, wake_fraction=0.1, torque_fraction=0.3, limit=25.0, position=(-0.8, 0.02, 0)),
+        Derivatives("lift", coefficients={"M_uw": 2.0, "N_uv": -1.0, "Y_ur": 3.0, "K_p|p|": -0.2}),
+        Derivatives("bow", coefficients={"Z_uu_bow": -3.0, "M_uu_bow": 2.0, "X_uu_bow_bow": -2.0}, limit=0.3, lag=0.2),
+    )
+    body = {"mass": 40.0, "inertia": J @ J.T + 3 * np.eye(3), "added_mass": A @ A.T + 5 * np.eye(6), "volume": 0.0395}
+    places = {"center_of_mass": (0.02, -0.01, 0.03), "center_of_buoyancy": (0.01, 0.01, -0.02)}
+    return Vehicle(**{"name": "odd", **body, **places, "parts": parts, **changes})
+
+
+MOVED = {"one": 0.1, "two": -0.05, "three": 0.07, "four": 0.02, "propeller": 12.0, "bow": 0.1}
+
+
+def test_a_craft_in_a_steady_current_moves_as_in_still_water_carried_along_on_the_grid_too():
+    def gone(current):
+        craft = Craft(odd(), water=UniformWater(current))
+        start = craft.start(velocity=(1.2, 0.1, -0.2), angular_velocity=(0.1, -0.2, 0.3), actuators=MOVED)
+        return co.simulate(craft.system, start, dt=0.05, duration=10.0).dataset
+
+    still, carried = gone((0.0, 0.0, 0.0)), gone(CURRENT)
+    np.testing.assert_allclose(carried.q, still.q + np.outer(still.time, CURRENT), atol=1e-11)
+    np.testing.assert_allclose(carried.R, still.R, atol=1e-12)
+
+
+def test_the_energy_budget_of_a_craft_with_a_part_of_every_kind_closes_to_second_order():
+    craft = Craft(odd())
+    start = craft.start(velocity=(1.2, 0.1, -0.2), actuators=MOVED)
+    found = []
+    for dt in (0.02, 0.01):
+        run = co.simulate(craft.system, start, dt=dt, duration=5.0)
+        found.append(run.summary()["energy_budget_error_max"])
+        lines = {str(name)[5:] for name in run.dataset if str(name).startswith("work_")}
+        assert lines == {part.name for part in craft.vehicle.parts}
+    assert found[0] < 1e-3 and 3.5 < found[0] / found[1] < 4.5
+
+
+def test_port_and_starboard_are_mirrored():
+    craft = Craft(remus()).replace(propeller_torque_fraction=0.0)
+    mirror, turned = np.array([1.0, -1, 1]), np.array([-1.0, 1, -1])
+    made = []
+    for side in (1.0, -1.0):
+        start = craft.start(
+            velocity=(1.5, 0.1 * side, -0.05),
+            euler_zyx=(0.4 * side, 0.2, 0.3 * side),
+            angular_velocity=(0.2 * side, 0.1, -0.3 * side),
+            actuators={"rudder": 0.1 * side, "stern_planes": 0.05, "propeller": 12.0},
+        )
+        made.append(co.simulate(craft.system, start, dt=0.05, duration=20.0).dataset)
+    np.testing.assert_allclose(made[1].q, made[0].q * mirror, atol=1e-11)
+    np.testing.assert_allclose(made[1].xi, made[0].xi * turned, atol=1e-11)
+
+
+def test_every_member_of_a_fleet_has_its_own_rudder_its_own_start_and_its_own_current():
+    areas, speeds = np.array([0.01, 0.014, 0.02]), np.array([1.0, 1.5, 2.0])
+    places, currents = np.arange(9.0).reshape(3, 3), 0.1 * np.arange(9.0)[::-1].reshape(3, 3)
+    moved = {"rudder": 0.1, "propeller": 12.0}
+
+    def gone(area, speed, place, current):
+        craft = Craft(remus(), water=UniformWater()).replace(rudder_area=area, water_velocity=current)
+        start = craft.start(position=place, speed=speed, actuators=moved)
+        return co.simulate(craft.system, start, dt=0.05, duration=10.0).dataset
+
+    fleet = gone(*(co.each(values) for values in (areas, speeds, places, currents)))
+    for k in range(3):
+        alone = gone(areas[k], speeds[k], places[k], currents[k])
+        np.testing.assert_allclose(fleet.q[k], alone.q, atol=1e-12)
+        np.testing.assert_allclose(fleet.work_rudder[k], alone.work_rudder, atol=1e-12)
+
+
+def test_the_gradient_of_where_a_craft_ends_by_the_area_of_its_rudder_is_that_of_its_differences():
+    craft = Craft(remus(parts=tuple(remus().part(name) for name in ("damping", "rudder"))))
+    start = craft.start(speed=1.5, actuators={"rudder": 0.1})
+
+    def east(area):
+        path = co.trajectory(craft.system.replace(rudder_area=area), start, dt=0.05, steps=40, backend="native")
+        return path.final.q[1]
+
+    def difference(d):
+        return (float(east(0.0133 + d)) - float(east(0.0133 - d))) / (2 * d)
+
+    with co.float64():
+        slope = float(jax.grad(east)(0.0133))
+    assert slope == pytest.approx((4 * difference(1e-5) - difference(2e-5)) / 3, rel=1e-7) and abs(slope) > 0.1
+
+
+def test_a_start_is_the_same_in_the_axes_of_robotics():
+    craft = Craft(remus(), water=UniformWater(CURRENT))
+    east, north, up, yaw, pitch, roll = 3.0, 5.0, -10.0, 0.3, 0.2, 0.1
+    given = {"position": (east, north, up), "velocity": (1.5, 0.1, -0.2), "angular_velocity": (0.1, 0.2, 0.3)}
+    robotic = craft.start(**given, euler_zyx=(yaw, pitch, roll), axes="ENU/FLU")
+    there = {"position": (5.0, 3.0, 10.0), "velocity": (1.5, -0.1, 0.2), "angular_velocity": (0.1, -0.2, -0.3)}
+    naval = craft.start(**there, euler_zyx=(np.pi / 2 - yaw, -pitch, roll))
+    for name in ("g", "n", "nu", "xi", "a"):
+        np.testing.assert_allclose(getattr(robotic, name), getattr(naval, name), atol=1e-14)
+
+
+class Helmsman(Pilot):
+    """Holds a heading."""
+
+    @property
+    def inputs(self):
+        return {"heading": "rad"}
+
+    def steer(self, sight, memory, own, vehicle):
+        return {"rudder": sight.inputs.heading - sight.heading}, {}
+
+
+STILL = co.Held([0.0], [0.0])
+
+
+def steered(pilot, **inputs: Any):
+    craft = Craft(remus(), pilot=pilot)
+    return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs or None)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: remus(parts=(Damping("drag"), Damping("drag"))), "Two parts are named `drag`"),
+        (lambda: remus(parts=(Damping("pilot"),)), "The name `pilot` is taken"),
+        (lambda: remus(parts=({"kind": "fin"},)), "`parts` must hold parts such as Fin"),
+        (lambda: remus().part("ruder"), "has no part `ruder`; its parts are: damping, hull"),
+        (lambda: Craft(remus(), water=CURRENT), r"`water` must be a Water such as UniformWater"),
+        (lambda: Craft(remus()).replace(ruder_area=1.0), "There is no `ruder_area` to replace"),
+        (lambda: Craft(remus()).start(actuators={"ruder": 0.1}), "`ruder` in `actuators` is no actuator .* are: stern"),
+        (lambda: Craft(remus()).start(actuators={"rudder": [0.1, 0.2]}), r"`rudder` .* must be one number, .* \(2,\)"),
+        (lambda: Craft(remus()).start(speed=1.0, velocity=(1, 0, 0)), "one of `speed` and `velocity`, not both"),
+        (lambda: Craft(remus()).start(velocity=1.0), r"`velocity` must have shape \(3,\)"),
+        (lambda: Craft(remus()).start(speed=co.each([[1.0], [2.0]])), "Each `speed` must be one number"),
+        (lambda: Craft(remus()).start(position=co.each([1.0, 2.0])), r"Each `position` must have shape \(3,\)"),
+        (lambda: steered(Helmsman()), r"needs the input `heading` \(rad\): give it to co.simulate"),
+        (lambda: steered(Helmsman(), heading=STILL, depth=STILL), "knows the input `depth`: .* take heading, stern"),
+        (lambda: steered(None, depth=STILL), "knows the input `depth`: .* take stern_planes, rudder, propeller"),
+        (lambda: steered(None, rudder=co.Held([0.0], [[0.0, 1.0]])), r"`rudder` with shape \(2,\), but it takes one"),
+        (lambda: steered(lambda sight, p: {"sail": 0.0}), "The pilot commands `sail`, which is no actuator of `REMUS"),
+        (lambda: steered(lambda sight, p: {"rudder": sight.omega}), r"`rudder` with shape \(3,\), but it takes one"),
+        (lambda: steered(lambda sight, p: sight.omega), "must return a dictionary of commands"),
+    ],
+)
+def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
+    with pytest.raises((co.ArgumentError, co.LagrangianError), match=sentence):
+        call()

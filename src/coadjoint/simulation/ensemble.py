@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -204,6 +205,19 @@ class Ensemble(Recording):
         from coadjoint.simulation.dataset import ensemble_dataset
 
         return ensemble_dataset(self)
+
+    def statistics(
+        self, variables: str | Sequence[str] | None = None, quantiles: Sequence[float] = (0.05, 0.5, 0.95)
+    ) -> xarray.Dataset:
+        """Mean, standard deviation, extremes and quantiles over the members, at every saved node.
+
+            fleet.statistics(["q", "euler_angles"]).q.sel(statistic="95%")
+
+        Arguments, labels and errors as in `simulation.statistics`; all variables by default.
+        """
+        from coadjoint.simulation.statistics import statistics
+
+        return statistics(self.dataset, variables, quantiles)
 
     def relative_changes(self, name: str) -> np.ndarray:
         """max_k |X_k − X₀| / |X₀| of each member over every good step; absolute where X₀ = 0."""

@@ -33,6 +33,7 @@ _HOMES = {
     "parts.part": ("Command", "Flow", "Part"),
     "parts.damping": ("Damping",),
     "parts.hull": ("Hull",),
+    "parts.derivatives": ("Derivatives",),
     "parts.fin": ("Fin",),
     "parts.propeller": ("Propeller",),
     "parts.published_curves": ("T200",),
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
     from coadjoint.models.underwater.parts.ballast import Ballast as Ballast
     from coadjoint.models.underwater.parts.damping import Damping as Damping
+    from coadjoint.models.underwater.parts.derivatives import Derivatives as Derivatives
     from coadjoint.models.underwater.parts.fin import Fin as Fin
     from coadjoint.models.underwater.parts.hull import Hull as Hull
     from coadjoint.models.underwater.parts.lifting_body import LiftingBody as LiftingBody

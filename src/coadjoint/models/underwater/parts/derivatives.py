@@ -50,11 +50,11 @@ class Monomial(NamedTuple):
 class Derivatives(Part):
     """(X, Y, Z, K, M, N)_i = Σ c · monomial, as in Y_vr v r, Z_u|w| u|w| or N_uu_rudder u² δ.
 
-    coefficients: c by name: an axis, an underscore and factors u v w p q r or |u| … |r|; then, of a part `rudder` that is
-    moved, `_rudder` once for each power of its deflection δ. Signs are those of the equations: Y_v|v| < 0 brakes. In SI,
-    or, with a `length` L (m), dimensionless: two velocities each, times ½ρL^k, k = 2 for forces and 3 for torques and one
-    more for each of p, q, r (the prime system). Derivatives by accelerations are added mass, with the Coriolis terms that
-    follow from it: they belong to the vehicle's `added_mass`, not here.
+    coefficients: c by name: an axis, an underscore and factors u v w p q r or |u| … |r|; then, of a part `rudder` that
+    is moved, `_rudder` once for each power of its deflection δ. Signs are those of the equations: Y_v|v| < 0 brakes.
+    In SI, or, with a `length` L (m), dimensionless: two velocities each, times ½ρL^k, k = 2 for forces and 3 for
+    torques and one more for each of p, q, r (the prime system). Derivatives by accelerations are added mass, with the
+    Coriolis terms that follow from it: they belong to the vehicle's `added_mass`, not here.
     limit: largest |δ|, rad; with it the part is commanded, and `lag` (s) and `rate` (rad/s) are those of its actuator.
     Raises ArgumentError for names that are none. Sources: SNAME (1950); Healey and Lienard (1993).
     """
@@ -69,7 +69,9 @@ class Derivatives(Part):
         super().__post_init__()
         whose = f"derivatives `{self.name}"
         if not isinstance(self.coefficients, Mapping) or not self.coefficients:
-            raise ArgumentError(f"Argument `coefficients` of the {whose}` must be a dictionary such as {{'Y_vr': 1.2}}.")
+            raise ArgumentError(
+                f"Argument `coefficients` of the {whose}` must be a dictionary such as {{'Y_vr': 1.2}}."
+            )
         checked = {
             name: value if isinstance(value, Each) else number(value, f"{name}` of the {whose}")
             for name, value in self.coefficients.items()
@@ -119,11 +121,13 @@ def _monomial(name: Any, part: str, moved: bool) -> Monomial:
     factors = _FACTOR.findall(product)
     if len(axis) != 1 or axis not in AXES or not factors or "".join(factors) != product or any(deflected):
         raise ArgumentError(
-            f"The coefficient {name!r} of the derivatives `{part}` must be an axis X Y Z K M N, an underscore and factors "
-            f"u v w p q r or |u| … |r|, as in 'Y_vr' or 'Z_u|w|', and then `_{part}` for each power of its own deflection."
+            f"The coefficient {name!r} of the derivatives `{part}` must be an axis X Y Z K M N, an underscore and "
+            f"factors u v w p q r or |u| … |r|, as in 'Y_vr' or 'Z_u|w|', then `_{part}` for each power of its angle."
         )
     if deflected and not moved:
-        raise ArgumentError(f"The coefficient {name!r} needs a deflection: give the derivatives `{part}` a `limit` in rad.")
+        raise ArgumentError(
+            f"The coefficient {name!r} needs a deflection: give the derivatives `{part}` a `limit` in rad."
+        )
     places = tuple((VELOCITIES.index(factor.strip("|")), factor[0] == "|") for factor in factors)
     words = "_".join(["", *(f"abs_{factor[1]}" if factor[0] == "|" else factor for factor in factors)])
     words = words if "|" in product else f"_{product}"

@@ -7,16 +7,11 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force, State
 from coadjoint.mechanics.system import System
-from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import number, vector
 from coadjoint.models.underwater import axes as turned
 from coadjoint.models.underwater.paper_form import UNITS
 from coadjoint.models.underwater.parts.part import Part
@@ -24,6 +19,7 @@ from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot
 from coadjoint.models.underwater.vehicles import energies
 from coadjoint.models.underwater.vehicles.actuators import Rule, starting_actuators
 from coadjoint.models.underwater.vehicles.energies import Surroundings, actual_of, own_of
+from coadjoint.models.underwater.vehicles.start import starting_motion, through_water
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
 from coadjoint.models.underwater.water.water import StillWater, Water
 from coadjoint.spaces import Defining
@@ -57,6 +53,17 @@ class Craft:
         pilot = None if pilot is None else pilot.fitted(vehicle)
         self.vehicle, self.pilot, self.water = vehicle, pilot, StillWater() if water is None else water
         self.rule = Rule(vehicle, pilot, self.water)
+        self._changes: dict[str, Any] = {}
+
+    def replace(self, **values: Any) -> Craft:
+        """A copy with some parameters replaced, one for each member where one likes: `rudder_area=co.each(areas)`.
+
+        Raises ArgumentError for a name that is no parameter.
+        """
+        made = Craft(self.vehicle, pilot=self.pilot, water=self.water)
+        made._changes = {**self._changes, **values}
+        made.parameters  # noqa: B018 - raises where a name is none
+        return made
 
     @cached_property
     def system(self) -> System:
@@ -87,7 +94,7 @@ class Craft:
                 if name in values:
                     raise ArgumentError(f"Two parameters are named `{name}`: give one of the parts another name.")
                 values[name] = value
-        return Parameters(**values)
+        return Parameters(**values).replace(**self._changes)
 
     def start(
         self,
@@ -105,27 +112,15 @@ class Craft:
 
         velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
         axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
+        co.each may stand for position, speed, velocity, euler_zyx and angular_velocity.
         Raises ArgumentError for wrong shapes and for actuators that the vehicle does not have.
         """
-        if speed is not None and velocity is not None:
-            raise ArgumentError("Give one of `speed` and `velocity`, not both.")
-        v = vector((0.0, 0.0, 0.0) if velocity is None else velocity, "velocity")
-        if speed is not None:
-            v = np.array([1.0, 0.0, 0.0]) * number(speed, "speed")
-        R, _ = orientation(euler_zyx=turned.euler_zyx(vector(euler_zyx, "euler_zyx"), axes))
-        q = turned.space_vector(vector(position, "position"), axes)
-        v = turned.body_vector(v, axes)
-        omega = turned.body_vector(vector(angular_velocity, "angular_velocity"), axes)
         internal = self.rule.start(starting_actuators(self.vehicle, actuators), t)
-        remembered = self.water.start()
-
-        def drift(q, t, p):
-            own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
-            return self.water.current(q, t, remembered, own)
-
-        qdot = evaluate(lambda R, v, q, t, p: R @ v + drift(q, t, p), R, v, q, np.float64(t), self.system.parameters)
+        own = own_of(self.system.parameters, "water", self.water.parameters(), fluid_density=self.vehicle.fluid_density)
+        velocity = through_water(speed, velocity)
+        begun = starting_motion(self.water, own, position, velocity, euler_zyx, angular_velocity, t, axes)
         a0 = {"down": [0, 0, 1], "north": [1, 0, 0]}
-        return self.system.state(g=R, q=q, qdot=qdot, xi=omega, a0=a0, t=t, internal=internal or None)
+        return self.system.state(**begun, a0=a0, t=t, internal=internal or None)
 
     @property
     def _remembers(self) -> bool:
