@@ -44,6 +44,7 @@ _HOMES = {
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
+    "pilots.hover": ("Hover", "Manoeuvre"),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
     "vehicles.craft": ("Craft",),
     "vehicles.file": ("read_vehicle",),
@@ -80,6 +81,8 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.published_curves import T200 as T200
     from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
     from coadjoint.models.underwater.pilots.cruise import Cruise as Cruise
+    from coadjoint.models.underwater.pilots.hover import Hover as Hover
+    from coadjoint.models.underwater.pilots.hover import Manoeuvre as Manoeuvre
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100

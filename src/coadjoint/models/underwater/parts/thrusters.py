@@ -169,9 +169,9 @@ class Thrusters(Part):
         nearest one that some do. Computed with the numbers of the part as it was made, as software on board is.
         """
         own = self._nominal
-        thrusts = jnp.asarray(self._inverse) @ wrench
+        thrusts = jnp.asarray(np.linalg.pinv(self.nominal_matrix)) @ wrench
         if self.limit is not None:
-            low, high = self._extremes
+            low, high = self.extremes
             most = jnp.where(thrusts > 0, high, low)
             room = jnp.where(thrusts == 0, 1.0, most / jnp.where(thrusts == 0, 1.0, thrusts))
             thrusts = jnp.minimum(1.0, jnp.min(room)) * thrusts
@@ -182,10 +182,14 @@ class Thrusters(Part):
         return Named(**self.parameters())
 
     @property
-    def _inverse(self) -> np.ndarray:
-        return np.linalg.pinv(evaluate(self.matrix, self._nominal))
+    def nominal_matrix(self) -> np.ndarray:
+        """B, (6, n), with the numbers of the part as it was made."""
+        return evaluate(self.matrix, self._nominal)
 
     @property
-    def _extremes(self) -> tuple[float, float]:
+    def extremes(self) -> tuple[float, float]:
+        """The thrusts at the lowest and at the highest command, N; without limits endless."""
+        if self.limit is None:
+            return -np.inf, np.inf
         low, high = evaluate(self.thrusts, self.limit, self._nominal)
         return float(low), float(high)

@@ -111,7 +111,7 @@ def part_class(kind: str) -> type:
     return getattr(import_module(f"coadjoint.models.underwater.parts.{module}"), name)
 
 
-PILOTS: dict[str, str] = {"cruise": "cruise:Cruise"}
+PILOTS: dict[str, str] = {"cruise": "cruise:Cruise", "hover": "hover:Hover", "manoeuvre": "hover:Manoeuvre"}
 """By kind: "module:class" in the room of pilots."""
 
 PILOT_FIELDS: dict[str, Dimension] = {
@@ -120,7 +120,7 @@ PILOT_FIELDS: dict[str, Dimension] = {
     "speed": u.SPEED,
     "bottom": u.LENGTH,
     **dict.fromkeys(("pitch_limit", "fin_limit", "roll_limit"), u.ANGLE),
-    **dict.fromkeys(("look_ahead", "acceptance"), u.LENGTH),
+    **dict.fromkeys(("look_ahead", "acceptance", "reach"), u.LENGTH),
 }
 """What fields of pilots measure; the others, such as gains, measure several things and have the unit "SI"."""
 
