@@ -97,13 +97,19 @@ _HOMES = {
     "coadjoint.theory.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-_MODULES = {"attitude": "coadjoint.groups.attitude", "models": "coadjoint.models", "theory": "coadjoint.theory"}
+_MODULES = {
+    "attitude": "coadjoint.groups.attitude",
+    "models": "coadjoint.models",
+    "stability": "coadjoint.stability",
+    "theory": "coadjoint.theory",
+}
 
 __version__ = "0.1.0"
 __all__ = [*_HOME_OF, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
     from coadjoint import models as models
+    from coadjoint import stability as stability
     from coadjoint import theory as theory
     from coadjoint.difference_maps import *  # noqa: F403
     from coadjoint.errors import *  # noqa: F403

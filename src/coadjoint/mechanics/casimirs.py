@@ -94,7 +94,14 @@ def casimirs(system: System) -> dict[str, Casimir]:
 @lru_cache(maxsize=64)
 def _casimirs(group: LieGroup, V: Space) -> tuple[tuple[Casimir, ...], int | None]:
     """The functions, and the degree that was too large to look at while some were still missing."""
-    fields = _fields(group, V)
+    return kept_by(_fields(group, V), group.dim)
+
+
+def kept_by(fields: np.ndarray, dim: int) -> tuple[tuple[Casimir, ...], int | None]:
+    """The polynomials that affine vector fields X_j(y) = A_j (y, 1), (j, size, size + 1), all keep.
+
+    Also the degree that was too large to look at while some were still missing. dim: how many of y are called m.
+    """
     size, expected = fields.shape[1], _corank(fields)
     found: list[tuple[np.ndarray, np.ndarray]] = []
     independent, stopped = 0, None
@@ -110,7 +117,7 @@ def _casimirs(group: LieGroup, V: Space) -> tuple[tuple[Casimir, ...], int | Non
         for row in _echelon(kernel, known):
             found.append((monomials, row))
             independent = _independent(found)
-    return tuple(_tidy(monomials, row, group.dim) for monomials, row in found), stopped
+    return tuple(_tidy(monomials, row, dim) for monomials, row in found), stopped
 
 
 def _fields(group: LieGroup, V: Space) -> np.ndarray:

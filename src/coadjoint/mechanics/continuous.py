@@ -15,6 +15,7 @@ from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.legendre import Place
 from coadjoint.mechanics.legendre import velocities as slopes
+from coadjoint.mechanics.poisson import Phase
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -69,27 +70,37 @@ def vector_field(system: System, state: State) -> State:
 
     μ̇ = ad*_ξ μ + ∂_aℓ⋄a + ∂_nℓ⋄n + π⋄ν + T, π̇ = ∂_nℓ + L*_ξπ + f, ṅ = ν − ξ·n, ȧ = −ξ·a, ġ = gξ (P20–P22).
     """
-    group, Q, V = system.places
+    group, size = system.group, system.group.dim
     xi, n, nu, a = state.xi, state.n, state.nu, state.a
-    at = node(system, state, Point(xi, n, nu, a, state.t))
+    _, (mu_dot, n_dot, pi_dot, a_dot) = rates(system, state)
     g_dot = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(xi),))[1]
-    n_dot, a_dot = nu - Q.infinitesimal(group, xi, n), -V.infinitesimal(group, xi, a)
-    carried = jax.vjp(lambda w: Q.lifted(group, xi, n, w), jnp.zeros_like(n))[1](at.pi)[0]
-    mu_dot = group.ad_dual(xi, at.mu) + at.torque
-    pi_dot = at.force + carried
 
     def momenta(xi, n, nu, a, t):
         return jnp.concatenate(legendre(system, xi, n, nu, a, t, state.inputs))
 
     along = (jnp.zeros_like(xi), n_dot, jnp.zeros_like(nu), a_dot, jnp.ones_like(state.t))
     drift = jax.jvp(momenta, (xi, n, nu, a, state.t), along)[1]
-    size = group.dim
     mass = jax.jacfwd(lambda z: momenta(z[:size], n, z[size:], a, state.t))(jnp.concatenate([xi, nu]))
     accelerations = jnp.linalg.solve(mass, jnp.concatenate([mu_dot, pi_dot]) - drift)
     return state.replace(
         t=jnp.ones_like(state.t), g=g_dot, n=n_dot, a=a_dot, mu=mu_dot, pi=pi_dot,
         xi=accelerations[:size], nu=accelerations[size:],
     )  # fmt: skip
+
+
+def rates(system: System, state: State) -> tuple[Phase, Phase]:
+    """(μ, n, π, a) and its rate of change, at (ξ, ν) of the state on a flat Q, with μ = ∂_ξℓ, π = ∂_νℓ (P20–P22)."""
+    group, Q, V = system.places
+    xi, n, nu, a = state.xi, state.n, state.nu, state.a
+    at = node(system, state, Point(xi, n, nu, a, state.t))
+    carried = jax.vjp(lambda w: Q.lifted(group, xi, n, w), jnp.zeros_like(n))[1](at.pi)[0]
+    moving = Phase(
+        mu=group.ad_dual(xi, at.mu) + at.torque,
+        n=nu - Q.infinitesimal(group, xi, n),
+        pi=at.force + carried,
+        a=-V.infinitesimal(group, xi, a),
+    )
+    return Phase(at.mu, n, at.pi, a), moving
 
 
 def reference(system: System, start: State, times: Any, tolerance: float = 1e-13) -> State:

@@ -1,0 +1,168 @@
+"""The energy–Casimir test: whether conserved quantities have a strict extremum at a steady motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from scipy.optimize import minimize
+
+from coadjoint.kernels.evaluate import tabulate
+from coadjoint.mechanics.state import State
+from coadjoint.stability.integrals import casimirs, conserved
+from coadjoint.stability.reduced import Reduced
+from coadjoint.stability.spectrum import Linearisation
+from coadjoint.stability.steady import SteadyMotion
+
+CRITICAL = 1e-7
+"""dE − Σ λ_i dC_i counts as zero up to this fraction of dE."""
+
+DEFINITE = 1e-7
+"""The smallest eigenvalue of a definite form, relative to the largest, when variables are of a size."""
+
+
+@dataclass(frozen=True)
+class EnergyCasimir:
+    """The second variation of E − Σ λ_i C_i on the kernel of all dC_i.
+
+    `verdict`: "stable" where it is definite, else "undecided", and `reason` says why. `eigenvalues`: of the form in
+    variables scaled by their inertia. `multipliers`: λ_i by the names of the integrals.
+    """
+
+    verdict: str
+    reason: str
+    eigenvalues: np.ndarray
+    multipliers: dict[str, float]
+
+
+def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Sequence[Callable] = ()) -> EnergyCasimir:
+    """Arnold's test: with d(E − Σ λ_i C_i) = 0 and a definite second variation on ∩ ker dC_i the motion is stable.
+
+    C_i: the polynomial Casimir functions of the reduced bracket modulo ignorable variables (for a neutrally buoyant
+    vehicle P·P and P·Γ), the conserved ones among the system's `quantities`, and `integrals`, functions of a state.
+    Where dC_i depend on one another, λ is not unique and one that makes the form definite is looked for. Then
+    E − Σ λ_i C_i + c Σ(C_i − C_i⁰)² has a strict extremum for some c: nonlinear stability in the reduced space, up to
+    what is ignorable. Forces take that away, and the verdict is "undecided".
+    Source: Holm, Marsden, Ratiu and Weinstein (1985); Leonard (1997).
+    """
+    reduced = motion.reduced
+    if reduced.system.forces is not None:
+        return _undecided("forces act")
+    names, derivatives = _derivatives(reduced, tuple(integrals))
+    first, second = derivatives(motion.state)
+    if not _energy_is_reduced(reduced, motion.state, first[0]):
+        return _undecided("the energy depends on what is ignorable")
+    charts = linear.charts
+    dE, dC = first[0] @ charts, first[1:] @ charts
+    forms = np.einsum("kij,ia,jb->kab", second, charts, charts)
+    scale = float(np.linalg.norm(dE)) + float(np.max(np.abs(forms[0])))
+    kept = [i for i, row in enumerate(dC) if np.linalg.norm(row) + np.max(np.abs(forms[i + 1])) > 1e-12]
+    names, dC, forms = [names[i] for i in kept], dC[kept], forms[[0, *(i + 1 for i in kept)]]
+    multipliers = np.linalg.lstsq(dC.T, dE, rcond=1e-9)[0] if len(dC) else np.zeros(0)
+    if np.linalg.norm(dE - dC.T @ multipliers) > CRITICAL * scale:
+        return _undecided("the energy is not critical on the level of the known integrals")
+    return _definite(names, dC, forms, multipliers)
+
+
+def _definite(names: list[str], dC: np.ndarray, forms: np.ndarray, multipliers: np.ndarray) -> EnergyCasimir:
+    """Look for λ = multipliers + t, t with Σ t_i dC_i = 0, that makes the form definite on the kernel of dC."""
+    kernel, freedom = _kernel(dC, forms.shape[1]), _kernel(dC.T, len(dC))
+    forms = np.einsum("kij,ia,jb->kab", forms, kernel, kernel)
+    base = forms[0] - np.tensordot(multipliers, forms[1:], 1)
+    changes = np.tensordot(freedom.T, forms[1:], 1)
+    if not base.size:
+        return EnergyCasimir(
+            "stable",
+            "the integrals leave no direction",
+            np.zeros(0),
+            dict(zip(names, map(float, multipliers), strict=True)),
+        )
+
+    t = _best(base, changes)
+    best = np.linalg.eigvalsh(base - np.tensordot(t, changes, 1))
+    verdict = {1: "stable", -1: "stable", 0: "undecided"}[_sign(best)]
+    reason = {1: "positive definite", -1: "negative definite", 0: "indefinite"}[_sign(best)]
+    if not _sign(best) and np.min(np.abs(best)) <= DEFINITE * np.max(np.abs(best)):
+        reason = "degenerate"
+    return EnergyCasimir(verdict, reason, best, dict(zip(names, map(float, multipliers + freedom @ t), strict=True)))
+
+
+def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """t for which base − Σ t_i changes_i is definite, or as near to it as was found."""
+
+    def margin(t: Any) -> float:
+        """The smallest eigenvalue of ±form relative to the largest."""
+        values = np.linalg.eigvalsh(base - np.tensordot(np.atleast_1d(t), changes, 1))
+        return float(max(values[0], -values[-1]) / max(np.max(np.abs(values)), 1e-300))
+
+    zero = np.zeros(len(changes))
+    if not len(zero) or margin(zero) > DEFINITE:
+        return zero
+    if len(zero) == 1:
+        return np.atleast_1d(max(_between(base, changes[0]), key=margin))
+    sizes = float(np.max(np.abs(base))) / np.maximum(np.max(np.abs(changes), axis=(1, 2)), 1e-300)
+    simplex = np.vstack([zero, np.diag(sizes)])
+    return minimize(lambda t: -margin(t), zero, method="Nelder-Mead", options={"initial_simplex": simplex}).x
+
+
+def _between(base: np.ndarray, change: np.ndarray) -> list[float]:
+    """A t in each interval on which base − t change keeps its signature: between its generalised eigenvalues."""
+    with np.errstate(all="ignore"):
+        found: Any = scipy.linalg.eigvals(base, change)
+    real = np.isfinite(found) & (np.abs(found.imag) <= 1e-9 * np.abs(found))
+    roots = np.sort(found[real].real)
+    if not len(roots):
+        return [0.0]
+    far = 1.0 + abs(roots[0]) + abs(roots[-1])
+    outside = [side for k in (0.1, 1.0, 10.0) for side in (roots[0] - k * far, roots[-1] + k * far)]
+    return [*outside, *(0.5 * (roots[1:] + roots[:-1]))]
+
+
+def _undecided(reason: str) -> EnergyCasimir:
+    return EnergyCasimir("undecided", reason, np.zeros(0), {})
+
+
+def _sign(eigenvalues: np.ndarray) -> int:
+    """1 or −1 for a definite form, else 0."""
+    margin = DEFINITE * float(np.max(np.abs(eigenvalues)))
+    return int(np.min(eigenvalues) > margin) - int(np.max(eigenvalues) < -margin)
+
+
+def _kernel(rows: np.ndarray, size: int) -> np.ndarray:
+    """An orthonormal basis of the vectors that the rows, each counted by its own size, send to zero; as columns."""
+    if not len(rows) or not size:
+        return np.eye(size)
+    _, singular, Vt = np.linalg.svd(rows)
+    return Vt[int(np.sum(singular > 1e-9 * max(singular[0], 1e-300))) :].T
+
+
+@lru_cache(maxsize=16)
+def _derivatives(reduced: Reduced, integrals: tuple[Callable, ...]) -> tuple[tuple[str, ...], Callable]:
+    """The names of C_i, and a function of a state: first and second derivatives of E and C_i by z, a row each."""
+    functions = {**casimirs(reduced), **conserved(reduced, integrals)}
+
+    def values(z: Any, state: State) -> Any:
+        moved = reduced.with_momenta(reduced.moved(state, z))
+        return jnp.stack([reduced.energy(moved), *(f(moved) for f in functions.values())])
+
+    def both(state: State) -> Any:
+        zero = jnp.zeros(sum(reduced.sizes))
+        return jax.jacfwd(values)(zero, state), jax.jacfwd(jax.jacrev(values))(zero, state)
+
+    return tuple(functions), tabulate(both, reduced.near)
+
+
+def _energy_is_reduced(reduced: Reduced, state: State, dE: np.ndarray) -> bool:
+    """Whether E does not change along ignorable directions at constant momenta."""
+    slopes = reduced.slopes(state)
+    # δy = k: the part that the chart reaches; what it does not reach changes no orbit of a.
+    z = np.linalg.lstsq(slopes.y_z, reduced.ignorable, rcond=None)[0]
+    within = np.linalg.norm(slopes.y_z @ z - reduced.ignorable, axis=0) < 1e-9
+    size = float(np.max(np.abs(dE), initial=0.0)) + 1e-300
+    return bool(np.all(np.abs(dE @ z[:, within]) <= 1e-9 * size))

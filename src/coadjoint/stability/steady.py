@@ -1,0 +1,208 @@
+"""Steady motions: relative equilibria of a system, found by Newton's iteration from a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import least_squares
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.spaces.named import Named
+from coadjoint.stability.integrals import casimirs
+from coadjoint.stability.reduced import IGNORABLE, Reduced
+
+FOUND = 1e-9
+"""Rates up to this fraction of their terms count as zero."""
+
+
+@dataclass(frozen=True)
+class SteadyMotion:
+    """A motion whose velocities and advected parameters stay as they are, but for what is ignorable.
+
+    `state`: one state of it, a start for co.simulate. `residual`: the largest rate that is left, relative to its terms.
+    `free`: the values found for what was free. `reduced`: the equations around it.
+    """
+
+    system: System
+    state: State
+    residual: float
+    free: dict[str, Any]
+    reduced: Reduced
+
+
+def steady_motion(
+    system: System,
+    guess: State,
+    *,
+    conditions: Callable[[State], Any] | None = None,
+    free: Sequence[str] = (),
+) -> SteadyMotion:
+    """The steady motion near a guess: Y(y) = 0 for the reduced equations ẏ = Y(y), modulo what they do not depend on.
+
+    With y = (μ, n, π, a) and ξ, n, ν, a as unknowns, a on its orbit through the guess:
+    ad*_ξμ + ∂_aℓ⋄a + ∂_nℓ⋄n + π⋄ν + T = 0, ∂_nℓ + L*_ξπ + f = 0, ξ·a = 0, and ν − ξ·n = 0 for what of n is not
+    ignorable. Without forces these are the critical points of ℋ on a coadjoint orbit, and come in families: the one
+    nearest to the guess is found, or the one that meets the conditions.
+
+    guess: a state of the system, `system.state(…)`. conditions: a function of the state whose values must vanish, as
+    `lambda s: s.nu[0] - 1.5`. free: names of constants that may change to meet them, of the internal state or the
+    inputs, such as `("rudder",)`. Raises ArgumentError where no steady motion is found.
+    """
+    asked = None if conditions is None else lambda state, _: conditions(state)
+    return Search(system, guess, asked, free).find(guess)
+
+
+class Search:
+    """The search for steady motions of one kind, at many values: `find(guess, aim)` with conditions(state, aim) = 0.
+
+    Its equations are traced once. Arguments and errors as in `steady_motion`.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        near: State,
+        conditions: Callable[[State, Any], Any] | None = None,
+        free: Sequence[str] = (),
+        aim: Any = 0.0,
+    ):
+        self.reduced = Reduced(system, near)
+        self.free = tuple(free)
+        self.sizes = [int(np.size(_held(near, name)[1])) for name in self.free]
+        self.width = sum(self.reduced.sizes)
+        C = self.reduced.essential
+        conditions = conditions or self._on_the_orbit_of(near)
+
+        def equations(w: Any, guess: State, aim: Any) -> Any:
+            state = self._moved(guess, w)
+            wanted = conditions(self.reduced.with_momenta(state), aim)
+            return jnp.concatenate([C @ self.reduced.phase(state)[1], jnp.ravel(jnp.asarray(wanted, dtype=float))])
+
+        def both(w: Any, guess: State, aim: Any) -> Any:
+            return equations(w, guess, aim), jax.jacfwd(equations)(w, guess, aim)
+
+        self._zero = np.zeros(self.width + sum(self.sizes))
+        given = self._zero, near, np.asarray(aim, dtype=float)
+        self._both, self._state = tabulate(both, *given), tabulate(self._whole, *given[:2])
+
+    def find(self, guess: State, aim: Any = 0.0) -> SteadyMotion:
+        """The steady motion near the guess at this aim."""
+
+        def both(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self._both(w, guess, np.asarray(aim, dtype=float))
+
+        w = _solve(both, self._zero)
+        state = self._state(w, guess)
+        relative = self._relative(state, *both(w))
+        residual = float(np.max(relative, initial=0.0))
+        if not residual <= FOUND:
+            raise ArgumentError(
+                f"No steady motion was found near the guess: {self._what(relative, both(w)[0])}. Give a nearer guess, "
+                "other conditions, or free an actuator that can hold it."
+            )
+        found = {name: np.asarray(_held(state, name)[1]) for name in self.free}
+        return SteadyMotion(self.reduced.system, state, residual, found, self.reduced)
+
+    def _on_the_orbit_of(self, near: State) -> Callable[[State, Any], Any]:
+        """Without forces: the Casimir functions are those of the guess. Without that, Newton halves all velocities."""
+        functions = () if self.reduced.system.forces is not None else tuple(casimirs(self.reduced).values())
+        if not functions:
+            return lambda state, aim: jnp.zeros(0)
+        wanted, slopes = evaluate(lambda s: _values_and_slopes(functions, self.reduced.with_momenta(s)), near)
+        known = slopes > IGNORABLE * np.max(slopes)
+        weights = np.where(known, 1 / np.where(known, slopes, 1.0), 0.0)
+        return lambda state, aim: weights * (jnp.stack([f(state) for f in functions]) - wanted)
+
+    def _moved(self, guess: State, w: Any) -> State:
+        state = self.reduced.moved(guess, w[: self.width])
+        parts = jnp.split(w[self.width :], np.cumsum(self.sizes)[:-1]) if self.sizes else []
+        for name, change in zip(self.free, parts, strict=True):
+            field, value = _held(state, name)
+            new = getattr(state, field).replace(**{name: jnp.asarray(value) + change.reshape(np.shape(value))})
+            state = state.replace(**{field: new})
+        return state
+
+    def _whole(self, w: Any, guess: State) -> State:
+        """The state with its momenta, as a start."""
+        return self.reduced.with_momenta(self._moved(guess, w)).replace(from_velocities=True)
+
+    def _relative(self, state: State, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """Every equation relative to the sizes of its terms, J times the unknowns."""
+        unknowns = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
+        unknowns += [np.ravel(_held(state, name)[1]) for name in self.free]
+        sizes = np.abs(np.concatenate(unknowns))
+        terms = np.abs(slope) @ np.maximum(sizes, 1e-3 * max(float(np.max(sizes, initial=0.0)), 1e-300))
+        # An equation that vanishes with all of its terms is met as well as the others.
+        return np.abs(value) / np.maximum(terms, max(1e-3 * float(np.max(terms, initial=0.0)), 1e-300))
+
+    def _what(self, relative: np.ndarray, value: np.ndarray) -> str:
+        """What is furthest from zero, in words."""
+        worst, C = int(np.argmax(relative)), self.reduced.essential
+        if worst >= len(C):
+            return f"condition {worst - len(C) + 1} is off by {value[worst]:.3g}"
+        index = int(np.searchsorted(np.cumsum(self.reduced.sizes[:3]), np.argmax(np.abs(C[worst])), side="right"))
+        kind = ("a torque", "a velocity of n", "a force", "a rate of an advected parameter")[index]
+        return f"{kind} of {abs(value[worst]):.3g} is left"
+
+
+def _solve(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray) -> np.ndarray:
+    """The zero near the start: least squares with bounded steps, then Newton's iteration of least change."""
+
+    def slope(w: np.ndarray) -> Any:
+        return _finite(both(w)[1])
+
+    jacobian: Any = slope
+    found = least_squares(
+        lambda w: _finite(both(w)[0]),
+        start,
+        jac=jacobian,
+        x_scale="jac",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=200,
+    )
+    w = found.x
+    for _ in range(10):
+        value, along = both(w)
+        better = w - np.linalg.lstsq(_finite(along), _finite(value), rcond=1e-10)[0]
+        if not np.max(np.abs(both(better)[0]), initial=0.0) < np.max(np.abs(value), initial=0.0):
+            break
+        w = better
+    return w
+
+
+def _values_and_slopes(functions: Sequence[Callable], state: State) -> tuple[Any, Any]:
+    """The functions at a state, and the sizes of their derivatives by (μ, π)."""
+
+    def values(momenta: Any) -> Any:
+        mu, pi = momenta
+        return jnp.stack([f(state.replace(mu=mu, pi=pi)) for f in functions])
+
+    slopes = jax.jacrev(values)((state.mu, state.pi))
+    return values((state.mu, state.pi)), sum(jnp.sum(jnp.abs(part), axis=1) for part in slopes)
+
+
+def _finite(value: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(value), value, 1e12)
+
+
+def _held(state: State, name: str) -> tuple[str, Any]:
+    """Whether a name is one of the internal state or of the inputs, and its value."""
+    for field in ("internal", "inputs"):
+        held = getattr(state, field)
+        if isinstance(held, Named) and name in held and not isinstance(held.asdict()[name], Named):
+            return field, held.asdict()[name]
+    known = [key for held in (state.internal, state.inputs) if isinstance(held, Named) for key in held]
+    raise ArgumentError(
+        f"Argument `free` must name numbers of the internal state or the inputs of the guess, but has {name!r}; "
+        f"there is: {', '.join(known) or 'nothing'}."
+    )
