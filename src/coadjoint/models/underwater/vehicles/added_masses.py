@@ -11,7 +11,7 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.underwater import axes as border
 from coadjoint.models.underwater.added_mass import added_mass_about
 from coadjoint.models.underwater.vehicles import units as u
-from coadjoint.models.underwater.vehicles.table import Section
+from coadjoint.models.underwater.vehicles.table import Section, axes_of
 
 FORMS = ("matrix", "semi_axes", "stations", "wamit", "capytaine")
 PANEL_AXES = ("z_up", "z_down")
@@ -34,6 +34,8 @@ def read_added_mass(
         found = " and ".join(f"`{form}`" for form in given) or "none of them"
         raise section.fail(f"needs one of {', '.join(f'`{form}`' for form in FORMS)}, but has {found}.")
     form = given[0]
+    if form not in ("wamit", "capytaine"):  # there `axes` are those of the panel program
+        axes = axes_of(section, axes)
     about = np.zeros(3)
     if "about" in section:
         about = border.body_vector(section.vector("about", u.LENGTH), axes)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
 from coadjoint.models.underwater.vehicles.check_parts import doubtful_parts
+from coadjoint.models.underwater.vehicles.loads import center_of_all_mass, total_mass, total_volume
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
-from coadjoint.spaces.named import Named, named
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SLENDER = 3.0
@@ -29,45 +28,6 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(sentence for rule in rules for sentence in rule(vehicle))
 
 
-def lumps(vehicle: Vehicle) -> tuple[float, np.ndarray]:
-    """(mass, Σ m r) of the masses that parts hold at the start of a run, kg and kg m."""
-    mass, moment = 0.0, np.zeros(3)
-    for part in vehicle.parts:
-        if part.holds_mass:
-            for m, r, _ in part.lumps(_start(part), _own(part)):
-                mass, moment = mass + float(m), moment + float(m) * np.asarray(r, dtype=float)
-    return mass, moment
-
-
-def total_mass(vehicle: Vehicle) -> float:
-    """The mass of the body and of what its parts hold, kg."""
-    return float(vehicle.mass) + lumps(vehicle)[0]
-
-
-def total_volume(vehicle: Vehicle) -> float:
-    """The volume of the body and of what its parts displace at the start of a run, m³."""
-    more = 0.0
-    for part in vehicle.parts:
-        if part.holds_mass:
-            more += sum(float(volume) for volume, _ in part.displaced(_start(part), _own(part)))
-    return float(vehicle.volume) + more
-
-
-def mass_center(vehicle: Vehicle) -> np.ndarray:
-    """The centre of all masses at the start of a run, (3,) m."""
-    mass, moment = lumps(vehicle)
-    return (vehicle.mass * np.asarray(vehicle.center_of_mass) + moment) / (vehicle.mass + mass)
-
-
-def _start(part: Any) -> Any:
-    command = part.command
-    return None if command is None else named(part.at_rest(np.full(command.shape, command.start)))
-
-
-def _own(part: Any) -> Any:
-    return Named(**part.parameters())
-
-
 def _balance(vehicle: Vehicle) -> Iterator[str]:
     W, B = total_mass(vehicle) * vehicle.gravity, total_volume(vehicle) * vehicle.fluid_density * vehicle.gravity
     if W > 0 and abs(W - B) > UNBALANCED * W:
@@ -79,7 +39,7 @@ def _balance(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _righting(vehicle: Vehicle) -> Iterator[str]:
-    above = mass_center(vehicle)[2] - vehicle.center_of_buoyancy[2]  # down is positive
+    above = center_of_all_mass(vehicle)[2] - vehicle.center_of_buoyancy[2]  # down is positive
     if vehicle.gravity == 0:
         return
     if above < -1e-9:
@@ -92,7 +52,7 @@ def _righting(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _trim(vehicle: Vehicle) -> Iterator[str]:
-    arm = mass_center(vehicle) - np.asarray(vehicle.center_of_buoyancy)
+    arm = center_of_all_mass(vehicle) - np.asarray(vehicle.center_of_buoyancy)
     if vehicle.gravity == 0 or arm[2] <= 1e-9:
         return
     for offset, what in ((arm[0], "trim"), (arm[1], "heel")):

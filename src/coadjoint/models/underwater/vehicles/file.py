@@ -15,12 +15,13 @@ from coadjoint.models.underwater import axes as border
 from coadjoint.models.underwater.vehicles import units as u
 from coadjoint.models.underwater.vehicles.added_masses import read_added_mass
 from coadjoint.models.underwater.vehicles.checks import check
+from coadjoint.models.underwater.vehicles.loads import held_mass, held_volume
 from coadjoint.models.underwater.vehicles.read_parts import read_part, read_pilot
-from coadjoint.models.underwater.vehicles.table import Notebook, Section
+from coadjoint.models.underwater.vehicles.table import BODY_AXES, Notebook, Section, axes_of
 from coadjoint.models.underwater.vehicles.vehicle import Quantity, Vehicle
 
+VOLUMES = ("volume", "buoyancy", "neutral")
 SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "pilot")
-BODY_AXES: dict[str, border.Axes] = {"FRD": "NED/FRD", "FLU": "ENU/FLU"}
 
 
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
@@ -65,10 +66,13 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
     axes = BODY_AXES[head.text("axes", None, tuple(BODY_AXES))]
     head.done()
 
-    body = _body(Section(book, "[body]", "body", table["body"]), axes)
+    section = Section(book, "[body]", "body", table["body"])
+    body = _body(section, axes)
     matter = Section(book, "[added_mass]", "added_mass", table["added_mass"])
     body["added_mass"] = read_added_mass(matter, axes, body["fluid_density"], body["length"], folder)
     parts = _parts(book, table.get("part", []), axes, body)
+    body["volume"] = _volume(section, body, parts)
+    section.done()
     pilot = None
     if "pilot" in table:
         pilot = read_pilot(Section(book, "[pilot]", "pilot", table["pilot"]), {part.name for part in parts})
@@ -91,6 +95,7 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
 
 def _body(body: Section, axes: border.Axes) -> dict[str, Any]:
     """Mass, inertia about the mass centre, centres, volume and water, in SI units and FRD."""
+    axes = axes_of(body, axes)
     mass = body.positive("mass", u.MASS)
     gravity = body.number("gravity", u.ACCELERATION, at_least=0.0) if "gravity" in body else 9.81
     if "gravity" not in body.given:
@@ -101,12 +106,9 @@ def _body(body: Section, axes: border.Axes) -> dict[str, Any]:
         centers[key] = border.body_vector(body.vector(key, u.LENGTH), axes)
     inertia = _inertia(body, axes, mass, centers["center_of_mass"])
     sizes = {key: body.positive(key, u.LENGTH) if key in body else None for key in ("length", "diameter")}
-    volume = _volume(body, mass, density, gravity)
-    body.done()
     return {
         "mass": mass,
         "inertia": inertia,
-        "volume": volume,
         "gravity": gravity,
         "fluid_density": density,
         **centers,
@@ -139,12 +141,12 @@ def _inertia(body: Section, axes: border.Axes, mass: float, center: Any) -> np.n
     return full
 
 
-def _volume(body: Section, mass: float, density: float, gravity: float) -> float:
-    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ."""
-    given = [key for key in ("volume", "buoyancy", "neutral") if key in body]
-    if given == ["neutral"] and body.flag("neutral"):
-        return mass / density
-    given = [key for key in given if key != "neutral" or body.flag("neutral")]
+def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
+    """V, m³, from `volume`, from `buoyancy`, or from `neutral = true`: V = m/ρ, with what the parts hold."""
+    density, gravity = made["fluid_density"], made["gravity"]
+    given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
+    if given == ["neutral"]:
+        return (made["mass"] + held_mass(parts)[0]) / density - held_volume(parts)[0]
     if len(given) != 1:
         found = " and ".join(f"`{key}`" for key in given) or "none of them"
         raise body.fail(f"needs one of `volume`, `buoyancy` and `neutral = true`, but has {found}.")
@@ -178,9 +180,10 @@ def _tell_sources(book: Notebook) -> None:
         shown = ", ".join(book.without_source[:4])
         more = f" and {len(book.without_source) - 4} more" if len(book.without_source) > 4 else ""
         book.warn(f'nobody knows where {shown}{more} are from: add source = "…", a key of [sources].')
-    unused = [key for key in book.sources if key not in book.used]
+    notes = " ".join(told.note for told in book.provenance.values())
+    unused = [key for key in book.sources if key not in book.used and key not in notes]
     if unused:
-        book.warn(f"[sources] has {', '.join(unused)}, which no number names.")
+        book.warn(f"[sources] has {', '.join(unused)}, which no number and no note names.")
 
 
 def _text(source: Path) -> str:

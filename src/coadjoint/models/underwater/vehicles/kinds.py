@@ -101,6 +101,10 @@ PARTS: dict[str, tuple[str, dict[str, Field]]] = {
             **_LAG,
         },
     ),
+    "lifting_body": (
+        "lifting_body:LiftingBody",
+        {key: Field(None) for key in ("drag", "lift", "pitch", "side", "roll", "yaw")},
+    ),
 }
 """By kind: "module:class" in the room of parts, and its fields. Thrusters and derivatives have readers of their own."""
 

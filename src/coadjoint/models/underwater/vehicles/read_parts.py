@@ -13,24 +13,29 @@ from coadjoint.models.underwater import axes as border
 from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.vehicles import units as u
 from coadjoint.models.underwater.vehicles.kinds import PARTS, PILOT_FIELDS, PILOTS, Field, part_class, pilot_class
-from coadjoint.models.underwater.vehicles.table import Section
+from coadjoint.models.underwater.vehicles.table import Section, axes_of
 
 CURVES = ("linear", "quadratic", "polynomial", "table")
 
 
 def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before: tuple[str, ...]) -> Part:
     """The part of one [[part]]; body: what [body] says, before: names of the parts above it."""
-    kinds = (*PARTS, "thrusters")
+    kinds = (*PARTS, "thrusters", "derivatives")
     name = section.text("name")
     section.key = name
     kind = section.text("kind", None, tuple(sorted(kinds)))
     section.text("note", "")
+    axes = axes_of(section, axes)
     if not name.isidentifier():
         raise section.fail(f"name must be one word of letters, digits and _, but is {name!r}.")
     if name in before:
         raise section.fail(f"name is that of another part too: give each a name of its own, such as {name}_2.")
     if kind == "thrusters":
         return _built(section, lambda: _thrusters(section, name, axes))
+    if kind == "derivatives":
+        from coadjoint.models.underwater.vehicles.read_derivatives import read_derivatives
+
+        return _built(section, lambda: read_derivatives(section, name, axes, body))
     values = _values(section, part_class(kind), PARTS[kind][1], axes)
     section.done()
     return _built(section, lambda: part_class(kind)(name=name, **values))

@@ -8,9 +8,11 @@ from difflib import get_close_matches
 from typing import Any
 
 from coadjoint.errors import ArgumentError
+from coadjoint.models.underwater.axes import Axes
 from coadjoint.models.underwater.vehicles.units import NUMBER, Dimension, in_si
 from coadjoint.models.underwater.vehicles.vehicle import Quantity
 
+BODY_AXES: dict[str, Axes] = {"FRD": "NED/FRD", "FLU": "ENU/FLU"}
 QUANTITY_KEYS = ("value", "unit", "source", "note")
 LARGEST = 1e15
 """Numbers beyond it are mistakes in any unit."""
@@ -195,6 +197,11 @@ class Section:
         if not source:
             self.book.without_source.append(f"{self.key}.{name}")
         self.book.provenance[f"{self.key}.{name}"] = Quantity(value, unit, source, texts["note"])
+
+
+def axes_of(section: Section, otherwise: Axes) -> Axes:
+    """The body axes of a section: its key `axes`, or those of the file."""
+    return BODY_AXES[section.text("axes", None, tuple(BODY_AXES))] if "axes" in section else otherwise
 
 
 def _shown(value: Any) -> str:
