@@ -35,19 +35,21 @@ def check(system: System, start: State) -> list[str]:
         return []
     what, function = given(system)
     arguments = point(system, start)
-    require_scalar(partial(function, t=start.t, inputs=start.inputs), what, arguments)
+    require_scalar(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
     if traced(system.parameters, start):
         return []
-    _require_finite(partial(function, t=start.t, inputs=start.inputs), what, arguments)
+    _require_finite(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
     _require_symmetric(system, start)
     if system.hamiltonian is not None:
         require_regular_hamiltonian(system, start)
         return []
-    return _require_regular(system, partial(function, t=start.t, inputs=start.inputs), arguments)
+    return _require_regular(
+        system, partial(function, t=start.t, inputs=start.inputs, internal=start.internal), arguments
+    )
 
 
 def given(system: System) -> tuple[str, Callable[..., Any]]:
-    """What the user gave, in words, and as a function (ξ, n, ν, a, t, inputs) or (μ, n, π, a, t, inputs)."""
+    """What the user gave, in words, and as a function (ξ, n, ν, a, t, inputs, internal) or that of (μ, n, π, …)."""
     if system.hamiltonian is not None:
         return "The Hamiltonian", system.reduced_hamiltonian
     return "The Lagrangian", system.reduced_lagrangian
@@ -64,10 +66,10 @@ def _check_discrete(system: System, start: State) -> None:
     rest = (start.n, start.n, start.a, np.float64(1.0))
 
     def in_algebra(xi, n, s, a, h):
-        return system.reduced_discrete_lagrangian(xi, n, s, a, h, start.t, start.inputs)
+        return system.reduced_discrete_lagrangian(xi, n, s, a, h, start.t, start.inputs, start.internal)
 
     def in_group(F, n, s, a, h):
-        return system.reduced_group_lagrangian(F, n, s, a, h, start.t, start.inputs)
+        return system.reduced_group_lagrangian(F, n, s, a, h, start.t, start.inputs, start.internal)
 
     if system.discrete_lagrangian is not None:
         require_scalar(in_algebra, "The discrete Lagrangian", (start.xi, *rest))
@@ -217,7 +219,7 @@ def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndar
 
     def slope(parameters, point):
         function = given(replace_parameters(system, parameters))[1]
-        return function(*point, t=start.t, inputs=start.inputs)
+        return function(*point, t=start.t, inputs=start.inputs, internal=start.internal)
 
     gradient = tabulate(jax.grad(slope), system.parameters, far)
     found = [jax.tree_util.tree_leaves_with_path(gradient(system.parameters, place)) for place in (far, near)]
@@ -260,7 +262,7 @@ def require_regular_hamiltonian(system: System, state: State) -> None:
     solved = bool(np.all(np.isfinite(p)))
     if not solved:
         p = np.zeros_like(p)
-    place = Place(system, z, state.n, state.a, state.t, state.inputs)
+    place = Place(system, z, state.n, state.a, state.t, state.inputs, state.internal)
     empty, eigenvalues, direction = _weakest(np.asarray(evaluate(curvature, p, place)))
     if empty or abs(eigenvalues).min() <= SINGULAR:
         raise LagrangianError(

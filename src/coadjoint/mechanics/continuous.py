@@ -39,7 +39,7 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
 
     def mismatch(z):
         xi, nu = unpack(z)
-        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs)
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
         return jnp.concatenate([mu - state.mu, Q.coordinates(group, state.n, pi - state.pi)])
 
     def improve(_, z):
@@ -52,7 +52,7 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
 def _by_hamiltonian(system: System, state: State) -> tuple[Array, Array]:
     """(ξ, ν) = (∂_μℋ, ∂_πℋ) (P6, P7)."""
     z = jnp.concatenate([state.xi, state.nu])
-    place = Place(system, z, state.n, state.a, state.t, state.inputs)
+    place = Place(system, z, state.n, state.a, state.t, state.inputs, state.internal)
     found = slopes(jnp.concatenate([state.mu, state.pi]), place)
     return found[: system.group.dim], found[system.group.dim :]
 
@@ -60,7 +60,7 @@ def _by_hamiltonian(system: System, state: State) -> tuple[Array, Array]:
 def energy(system: System, state: State) -> Array:
     """The Legendre energy E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ of (μ, π, n, a): the reduced Hamiltonian ℋ (P8)."""
     if system.hamiltonian is not None:
-        return system.reduced_hamiltonian(state.mu, state.n, state.pi, state.a, state.t, state.inputs)
+        return system.reduced_hamiltonian(state.mu, state.n, state.pi, state.a, state.t, state.inputs, state.internal)
     xi, nu = velocities(system, state)
     return node(system, state, Point(xi, state.n, nu, state.a, state.t)).energy
 
@@ -76,7 +76,7 @@ def vector_field(system: System, state: State) -> State:
     g_dot = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(xi),))[1]
 
     def momenta(xi, n, nu, a, t):
-        return jnp.concatenate(legendre(system, xi, n, nu, a, t, state.inputs))
+        return jnp.concatenate(legendre(system, xi, n, nu, a, t, state.inputs, state.internal))
 
     along = (jnp.zeros_like(xi), n_dot, jnp.zeros_like(nu), a_dot, jnp.ones_like(state.t))
     drift = jax.jvp(momenta, (xi, n, nu, a, state.t), along)[1]
@@ -135,7 +135,9 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
 
         def complete(t, y):
             parts = unflatten(y)
-            return assemble(t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs))
+            return assemble(
+                t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs, start.internal)
+            )
 
         return jax.tree.map(np.asarray, jax.jit(jax.vmap(complete))(times, rows))
 

@@ -47,7 +47,7 @@ def node(system: System, state: State, point: Point) -> Node:
     xi, n, nu, a, t = point
 
     def lagrangian(xi, n, nu, a, t):
-        return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, near=(state.mu, state.pi))
+        return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.internal, near=(state.mu, state.pi))
 
     along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
     value, slopes = jax.value_and_grad(lagrangian, argnums=along)(xi, n, nu, a, jnp.asarray(t))

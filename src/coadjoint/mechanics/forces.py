@@ -18,8 +18,8 @@ from coadjoint.spaces import Several, Space
 from coadjoint.spaces.named import Named
 
 UNNAMED = "forces"
-TIME, INPUTS = "time", "inputs"
-"""The lines of an energy budget that explicit time and held inputs have; no force may have their names."""
+TIME, INPUTS, INTERNAL = "time", "inputs", "internal"
+"""The lines of an energy budget for explicit time and for jumps of what is held; no force may have their names."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,10 @@ def forces_from(given: Any, parameters: bool) -> Forces | None:
     if not functions:
         raise LagrangianError("The dictionary `forces` is empty: leave it out, or name at least one force.")
     for name, function in functions.items():
-        if not isinstance(name, str) or not name.isidentifier() or name in (TIME, INPUTS):
+        if not isinstance(name, str) or not name.isidentifier() or name in (TIME, INPUTS, INTERNAL):
             raise LagrangianError(
-                f"The name of a force must be a word such as 'drag', other than `time` and `inputs`, but is {name!r}."
+                "The name of a force must be a word such as 'drag', other than `time`, `inputs` and `internal`, "
+                f"but is {name!r}."
             )
         what = "The forces" if function is given else f"The force `{name}`"
         require_signature(function, what, ["motion", *(["p"] if parameters else [])])

@@ -1,8 +1,9 @@
 """What forces and explicit time have given to a system since the start: energy by name, and momentum.
 
 A ledger is an array (2, lines + dim G). Its first row: the energy that each force has put in, Σ hw(⟨T, ξ⟩ + ⟨f, ν⟩),
-and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where inputs are held; and the spatial
-momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is what rounding has cut off the first (Kahan's summation).
+and explicit time, −Σ hw ∂_tℓ, over all nodes of all stages; the jumps of ℋ where what is held, inputs or internal
+states, enters it; and the spatial momentum Σ Ad*_{g⁻¹}Δ of Theorem 7. Its second row is what rounding has cut off the
+first (Kahan's summation).
 """
 
 from __future__ import annotations
@@ -12,22 +13,25 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.continuous import energy
-from coadjoint.mechanics.forces import INPUTS, TIME
+from coadjoint.mechanics.forces import INPUTS, INTERNAL, TIME
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
 
 def energy_lines(system: System) -> tuple[str, ...]:
-    """The names of what changes the energy: the forces, `time` and held `inputs` where ℓ or ℋ depends on them."""
+    """The names of what changes the energy: forces, `time`, and held `inputs` and `internal` states that reach ℓ."""
     forces = system.forces.names if system.forces is not None else ()
     time = (TIME,) if system.depends_on_time else ()
-    return (*forces, *time, INPUTS) if _held_inputs_enter(system) else (*forces, *time)
+    return (*forces, *time, *_jumping(system))
 
 
-def _held_inputs_enter(system: System) -> bool:
-    """Whether ℓ or ℋ takes inputs that change in jumps, from step to step."""
-    jumping = system.inputs is not None and system.inputs.holds
-    return jumping and system.takes("inputs") and system.continuous
+def _jumping(system: System) -> tuple[str, ...]:
+    """What changes in jumps, from step to step, and enters ℓ or ℋ."""
+    sources = {
+        INPUTS: system.inputs is not None and system.inputs.holds,
+        INTERNAL: system.internal is not None,
+    }
+    return tuple(key for key, jumps in sources.items() if jumps and system.takes(key) and system.continuous)
 
 
 def with_ledger(system: System, state: State, asked: bool) -> State:
@@ -36,11 +40,14 @@ def with_ledger(system: System, state: State, asked: bool) -> State:
     return state.replace(ledger=np.zeros((2, lines + system.group.dim)) if asked and lines else None)
 
 
-def with_jump(system: System, before: State, after: State) -> State:
-    """`after`, which differs from `before` in its held inputs, with the change of ℋ in its ledger."""
-    if not _held_inputs_enter(system):
+def with_jump(system: System, held: str, before: State, after: State) -> State:
+    """`after`, which differs from `before` in what is `held`, with the change of ℋ in its ledger.
+
+    The momenta are continuous, so that what makes the jump puts in ℋ(μ, π, n, a; after) − ℋ(μ, π, n, a; before).
+    """
+    if before.ledger is None or held not in _jumping(system):
         return after
-    place = len(energy_lines(system)) - 1
+    place = energy_lines(system).index(held)
     change = jnp.zeros(np.shape(before.ledger)[1]).at[place].set(energy(system, after) - energy(system, before))
     return after.replace(ledger=_added(before.ledger, change))
 

@@ -22,7 +22,7 @@ SOLVED = 1e-9
 
 
 class Place(NamedTuple):
-    """Where the transform is taken: z = (ξ, ν), n, a, t, inputs."""
+    """Where the transform is taken: z = (ξ, ν), n, a, t, inputs, internal."""
 
     system: System
     z: Array
@@ -30,6 +30,7 @@ class Place(NamedTuple):
     a: Array
     t: Array
     inputs: Any
+    internal: Any
 
 
 @jax.custom_jvp
@@ -78,11 +79,11 @@ def _momenta_slope(primals, tangents):
 
 def hamiltonian(p: Array, place: Place) -> Array:
     """ℋ(μ, P_nπ, n, a) + ½|π − P_nπ|²: on a curved Q extended to all π, so that normal and tangential do not mix."""
-    system, _, n, a, t, inputs = place
+    system, _, n, a, t, inputs, internal = place
     mu, pi = p[: system.group.dim], p[system.group.dim :]
     tangential = system.additional.project(system.group, n, pi)
     normal = 0.0 if system.additional.flat else 0.5 * (pi - tangential) @ (pi - tangential)
-    return system.reduced_hamiltonian(mu, n, tangential, a, t, inputs) + normal
+    return system.reduced_hamiltonian(mu, n, tangential, a, t, inputs, internal) + normal
 
 
 def velocities(p: Array, place: Place) -> Array:

@@ -83,8 +83,9 @@ def shape_size(system: System) -> int:
         raise ArgumentError(
             f"A bundle has the whole group as its symmetry, but this system has advected={system.advected!r}."
         )
-    if system.takes("inputs"):
-        raise ArgumentError("A bundle needs a Lagrangian of ξ, x and ẋ, but this one takes `inputs`.")
+    for key in ("inputs", "internal"):
+        if system.takes(key):
+            raise ArgumentError(f"A bundle needs a Lagrangian of ξ, x and ẋ, but this one takes `{key}`.")
     return system.additional.ambient(system.group)
 
 

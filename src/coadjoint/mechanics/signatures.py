@@ -25,7 +25,9 @@ def require_signature(function: Callable[..., Any], what: str, expected: list[st
     extra = [
         p.name
         for p in signature.parameters.values()
-        if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name not in ("t", "inputs") and p.default is p.empty
+        if p.kind is inspect.Parameter.KEYWORD_ONLY
+        and p.name not in ("t", "inputs", "internal")
+        and p.default is p.empty
     ]
     moved = [name for name, place in zip(takes, expected, strict=False) if name in expected and name != place]
     if moved:

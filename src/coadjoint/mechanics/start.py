@@ -46,6 +46,11 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
     arguments = (g, q, qdot, xi, a0, t)
     internal = starting_values(internal)
+    if internal is None and system.takes("internal"):
+        raise ArgumentError(
+            "A function of this system takes `internal`: give the internal state of the start, as in "
+            "system.state(…, internal={name: value})."
+        )
     count = count_members(arguments)
     if count is None:
         parameters, axes = member_of(system.parameters, 0), None
@@ -59,14 +64,14 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         values = _check_members(system, arguments, count)
     if system.continuous:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
-        _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs)
+        _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs, internal)
 
     def body(given: _Given, parameters) -> State:
         system_ = replace_parameters(system, parameters)
         back = group.inverse(given.g)
         n, nu = Q.act(group, back, given.q), Q.push(group, back, given.q, given.qdot)
         a = V.act(group, back, given.a0)
-        mu, pi = legendre(system_, given.xi, n, nu, a, given.t, inputs)
+        mu, pi = legendre(system_, given.xi, n, nu, a, given.t, inputs, internal)
         return State(
             given.t,
             given.g,
@@ -95,11 +100,11 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     return state
 
 
-def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any) -> None:
+def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any, internal: Any) -> None:
     """Raise unless ℓ, or ℋ, is a number at these arguments; say where it only lacks its inputs."""
     what, function = given(system)
     try:
-        require_scalar(partial(function, t=0.0, inputs=inputs), what, arguments)
+        require_scalar(partial(function, t=0.0, inputs=inputs, internal=internal), what, arguments)
     except LagrangianError as error:
         if inputs is None and "'NoneType'" in str(error):
             raise ArgumentError(
@@ -146,17 +151,17 @@ def momentum_start(system: System, state: State) -> State:
 
     def momenta(state, parameters):
         here = replace_parameters(system, parameters)
-        return legendre(here, state.xi, state.n, state.nu, state.a, state.t, state.inputs)
+        return legendre(here, state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
 
     mu, pi = evaluate(momenta, state, system.parameters)
     return state.replace(mu=mu, pi=pi, from_velocities=False)
 
 
-def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None) -> tuple[Any, Any]:
+def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None) -> tuple[Any, Any]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian."""
     if not system.continuous:
         return jax.numpy.zeros_like(xi), jax.numpy.zeros_like(nu)
-    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs)
+    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs, internal)
     return mu, system.additional.project(system.group, n, pi)
 
 

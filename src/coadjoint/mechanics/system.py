@@ -30,7 +30,8 @@ class System:
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
 
     `lagrangian`: a function of xi [, n, nu] [, a] [, p] that returns a number in terms of jax.numpy; n, ν come with
-    `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t` and `inputs`.
+    `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t`,
+    `inputs` and `internal`, the internal state that is held over the step.
     `hamiltonian`: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre transform,
     for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
     `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
@@ -39,7 +40,8 @@ class System:
     `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
     up, and the energy budget of a run has a line for each.
     `internal`: the rule (motion, h [, p]) → the next internal state, a dictionary like the start's, applied once a step
-    at each node after the first; forces read `motion.internal.name`, held over the step (`mechanics.internal`).
+    at each node after the first; forces read `motion.internal.name`, held over the step (`mechanics.internal`), ℓ, ℋ
+    or Λ `internal.name`; μ and π are continuous where it jumps at a node.
     `quantities`: functions (state) or (state, p) by their names, each a number that runs watch at every step.
     `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
     Raises LagrangianError or GroupError for functions and spaces that do not fit.
@@ -139,10 +141,12 @@ class System:
         """Whether the continuous equations are known: by ℓ or by ℋ."""
         return self.lagrangian is not None or self.hamiltonian is not None
 
-    def reduced_lagrangian(self, xi, n, nu, a, t=0.0, inputs=None, near: tuple[Array, Array] | None = None) -> Array:
+    def reduced_lagrangian(
+        self, xi, n, nu, a, t=0.0, inputs=None, internal=None, near: tuple[Array, Array] | None = None
+    ) -> Array:
         """ℓ(ξ, n, ν, a) with this system's parameters; that of ℋ by (μ, π) solved from zero or from `near`."""
         if self.hamiltonian is not None:
-            place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs)
+            place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs, internal)
             return legendre.lagrangian(place, None if near is None else jnp.concatenate(near))
         if self.lagrangian is None:
             raise LagrangianError(
@@ -150,31 +154,31 @@ class System:
                 "co.GroupVariational(difference_map) where it is in group form."
             )
         arguments = self._views(xi, (n, nu), a)
-        return self.lagrangian(*arguments, **self._keywords(self.lagrangian, t, inputs))
+        return self.lagrangian(*arguments, **self._keywords(self.lagrangian, t, inputs, internal))
 
-    def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None) -> Array:
+    def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
         """ℋ(μ, π, n, a) with this system's parameters, of a system that was given by it."""
         if self.hamiltonian is None:
             raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
-        return self.hamiltonian(*self._views(mu, (n, pi), a), **self._keywords(self.hamiltonian, t, inputs))
+        return self.hamiltonian(*self._views(mu, (n, pi), a), **self._keywords(self.hamiltonian, t, inputs, internal))
 
-    def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None) -> Array:
+    def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(ξ, n, s, a; h) with this system's parameters."""
         if self.discrete_lagrangian is None:
             raise LagrangianError(
                 "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
             )
         arguments = self._views(xi, (n, s), a)
-        return self.discrete_lagrangian(*arguments, h, **self._keywords(self.discrete_lagrangian, t, inputs))
+        return self.discrete_lagrangian(*arguments, h, **self._keywords(self.discrete_lagrangian, t, inputs, internal))
 
-    def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None) -> Array:
+    def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(F, n, s, a; h) with this system's parameters."""
         if self.group_lagrangian is None:
             raise LagrangianError(
                 "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
             )
         arguments = self._views(F, (n, s), a)
-        return self.group_lagrangian(*arguments, h, **self._keywords(self.group_lagrangian, t, inputs))
+        return self.group_lagrangian(*arguments, h, **self._keywords(self.group_lagrangian, t, inputs, internal))
 
     def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
@@ -191,14 +195,14 @@ class System:
         return self.takes("t") or (self.inputs is not None and self.takes("inputs"))
 
     def takes(self, key: str) -> bool:
-        """Whether ℓ, ℋ or Λ takes the keyword `t` or `inputs`."""
+        """Whether ℓ, ℋ or Λ takes the keyword `t`, `inputs` or `internal`."""
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def _keywords(self, function: Callable[..., Any], t, held) -> dict[str, Any]:
+    def _keywords(self, function: Callable[..., Any], t, held, internal) -> dict[str, Any]:
         known = inspect.signature(function).parameters
-        found = {"t": t} if keyword_only(known, "t") else {}
-        return {**found, "inputs": self.inputs_at(t, held)} if keyword_only(known, "inputs") else found
+        values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
+        return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
         """What forces and inputs see."""

@@ -18,23 +18,23 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
     A function that reads a global number is another function when that number has changed: what has been traced and
     compiled for it must not be used again.
     """
-    arguments = (state.xi, state.n, state.nu, state.a, state.t, state.inputs, system.parameters)
+    arguments = (state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal, system.parameters)
 
     def at(name: str) -> Callable[..., Any]:
-        def function(xi, n, nu, a, t, inputs, parameters):
+        def function(xi, n, nu, a, t, inputs, internal, parameters):
             here = replace_parameters(system, parameters)
             if name == "forces":
-                return here.body_force(here.motion(xi, n, nu, a, t, inputs, state.internal))
+                return here.body_force(here.motion(xi, n, nu, a, t, inputs, internal))
             if name == "internal":
-                there = state.replace(xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs)
+                there = state.replace(xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
                 return applied(here, there, t)
             if name == "hamiltonian":
-                return here.reduced_hamiltonian(xi, n, nu, a, t, inputs)
+                return here.reduced_hamiltonian(xi, n, nu, a, t, inputs, internal)
             if name == "lagrangian":
-                return here.reduced_lagrangian(xi, n, nu, a, t, inputs)
+                return here.reduced_lagrangian(xi, n, nu, a, t, inputs, internal)
             if name == "group_lagrangian":
-                return here.reduced_group_lagrangian(state.g, n, nu, a, t, t, inputs)
-            return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs)
+                return here.reduced_group_lagrangian(state.g, n, nu, a, t, t, inputs, internal)
+            return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs, internal)
 
         return function
 

@@ -36,7 +36,7 @@ class AdjointVariational(Variational):
         group, Q, V = system.places
         back = group.inverse(self.increment(system, h, xi))
         carried = Q.act(group, back, s), Q.act(group, back, n), V.act(group, back, a)
-        return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs)
+        return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.internal)
 
     def _slopes(self, system: System, record: State, h: Array) -> Slopes:
         s = record.n + h * record.nu

@@ -181,7 +181,9 @@ class EnergyMomentum(Method, Halved):
 
     def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
         def lagrangian(xi, n, nu, a, t):
-            return system.reduced_lagrangian(xi, n, nu, a, t, record.inputs, near=(record.mu, record.pi))
+            return system.reduced_lagrangian(
+                xi, n, nu, a, t, record.inputs, record.internal, near=(record.mu, record.pi)
+            )
 
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 

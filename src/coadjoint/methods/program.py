@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.internal import advanced
 from coadjoint.mechanics.ledger import entered, with_jump
 from coadjoint.mechanics.state import State
@@ -55,18 +56,20 @@ class StepProgram:
     def prepare(self, parameters: Constants, state: State) -> State:
         """The state with the inputs and the internal state that are held over the step.
 
-        A ledger takes up by how much the inputs change ℋ; the rule for the internal state sees the new inputs.
+        A ledger takes up by how much they change ℋ; the rule for the internal state sees the new inputs.
         """
+        if self.holding:
+            return state
         system = replace_parameters(self.skeleton, parameters.system)
-        return state if self.holding else advanced(system, self._with_inputs(system, state))
+        driven = self._with_inputs(system, state)
+        return with_jump(system, INTERNAL, driven, advanced(system, driven))
 
     def _with_inputs(self, system: System, state: State) -> State:
         if system.inputs is None or not system.inputs.holds:
             return state
         motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
         held = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion))
-        after = state.replace(inputs=held)
-        return after if state.ledger is None else with_jump(system, state, after)
+        return with_jump(system, INPUTS, state, state.replace(inputs=held))
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)

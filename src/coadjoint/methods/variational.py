@@ -64,7 +64,7 @@ class Variational(Method, Step):
         s = record.n + h * record.nu
 
         def discrete(xi, n, s, a):
-            return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs)
+            return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs, record.internal)
 
         slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
         along_xi, along_n, along_s, along_a = slopes
@@ -122,14 +122,18 @@ class Variational(Method, Step):
     def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
         """Λ at the record, with another time."""
         s = record.n + h * record.nu
-        return system.reduced_discrete_lagrangian(record.xi, record.n, s, record.a, h, t, record.inputs)
+        return system.reduced_discrete_lagrangian(
+            record.xi, record.n, s, record.a, h, t, record.inputs, record.internal
+        )
 
     def energy(self, system: System, record: State, h: Array) -> Array:
         """E_k = −∂_hΛ at fixed F and s: −∂_hΛ + ⟨∂_ξΛ, ξ⟩/h in algebra form."""
         s = record.n + h * record.nu
 
         def discrete(xi, h):
-            return system.reduced_discrete_lagrangian(xi, record.n, s, record.a, h, record.t, record.inputs)
+            return system.reduced_discrete_lagrangian(
+                xi, record.n, s, record.a, h, record.t, record.inputs, record.internal
+            )
 
         along_xi, along_h = jax.grad(discrete, argnums=(0, 1))(record.xi, h)
         return along_xi @ record.xi / h - along_h

@@ -67,7 +67,7 @@ def damping_rate(system: System, state: State) -> float:
 
         def lagrangian(v):
             xi, nu = split(v)
-            return here.reduced_lagrangian(xi, state.n, nu, state.a, state.t, state.inputs)
+            return here.reduced_lagrangian(xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
 
         mass = jnp.eye(size) if here.lagrangian is None else hessian(lagrangian)(v)
         return jacfwd(force)(v), mass

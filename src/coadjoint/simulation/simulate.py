@@ -154,7 +154,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | 
 
 def _lost_energy(run: Run) -> list[str]:
     """A warning where energy, which nothing may change, changed much: the step does not resolve the motion."""
-    changed = energy_lines(run.system) or run.system.takes("inputs")
+    changed = energy_lines(run.system) or run.system.takes("inputs") or run.system.takes("internal")
     if changed or "energy" not in run.extrema or run.relative_change("energy") < TOO_MUCH_ENERGY:
         return []
     much = run.relative_change("energy")

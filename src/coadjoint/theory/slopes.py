@@ -41,7 +41,7 @@ def slopes_of(system: System, step: Any, h: float, record: State) -> Slopes:
     if isinstance(step, GroupVariational):
 
         def in_group(F, n, s, a):
-            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs)
+            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs, record.internal)
 
         right = right_derivative(group, lambda F: in_group(F, record.n, s, record.a), F)
         along = jax.grad(in_group, argnums=(1, 2, 3))(F, record.n, s, record.a)
