@@ -195,8 +195,8 @@ def test_a_quadratic_hamiltonian_is_known_as_such():
     top, start = relativistic_top(hamiltonian=relativistic)
     none = np.zeros(0)
     with jax.enable_x64(True):
-        assert quadratic(Place(body, np.zeros(3), none, none, 0.0, None))
-        assert not quadratic(Place(top, start.xi, start.n, start.a, 0.0, None))
+        assert quadratic(Place(body, np.zeros(3), none, none, 0.0, None, None))
+        assert not quadratic(Place(top, start.xi, start.n, start.a, 0.0, None, None))
 
 
 REFUSED = {

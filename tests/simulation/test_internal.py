@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.mechanics.each import Each
 
 LAG = 0.3
 H = 0.02
@@ -135,6 +136,16 @@ def test_every_member_has_an_internal_state_of_its_own():
     np.testing.assert_allclose(run.dataset.internal_rudder, expected, atol=1e-13)
 
 
+@pytest.mark.parametrize("lag", [0.3, co.each([0.1, 0.3, 0.9])], ids=["one lag", "lags of their own"])
+def test_every_member_may_start_from_an_internal_state_of_its_own(lag):
+    system = body().replace(lag=lag)
+    first = np.array([[0.0], [0.5], [2.0]])
+    run = co.simulate(system, system.state(internal={"rudder": co.each(first[:, 0])}), dt=H, steps=50)
+    lags = np.reshape(lag.values if isinstance(lag, Each) else lag, (-1, 1))
+    expected = 1 + (first - 1) * np.exp(-run.dataset.time.values / lags)
+    np.testing.assert_allclose(run.dataset.internal_rudder, expected, atol=1e-13)
+
+
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_gradients_go_through_the_internal_state(backend):
     system = body()
@@ -173,7 +184,10 @@ def _run(rule, internal):
         (lambda: _run(_lag, {}), "must be a dictionary"),
         (lambda: _run(_lag, {"rudder": np.nan}), "`internal.rudder` must be finite"),
         (lambda: _run(_lag, {"rudder": np.float32(1)}), "must be float64"),
-        (lambda: _run(_lag, {"rudder": co.each([1.0, 2.0])}), "same for all members"),
+        (
+            lambda: body().replace(lag=co.each([1.0, 2.0, 3.0])).state(internal={"rudder": co.each([1.0, 2.0])}),
+            "[2, 3]",
+        ),
         (lambda: _run(_lag, {"other": 1.0}), "no `rudder`"),
         (lambda: _run(lambda motion, h: {}, {"rudder": 0.0}), "must take (motion, h, p)"),
         (

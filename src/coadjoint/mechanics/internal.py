@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def starting_values(given: Any) -> Any:
-    """The argument `internal` of a start: a dictionary of numbers, nested where one likes, as float64 arrays."""
+    """The argument `internal` of a start: a dictionary of numbers, nested where one likes, of float64 or `Each`."""
     if given is None:
         return None
     if not isinstance(given, (Mapping, Named)) or not list(given):
@@ -38,7 +38,7 @@ def _values(value: Any, name: str) -> Any:
         parts = value.asdict() if isinstance(value, Named) else value
         return Named(**{str(key): _values(part, f"{name}.{key}") for key, part in parts.items()})
     if isinstance(value, Each):
-        raise ArgumentError(f"The start `{name}` must be the same for all members: let the rule depend on parameters.")
+        return value
     return float64(value, f"The start `{name}`")
 
 

@@ -51,12 +51,13 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
             "A function of this system takes `internal`: give the internal state of the start, as in "
             "system.state(…, internal={name: value})."
         )
-    count = count_members(arguments)
+    count = count_members(arguments, internal)
     if count is None:
         parameters, axes = member_of(system.parameters, 0), None
     else:
-        count_members(arguments, system.parameters)
+        count_members(arguments, internal, system.parameters)
         parameters, axes = stacked(system.parameters)
+    remembered, internal_axes = stacked(internal)
     here = replace_parameters(system, member_of(system.parameters, 0))
     if count is None:
         values = _check(system, checked_element(group, g), *arguments[1:])
@@ -64,9 +65,9 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
         values = _check_members(system, arguments, count)
     if system.continuous:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
-        _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs, internal)
+        _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs, member_of(internal, 0))
 
-    def body(given: _Given, parameters) -> State:
+    def body(given: _Given, internal, parameters) -> State:
         system_ = replace_parameters(system, parameters)
         back = group.inverse(given.g)
         n, nu = Q.act(group, back, given.q), Q.push(group, back, given.q, given.qdot)
@@ -88,9 +89,9 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
             from_velocities=True,
         )
 
-    made = body if count is None else jax.vmap(body, in_axes=(0, axes))
+    made = body if count is None else jax.vmap(body, in_axes=(0, internal_axes, axes))
     try:
-        state = evaluate(made, values, parameters)
+        state = evaluate(made, values, remembered, parameters)
     except jax.errors.TracerArrayConversionError as error:
         raise LagrangianError(TRACED_OUTSIDE) from error
     mu = np.zeros(1) if system.hamiltonian is None or traced(state) else np.sum(state.mu, axis=-1)
