@@ -245,7 +245,7 @@ def test_what_does_not_fit_is_refused():
         with pytest.raises(co.ArgumentError, match="0 < low < 1 < high"):
             co.VariableStep(within=within)  # pyright: ignore[reportArgumentType]
     forced, start = random_system("SO3", forced=True)
-    with pytest.raises(co.ArgumentError, match="forces, explicit time and inputs change"):
+    with pytest.raises(co.ArgumentError, match="forces, explicit time, inputs and internal states change"):
         co.simulate(forced, start, dt=0.1, steps=1, method=co.VariableStep())
     sphere, start = timeless("SO3 on a sphere")
     with pytest.raises(co.ArgumentError, match="needs a flat space"):
