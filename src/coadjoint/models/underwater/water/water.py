@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import vector
+from coadjoint.spaces.named import Named
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,3 +68,9 @@ class UniformWater(Water):
 def StillWater() -> UniformWater:
     """Water without a current."""
     return UniformWater(np.zeros(3))
+
+
+def nested(own: Any, name: str, owner: Any) -> Named:
+    """The parameters `name_key` of a water that is made of others, as the `own.key` of the `owner` of that name."""
+    given = {key: getattr(own, f"{name}_{key}") for key in owner.parameters()}
+    return Named(**given, fluid_density=own.fluid_density)

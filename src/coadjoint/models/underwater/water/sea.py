@@ -1,0 +1,89 @@
+"""Several currents and a density as one water."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.models.underwater.water.density import Density
+from coadjoint.models.underwater.water.water import Water, nested
+
+DENSITY = "density"
+
+
+class Sea(Water):
+    """Currents that add up, by names, and a density.
+
+        sea = Sea(tide=TidalCurrent(["M2"], [[0.5, 0.0, 0.0]]), gusts=GaussMarkovCurrent((0.1, 0.1, 0.0), 60.0))
+
+    The parameter `amplitudes` of the current `tide` is `water_tide_amplitudes` of the system. density: a Density, by
+    default the vehicle's own fluid density. Raises ArgumentError for what is no current and no density.
+    """
+
+    def __init__(self, *, density: Density | None = None, **currents: Water):
+        if density is not None and not isinstance(density, Density):
+            raise ArgumentError(
+                f"Argument `density` must be a Density such as LinearDensity(1025.0), but is {density!r}."
+            )
+        for name, current in currents.items():
+            if not isinstance(current, Water):
+                raise ArgumentError(
+                    f"The current `{name}` must be a Water such as UniformWater(…), but is {current!r}."
+                )
+        if density is None and not currents:
+            raise ArgumentError("A sea needs at least one current or a density; without both it is StillWater().")
+        object.__setattr__(self, "own_density", density)
+        object.__setattr__(self, "currents", currents)
+        keys = [key for name, current in currents.items() for key in (f"{name}_{k}" for k in current.parameters())]
+        if len(keys) > len(set(keys)):
+            raise ArgumentError(f"Two parameters of the sea have the same name: rename one of {', '.join(currents)}.")
+
+    own_density: Density | None
+    currents: dict[str, Water]
+
+    @property
+    def uniform(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return all(current.uniform for current in self.currents.values())
+
+    @property
+    def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return all(current.steady for current in self.currents.values())
+
+    def parameters(self) -> dict[str, Any]:
+        owners = {**self.currents, **({} if self.own_density is None else {DENSITY: self.own_density})}
+        return {f"{name}_{key}": value for name, owner in owners.items() for key, value in owner.parameters().items()}
+
+    def start(self) -> dict[str, Any]:
+        begun = {name: current.start() for name, current in self.currents.items()}
+        return {name: values for name, values in begun.items() if values}
+
+    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+        return {
+            name: self.currents[name].advance(getattr(internal, name), h, nested(own, name, self.currents[name]))
+            for name in self.start()
+        }
+
+    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+        remembering = self.start()
+        total = jnp.zeros(3)
+        for name, current in self.currents.items():
+            memory = getattr(internal, name) if name in remembering else None
+            total = total + current.current(position, t, memory, nested(own, name, current))
+        return total
+
+    def density(self, depth: Array, own: Any) -> Array:
+        if self.own_density is None:
+            return super().density(depth, own)
+        return self.own_density.density(depth, nested(own, DENSITY, self.own_density))
+
+    def pressure_head(self, depth: Array, own: Any) -> Array:
+        if self.own_density is None:
+            return super().pressure_head(depth, own)
+        return self.own_density.pressure_head(depth, nested(own, DENSITY, self.own_density))
+
+    def __repr__(self) -> str:
+        parts = [f"{name}={current!r}" for name, current in self.currents.items()]
+        return f"Sea({', '.join(parts + ([] if self.own_density is None else [f'density={self.own_density!r}']))})"
