@@ -41,6 +41,13 @@ _HOMES = {
     "parts.moving_mass": ("MovingMass",),
     "parts.ballast": ("Ballast",),
     "parts.lifting_body": ("LiftingBody",),
+    "water.borders": ("altitude", "at_bottom", "at_surface", "first_of"),
+    "water.currents": ("TIDES", "CurrentField", "TidalCurrent", "TimeCurrent"),
+    "water.density": ("DensityTable", "ExponentialDensity", "LinearDensity"),
+    "water.gauss_markov": ("GaussMarkovCurrent",),
+    "water.profiles": ("LinearProfile", "LinearShear", "Logarithmic", "PowerLaw", "Sheared"),
+    "water.sea": ("Sea",),
+    "water.tables": ("CurrentTable",),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
@@ -102,6 +109,25 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.vehicles.vehicle import Quantity as Quantity
     from coadjoint.models.underwater.vehicles.vehicle import Vehicle as Vehicle
     from coadjoint.models.underwater.wamit import wamit_added_mass as wamit_added_mass
+    from coadjoint.models.underwater.water.borders import altitude as altitude
+    from coadjoint.models.underwater.water.borders import at_bottom as at_bottom
+    from coadjoint.models.underwater.water.borders import at_surface as at_surface
+    from coadjoint.models.underwater.water.borders import first_of as first_of
+    from coadjoint.models.underwater.water.currents import TIDES as TIDES
+    from coadjoint.models.underwater.water.currents import CurrentField as CurrentField
+    from coadjoint.models.underwater.water.currents import TidalCurrent as TidalCurrent
+    from coadjoint.models.underwater.water.currents import TimeCurrent as TimeCurrent
+    from coadjoint.models.underwater.water.density import DensityTable as DensityTable
+    from coadjoint.models.underwater.water.density import ExponentialDensity as ExponentialDensity
+    from coadjoint.models.underwater.water.density import LinearDensity as LinearDensity
+    from coadjoint.models.underwater.water.gauss_markov import GaussMarkovCurrent as GaussMarkovCurrent
+    from coadjoint.models.underwater.water.profiles import LinearProfile as LinearProfile
+    from coadjoint.models.underwater.water.profiles import LinearShear as LinearShear
+    from coadjoint.models.underwater.water.profiles import Logarithmic as Logarithmic
+    from coadjoint.models.underwater.water.profiles import PowerLaw as PowerLaw
+    from coadjoint.models.underwater.water.profiles import Sheared as Sheared
+    from coadjoint.models.underwater.water.sea import Sea as Sea
+    from coadjoint.models.underwater.water.tables import CurrentTable as CurrentTable
     from coadjoint.models.underwater.water.water import StillWater as StillWater
     from coadjoint.models.underwater.water.water import UniformWater as UniformWater
     from coadjoint.models.underwater.water.water import Water as Water

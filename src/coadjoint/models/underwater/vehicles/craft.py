@@ -133,7 +133,7 @@ class Craft:
         def lagrangian(xi, n, nu, a, p, *, t=0.0, internal=None):
             return energies.lagrangian(water, parts, xi, n, nu, a, p, t, internal)
 
-        entering = {"t": not water.steady, "internal": bool(water.start()) or any(part.holds_mass for part in parts)}
+        entering = {"t": water.timed, "internal": bool(water.start()) or any(part.holds_mass for part in parts)}
         known = inspect.signature(lagrangian).parameters
         takes = [value for name, value in known.items() if entering.get(name, True)]
         lagrangian.__signature__ = inspect.Signature(takes)  # pyright: ignore[reportFunctionMemberAccess]

@@ -12,6 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.each import Each, count_members, each, stacked
+from coadjoint.mechanics.internal import starting_values
 from coadjoint.models.quantities import number, vector
 from coadjoint.models.underwater import axes as turned
 from coadjoint.models.underwater.water.water import Water
@@ -27,13 +28,13 @@ def starting_motion(
         "R": _attitude(_vectors(euler_zyx, "euler_zyx"), axes),
         "angular_velocity": _vectors(angular_velocity, "angular_velocity"),
         "own": own,
+        "memory": starting_values(water.start() or None),
     }
-    remembered = water.start()
 
     def motion(given: dict[str, Any]) -> dict[str, Any]:
         R = given["R"]
         q = turned.space_vector(given["position"], axes)
-        drift = water.current(q, jnp.asarray(t, dtype=float), remembered, given["own"])
+        drift = water.current(q, jnp.asarray(t, dtype=float), given["memory"], given["own"])
         return {
             "g": R,
             "q": q,

@@ -135,6 +135,10 @@ class Sheared(Water):
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.surface.steady
 
+    @property
+    def timed(self) -> bool:
+        return self.surface.timed
+
     def parameters(self) -> dict[str, Any]:
         return {
             **{f"surface_{key}": value for key, value in self.surface.parameters().items()},

@@ -52,6 +52,10 @@ class Sea(Water):
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return all(current.steady for current in self.currents.values())
 
+    @property
+    def timed(self) -> bool:
+        return any(current.timed for current in self.currents.values())
+
     def parameters(self) -> dict[str, Any]:
         owners = {**self.currents, **({} if self.own_density is None else {DENSITY: self.own_density})}
         return {f"{name}_{key}": value for name, owner in owners.items() for key, value in owner.parameters().items()}

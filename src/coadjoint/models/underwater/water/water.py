@@ -26,6 +26,11 @@ class Water(ABC):
     steady = True
     """Whether it never changes at a place."""
 
+    @property
+    def timed(self) -> bool:
+        """Whether the current depends on t itself, beyond what it remembers from step to step."""
+        return not self.steady and not self.start()
+
     def parameters(self) -> dict[str, Any]:
         """The numbers that can be replaced and varied: by default all fields that are set."""
         given = {field.name: getattr(self, field.name) for field in fields(self)}
