@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import jax.numpy as jnp
@@ -143,7 +144,7 @@ def test_a_sphere_in_linear_shear_has_the_lift_coefficient_of_one_half():
 
 def field(q, t):
     """A smooth current without sources: an eddy that grows, waves, and a stagnation flow."""
-    x, y, z = q
+    x, y, _ = q
     return jnp.stack(
         [
             0.3 * jnp.sin(0.5 * y + 0.2 * t) + 0.05 * x,
@@ -163,7 +164,7 @@ def test_the_order_is_kept_in_a_smooth_current_of_place_and_time_and_the_budget_
     start = craft.start(speed=1.0, euler_zyx=(0.4, 0.1, 0.0), angular_velocity=(0.1, -0.2, 0.3))
     steps = (0.1, 0.05, 0.025) if method.order == 2 else (0.4, 0.2, 0.1)
     runs = [moved(craft, start, dt, 4.0, method=method) for dt in steps]
-    apart = [np.max(np.abs(a.final.q - b.final.q)) for a, b in zip(runs, runs[1:], strict=False)]
+    apart = [np.max(np.abs(a.final.q - b.final.q)) for a, b in pairwise(runs)]
     assert np.log2(apart[0] / apart[1]) == pytest.approx(method.order, abs=0.25)
     gaps = [run.summary()["energy_budget_error_max"] for run in runs]
     assert np.log2(gaps[1] / gaps[2]) == pytest.approx(method.order, abs=0.4)
