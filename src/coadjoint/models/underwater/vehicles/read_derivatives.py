@@ -24,9 +24,7 @@ def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[
     with_added_mass = true: those of two velocities hold Coriolis and Munk terms of the added mass too, as most
     published sets do. The Lagrangian has these already, and they are taken away here.
     """
-    table, unit = section.quantity("coefficients", None, special=("prime",))
-    if not isinstance(table, dict) or not table:
-        raise section.fail("coefficients must have a table of values by name, as in value = { Y_uv = -20.0 }.")
+    table, unit = section.quantity("coefficients", None, special=("prime",), named=True)
     wrong = [key for key, value in table.items() if not isinstance(value, float)]
     if wrong:
         raise section.fail(f"coefficients: {wrong[0]} must be one number.")

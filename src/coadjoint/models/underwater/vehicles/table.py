@@ -82,10 +82,13 @@ class Section:
         title = f"{self.title} {name}"
         return Section(self.book, title, f"{self.key}.{name}", self.given.get(name))
 
-    def quantity(self, name: str, dimension: Dimension | None, special: tuple[str, ...] = ()) -> tuple[Any, str]:
+    def quantity(
+        self, name: str, dimension: Dimension | None, special: tuple[str, ...] = (), named: bool = False
+    ) -> tuple[Any, str]:
         """(numbers in SI units, unit as given): `value`, `unit`, `source`, `note`; what it measures is `dimension`.
 
-        Where the numbers measure several things, `dimension` is None and the unit is "SI", or one of `special`.
+        Where the numbers measure several things, `dimension` is None and the unit is "SI", or one of `special`. named:
+        the numbers are a table, each with its name.
         """
         self.asked.add(name)
         if name not in self.given:
@@ -93,7 +96,13 @@ class Section:
             raise self.fail(f'needs {name} = {{ value = …, unit = "{si}", source = "…" }}.')
         what = f"{self.title} {name}"
         given = self._quantity_table(name, dimension)
-        value = self._numbers(given["value"], what)
+        value = given["value"]
+        if named and not (isinstance(value, dict) and value):
+            raise self.fail(f"{name} must have a table of values by name, as in value = {{ Y_uv = -20.0 }}.")
+        if named:
+            value = {key: self._numbers(inner, f"{what} {key}") for key, inner in value.items()}
+        else:
+            value = self._numbers(value, what)
         unit = given.get("unit")
         if unit is None and dimension == NUMBER:
             unit = "1"
@@ -166,9 +175,7 @@ class Section:
         return given
 
     def _numbers(self, value: Any, what: str) -> Any:
-        """Finite numbers in rectangular lists, or a table of them; raises ArgumentError."""
-        if isinstance(value, dict):
-            return {key: self._numbers(inner, f"{what} {key}") for key, inner in value.items()}
+        """Finite numbers in rectangular lists; raises ArgumentError."""
         if isinstance(value, list):
             shapes = {len(inner) if isinstance(inner, list) else -1 for inner in value}
             if not value or len(shapes) != 1:
