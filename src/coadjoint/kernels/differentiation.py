@@ -122,7 +122,17 @@ def _partials(graph: Graph, node: Node) -> Sequence[Node]:
 
 def forward(graph: Graph, roots: Sequence[Node], by: Sequence[Node]) -> list[dict[int, Node]]:
     """For each root its derivatives by the symbols `by`, {index in by: derivative}; what is absent is zero."""
-    tangents: dict[Node, dict[int, Node]] = {symbol: {i: graph.one} for i, symbol in enumerate(by)}
+    return _pushed(graph, roots, {symbol: {i: graph.one} for i, symbol in enumerate(by)})
+
+
+def directional(graph: Graph, roots: Sequence[Node], along: Mapping[Node, Node]) -> list[Node]:
+    """For each root its derivative along one direction: `along` maps symbols to their tangents."""
+    found = _pushed(graph, roots, {symbol: {0: tangent} for symbol, tangent in along.items()})
+    return [row.get(0, graph.zero) for row in found]
+
+
+def _pushed(graph: Graph, roots: Sequence[Node], tangents: dict[Node, dict[int, Node]]) -> list[dict[int, Node]]:
+    """The sparse tangents of the roots from those of the symbols, to which all others on the way are added."""
     for node in reachable(roots):
         inner = [tangents.get(a) for a in node.args]
         if not any(inner) or node in tangents:

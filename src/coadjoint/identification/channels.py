@@ -1,0 +1,101 @@
+"""What a log may hold of a vehicle, as functions of the simulated state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.interpreters.partial_eval import dce_jaxpr
+
+from coadjoint.groups import SE3, SO3
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.spaces import Defining
+
+TRIPS = 3
+"""Newton's iterations for velocities from momenta where ℓ is not quadratic in them, from those of the step before."""
+
+POSITION, ATTITUDE = ("north", "east", "depth"), ("roll", "pitch", "heading")
+VELOCITY, RATES = ("u", "v", "w"), ("p", "q", "r")
+VEHICLE = (*POSITION, *ATTITUDE, *VELOCITY, *RATES)
+"""The columns of a vehicle's log: of O in space; Euler angles ZYX; of O over ground, and ω, in body axes."""
+
+UNITS = {
+    **dict.fromkeys(POSITION, "m"),
+    **dict.fromkeys(ATTITUDE, "rad"),
+    **dict.fromkeys(VELOCITY, "m/s"),
+    **dict.fromkeys(RATES, "rad/s"),
+}
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Numbers that a log holds, in their order: those of a vehicle by name, others by functions of the state.
+
+    `own`: pairs of name and function (state) → number. `vehicle`: names of `VEHICLE`.
+    """
+
+    vehicle: tuple[str, ...]
+    own: tuple[tuple[str, Callable[[State], Any]], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (*self.vehicle, *(name for name, _ in self.own))
+
+    def of(self, system: System, state: State) -> Array:
+        """What the sensors would say at a node."""
+        known = vehicle(system, state) if self.vehicle else {}
+        values = [known[name] for name in self.vehicle] + [jnp.asarray(f(state), float) for _, f in self.own]
+        return jnp.stack(values)
+
+
+def is_vehicle(system: System) -> bool:
+    """Whether a pose and a body velocity can be read from the states of a system."""
+    on_rotations = isinstance(system.group, SO3) and system.additional == Defining()
+    return on_rotations or (isinstance(system.group, SE3) and system.additional.ambient(system.group) == 0)
+
+
+def vehicle(system: System, state: State) -> Mapping[str, Array]:
+    """Position, Euler angles ZYX, body velocity and rates at a node, by their names."""
+    xi, nu = velocities(system, state)
+    if isinstance(system.group, SO3):
+        R, q, omega, v = state.g, system.additional.act(system.group, state.g, state.n), xi, nu
+    else:
+        (R, q), omega, v = state.g, xi[:3], xi[3:]
+    angles = (
+        jnp.arctan2(R[2, 1], R[2, 2]),
+        jnp.arctan2(-R[2, 0], jnp.sqrt(R[2, 1] ** 2 + R[2, 2] ** 2)),
+        jnp.arctan2(R[1, 0], R[0, 0]),
+    )
+    return dict(zip(VEHICLE, (*q, *angles, *v, *omega), strict=True))
+
+
+def velocities(system: System, state: State) -> tuple[Array, Array]:
+    """(ξ, ν) at a node, from its momenta: ∂_ξℓ = μ, ∂_νℓ = π, solved by Newton; at once where ℓ is quadratic."""
+    count = system.group.dim
+    momenta = jnp.concatenate([state.mu, state.pi])
+
+    def momentum(z):
+        return jnp.concatenate(legendre(system, z[:count], state.n, z[count:], state.a, state.t, state.inputs))
+
+    mass = jax.jacfwd(momentum)
+    guess = jnp.concatenate([state.xi, state.nu])
+    _, used = dce_jaxpr(jax.make_jaxpr(mass)(guess).jaxpr, [True])
+    quadratic = not used[0]
+    z = jnp.zeros_like(guess) if quadratic else guess
+    for _ in range(1 if quadratic else TRIPS):
+        z = z + jnp.linalg.solve(mass(z), momenta - momentum(z))
+    return z[:count], z[count:]
+
+
+def seen(system: System, records: State, names: tuple[str, ...]) -> dict[str, Any]:
+    """The channels of records (with a leading axis) by their names, as arrays."""
+    channels = Channels(names)
+    values = evaluate(jax.vmap(lambda state: channels.of(system, state)), records)
+    return {name: values[:, i] for i, name in enumerate(names)}
