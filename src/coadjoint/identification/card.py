@@ -1,0 +1,35 @@
+"""The card of an identification: a table of parameters with their intervals, and what is doubtful."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from coadjoint.identification.findings import Identification
+
+
+def card(found: Identification) -> str:
+    """What `print(found)` shows."""
+    log = found.log
+    width = max(9, *map(len, found.estimates))
+    lines = [
+        f"Identification of {found.system.name}",
+        f"  log       {len(log)} samples over {log.duration:g} s, {len(found.simulated)} columns",
+        f"  fit       {found.segments} segments, dt = {found.dt:g} s, {found.iterations} iterations",
+        "",
+        f"  {'parameter':<{width}}  {'estimate':>11}  {f'{found.level:.0%} interval':^25}  {'before':>11}",
+    ]
+    for name, e in found.estimates.items():
+        lines.append(f"  {name:<{width}}  {e.value:>11.5g}  {e.low:>11.5g} .. {e.high:<10.5g}  {e.prior:>11.5g}")
+    lines += ["", f"  {'column':<{width}}  {'noise':>11}   {'':<10}  lag-one correlation"]
+    for name, sigma in found.noise.items():
+        unit = log.units.get(name, "")
+        known = "given" if name in found.assumed else "estimated"
+        value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
+        lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}")
+    for doubt in found.doubts:
+        lines += ["", *textwrap.wrap(doubt, 100, initial_indent="  ! ", subsequent_indent="    ")]
+    return "\n".join(lines)

@@ -1,0 +1,113 @@
+"""Levenberg–Marquardt where every segment has unknowns of its own beside those that all share.
+
+min ½ Σ_s |r_s(δ_s, φ)|²: with A_s = ∂r_s/∂δ_s and B_s = ∂r_s/∂φ, δ_s is eliminated from the normal equations,
+(Σ_s B_sᵀB_s − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀB_s) dφ = −Σ_s(B_sᵀ − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀ) r_s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+TRIPS = 60
+"""Iterations, those that were not accepted among them."""
+
+SETTLED = 1e-3
+"""It ends where the next step is below this part of every standard error."""
+
+DROP = 1e-10
+"""Or where the sum of squares falls by less than this part of itself."""
+
+
+class Place(NamedTuple):
+    """φ (m,) and δ (segments, d)."""
+
+    shared: np.ndarray
+    own: np.ndarray
+
+
+class Problem(Protocol):
+    def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
+        """r, (segments, rows), and what `jacobian` needs of the way; None where there is none."""
+        ...
+
+    def jacobian(self, place: Place, way: Any) -> np.ndarray:
+        """∂r/∂(δ, φ), (segments, rows, d + m)."""
+        ...
+
+
+class Solution(NamedTuple):
+    """Where it ended; `squares` = |r|²."""
+
+    place: Place
+    residual: np.ndarray
+    jacobian: np.ndarray
+    squares: float
+    trips: int
+    converged: bool
+
+
+def least_squares(problem: Problem, start: Place, accepted: Callable[[Any], None] | None = None) -> Solution | None:
+    """The least sum of squares from `start`; None where there is no residual at the start."""
+    first = problem.residual(start)
+    if first is None:
+        return None
+    place, (r, way) = start, first
+    J = problem.jacobian(place, way)
+    damping, squares, converged, trip = 1e-4, float(np.vdot(r, r)), False, 0
+    while trip < TRIPS and not converged:
+        trip += 1
+        shared, own, errors = _step(J, r, place.own.shape[1], damping)
+        trial = Place(place.shared + shared, place.own + own)
+        found = problem.residual(trial)
+        better = np.inf if found is None else float(np.vdot(found[0], found[0]))
+        small = bool(np.all(np.abs(shared) < SETTLED * errors))
+        if not better <= squares:
+            if small and damping <= 1e-4 and better <= squares * (1 + 1e-9):
+                converged = True
+            damping = max(4 * damping, 1e-6)
+            if damping > 1e12:
+                break
+            continue
+        assert found is not None
+        converged = (small and damping <= 1e-2) or (squares - better <= DROP * squares and damping <= 1e-2)
+        place, (r, way), squares = trial, found, better
+        if accepted is not None:
+            accepted(way)
+        damping = max(damping / 10, 1e-12)
+        J = problem.jacobian(place, way)
+    return Solution(place, r, J, squares, trip, converged)
+
+
+def _step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(dφ, dδ, standard errors of φ) of the damped normal equations."""
+    H = J.swapaxes(1, 2) @ J
+    g = np.einsum("srk,sr->sk", J, r)
+    diagonal = np.einsum("skk->sk", H)
+    own = diagonal[:, :d]
+    own = np.where(own > 0, own, 1.0)
+    steep = H[:, :d, :d] + np.einsum("sk,kj->skj", damping * own + 1e-13 * own, np.eye(d))
+    right = np.concatenate([H[:, :d, d:], g[:, :d, None]], axis=2)
+    solved = np.linalg.solve(steep, right)
+    across = H[:, d:, :d]
+    S = np.sum(H[:, d:, d:] - across @ solved[..., :-1], axis=0)
+    b = np.sum(g[:, d:] - np.einsum("sij,sj->si", across, solved[..., -1]), axis=0)
+    scale = np.sum(diagonal[:, d:], axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    S = 0.5 * (S + S.T) + np.diag((damping + 1e-13) * scale)
+    shared = -np.linalg.solve(S, b)
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(S)), 0.0))
+    return shared, -(solved[..., -1] + solved[..., :-1] @ shared), errors
+
+
+def reduced(J: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """(B̃, h): ∂r/∂φ with what the segments' own unknowns can undo taken away, (segments, rows, m), and how much of
+    each residual they take, (segments, rows): the diagonal of A(AᵀA)⁻¹Aᵀ."""
+    A, B = J[..., :d], J[..., d:]
+    size = np.linalg.norm(A, axis=1, keepdims=True)
+    Q, R = np.linalg.qr(A / np.where(size > 0, size, 1.0))
+    sound = np.abs(np.einsum("skk->sk", R)) > 1e-10
+    Q = Q * sound[:, None, :]
+    return B - Q @ (Q.swapaxes(1, 2) @ B), np.sum(Q**2, axis=2)

@@ -1,0 +1,86 @@
+"""A logged trajectory: samples of what sensors said and of what drove the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.identification.channels import UNITS
+
+
+@dataclass(frozen=True)
+class Log:
+    """Samples at times that grow, at any intervals; NaN where a sensor was silent.
+
+    `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
+    down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
+    `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
+    Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
+    """
+
+    time: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    inputs: Mapping[str, np.ndarray] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        time = _numbers(self.time, "time")
+        if time.ndim != 1 or len(time) < 2:
+            raise ArgumentError(f"A log needs at least two samples, but `time` has shape {time.shape}.")
+        bad = np.flatnonzero(~(np.diff(time) > 0))
+        if len(bad):
+            at = int(bad[0])
+            raise ArgumentError(
+                f"The time of a log must grow, but sample {at + 1} is at {time[at + 1]:g} s after {time[at]:g} s: "
+                "sort the samples and give each once."
+            )
+        columns = {name: _numbers(values, name) for name, values in self.columns.items()}
+        inputs = {name: _numbers(values, name) for name, values in self.inputs.items()}
+        for name, values in {**columns, **inputs}.items():
+            if len(values) != len(time) or (name in columns and values.ndim != 1):
+                raise ArgumentError(f"`{name}` must have one number for each of {len(time)} times: {values.shape}.")
+            if np.any(np.isinf(values)):
+                raise ArgumentError(f"`{name}` is infinite at {time[np.isinf(values).reshape(len(time), -1).any(1)][0]:g} s.")
+            if name in inputs and np.any(np.isnan(values)):
+                at = time[np.isnan(values).reshape(len(time), -1).any(axis=1)][0]
+                raise ArgumentError(f"Input `{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
+            if name in columns and np.all(np.isnan(values)):
+                raise ArgumentError(f"Column `{name}` holds no number: leave it out.")
+        for key, value in {"time": time, "columns": columns, "inputs": inputs}.items():
+            object.__setattr__(self, key, value)
+        object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def interval(self) -> float:
+        """The median time between samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.time[-1] - self.time[0])
+
+    def between(self, start: float, end: float) -> Log:
+        """The samples with start ≤ time ≤ end."""
+        here = (self.time >= start) & (self.time <= end)
+        parts = ({k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs))
+        return Log(self.time[here], *parts, units=self.units, notes=self.notes)
+
+    def __repr__(self) -> str:
+        driven = f", driven by {', '.join(self.inputs)}" if self.inputs else ""
+        return f"<Log of {len(self)} samples over {self.duration:g} s: {', '.join(self.columns)}{driven}>"
+
+
+def _numbers(values: Any, name: str) -> np.ndarray:
+    try:
+        return np.array(values, float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"`{name}` of a log must hold numbers, but is {values!r:.60}.") from error

@@ -1,0 +1,181 @@
+"""Multiple shooting: a log in segments, each a run of its own from a start of its own, all simulated at once.
+
+The start of a segment is a reference, g₀ exp(δ_g), q₀ + δ_q, ξ₀ + δ_ξ, ν₀ + δ_ν, with momenta by the Legendre transform
+of the parameters that are sought. Derivatives of what sensors would say, by δ and by the parameters, are exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.identification.channels import Channels
+from coadjoint.identification.observed import Observed
+from coadjoint.identification.sampling import Samples
+from coadjoint.identification.unknowns import Unknowns
+from coadjoint.kernels import driven
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.packing import layout, pack
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.version import version
+from coadjoint.methods.method import Method
+from coadjoint.methods.program import Constants, StepProgram
+
+
+class Reference(NamedTuple):
+    """From where the segments start, before δ; a leading axis of segments."""
+
+    g: Any
+    q: np.ndarray
+    xi: np.ndarray
+    nu: np.ndarray
+
+
+class Prediction(NamedTuple):
+    """What the sensors would say at the samples, (segments, samples, channels), with the path that told it."""
+
+    values: np.ndarray
+    path: driven.Path
+    slopes_of_start: np.ndarray
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """Segments of a log as runs. `template`: the state of one of them, for what the log does not tell."""
+
+    unknowns: Unknowns
+    channels: Channels
+    samples: Samples
+    reference: Reference
+    template: State
+    method: Method
+
+    @property
+    def size(self) -> int:
+        """How many numbers δ are."""
+        return 2 * self.unknowns.system.unknowns
+
+    @property
+    def runs(self) -> int:
+        return len(self.samples.starts)
+
+    @cached_property
+    def program(self) -> Any:
+        system = self.unknowns.system
+        digest = version(system, self.template, *(function for _, function in self.channels.own))
+        return Observed(StepProgram(replace_parameters(system, None), self.method, version=digest), self.channels)
+
+    @cached_property
+    def code(self) -> driven.Driven:
+        constants = Constants(self.unknowns.system.parameters, None)
+        return driven.driven(self.program, constants, self.template, self.unknowns.active)
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """Where the inputs stand among the numbers of a state."""
+        shape, numbers = pack(self.template)
+        inputs = jax.tree.leaves(shape.unpack(np.arange(len(numbers))).inputs)
+        return np.concatenate([np.zeros(0, int), *(np.ravel(leaf).astype(int) for leaf in inputs)])
+
+    @cached_property
+    def _begin(self) -> Any:
+        """(δ, active parameters, reference, time, internal) of all segments ↦ their states and derivatives."""
+        system, template = self.unknowns.system, self.template
+        group, Q, V = system.places
+        a0 = evaluate(lambda s: V.act(group, s.g, s.a), template)
+        shape, numbers, active = layout(system.parameters), self.unknowns.numbers, np.array(self.unknowns.active)
+        ends = np.cumsum([group.dim, Q.dim(group), group.dim])
+
+        def one(both, at: Reference, t, internal, internal_time):
+            delta, values = both[: self.size], both[self.size :]
+            here = replace_parameters(system, _unpacked(shape, jnp.asarray(numbers).at[active].set(values)))
+            turn, shift, spin, speed = jnp.split(delta, ends)
+            g = group.compose(at.g, group.exp(turn))
+            back = group.inverse(g)
+            q = at.q + Q.difference(group, at.q, Q.tangent(group, at.q, shift)) if len(shift) else at.q
+            n, a, xi = Q.act(group, back, q), V.act(group, back, a0), at.xi + spin
+            nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
+            mu, pi = legendre(here, xi, n, nu, a, t, template.inputs)
+            state = template.replace(
+                t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal, internal_time=internal_time
+            )
+            return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(state)])
+
+        def both(delta, values, *rest):
+            def of(delta, *rest):
+                x = jnp.concatenate([delta, values])
+                return one(x, *rest), jax.jacfwd(one)(x, *rest)
+
+            return jax.vmap(of)(delta, *rest)
+
+        held = (template.internal, template.internal_time)
+        internal = jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), held)
+        arguments = (np.zeros((self.runs, self.size)), numbers[active], self.reference, self.samples.starts, *internal)
+        return tabulate(both, *arguments), internal
+
+    def predict(self, coordinates: np.ndarray, delta: np.ndarray, internal: Any = None) -> Prediction | None:
+        """What the sensors would say; None where a step fails."""
+        begin, first = self._begin
+        numbers = self.unknowns.filled(coordinates)
+        internal = first if internal is None else internal
+        active = numbers[list(self.unknowns.active)]
+        starts, slopes = begin(delta, active, self.reference, self.samples.starts, *internal)
+        if not np.all(np.isfinite(starts)):
+            return None
+        _, p = pack(Constants(layout(self.unknowns.system.parameters).unpack(numbers), None))
+        path = driven.run(self.code, p, self.samples.h, starts, self.places, self.samples.table)
+        if np.any(path.codes) or not np.all(np.isfinite(path.records)):
+            return None
+        return Prediction(self.samples.taken(path.records), path, slopes)
+
+    def slopes(self, coordinates: np.ndarray, found: Prediction) -> np.ndarray:
+        """∂values/∂(δ, coordinates): (segments, samples, columns, channels)."""
+        numbers = self.unknowns.filled(coordinates)
+        _, p = pack(Constants(layout(self.unknowns.system.parameters).unpack(numbers), None))
+        along = self.unknowns.directions(coordinates, self.unknowns.active)
+        p_dot = np.concatenate([np.zeros((self.size, along.shape[1])), along])
+        by_delta, by_active = found.slopes_of_start[:, :, : self.size], found.slopes_of_start[:, :, self.size :]
+        start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
+        dot = driven.push(self.code, p, self.samples.h, found.path, p_dot, np.ascontiguousarray(start_dot))
+        return self.samples.weighed(dot)
+
+    def internal(self, found: Prediction) -> Any:
+        """The internal state from which each segment starts: that with which the segment before came there."""
+        first = self._begin[1]
+        if self.template.internal is None:
+            return first
+        shape = layout(self.template)
+        last = found.path.states[np.arange(self.runs - 1), self.samples.nodes_to_next]
+        came = shape.unpack(last)
+        pairs = zip(jax.tree.leaves(first), jax.tree.leaves((came.internal, came.internal_time)), strict=True)
+        leaves = [np.concatenate([start[:1], later.reshape(-1, *start.shape[1:])]) for start, later in pairs]
+        return jax.tree.unflatten(jax.tree.structure(first), leaves)
+
+
+def _unpacked(shape: Any, numbers: Any) -> Any:
+    """The PyTree of traced numbers."""
+    sizes = np.cumsum([int(np.prod(s)) for s in shape.shapes])[:-1]
+    parts = jnp.split(numbers, sizes)
+    leaves = [part.reshape(s) for part, s in zip(parts, shape.shapes, strict=True)]
+    return jax.tree.unflatten(shape.structure, leaves)
+
+
+def require_inputs(system: Any, state: State) -> None:
+    """Raise ArgumentError where forces, ℓ or the internal rule ask for an input that the log does not hold."""
+
+    def forces(state: State) -> Any:
+        motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
+        return system.body_force(motion)
+
+    try:
+        evaluate(forces, state)
+    except AttributeError as error:
+        raise ArgumentError(f"The system takes an input that the log does not hold: {error}") from error

@@ -1,0 +1,152 @@
+"""The parameters that are to be found, as coordinates in which they may take any value."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.system import System
+
+_ENTRY = re.compile(r"^(?P<name>[\w.]+)(\[(?P<index>[\d,\s]+)\])?$")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number: entries of a parameter array that are equal, found by its logarithm or by itself.
+
+    `places`: where the entries stand among all numbers of the parameters. `scale`: what is large, of its unit.
+    """
+
+    label: str
+    places: tuple[int, ...]
+    prior: float
+    positive: bool
+
+    @property
+    def scale(self) -> float:
+        return 1.0 if self.positive else abs(self.prior) or 1.0
+
+    def value(self, coordinate: float) -> float:
+        return self.prior * float(np.exp(coordinate)) if self.positive else self.prior + self.scale * coordinate
+
+    def slope(self, coordinate: float) -> float:
+        """dvalue/dcoordinate."""
+        return self.value(coordinate) if self.positive else self.scale
+
+    def interval(self, coordinate: float, half: float) -> tuple[float, float]:
+        return self.value(coordinate - half), self.value(coordinate + half)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All unknowns of a system, with the numbers of its parameters; `matrices` must stay positive definite."""
+
+    system: System
+    each: tuple[Unknown, ...]
+    numbers: np.ndarray
+    matrices: tuple[tuple[int, int], ...]
+    """(first place, size) of symmetric positive definite matrices that hold unknowns."""
+
+    def filled(self, coordinates: np.ndarray) -> np.ndarray:
+        """The numbers of all parameters."""
+        found = self.numbers.copy()
+        for unknown, coordinate in zip(self.each, coordinates, strict=True):
+            found[list(unknown.places)] = unknown.value(coordinate)
+        return found
+
+    def definite(self, coordinates: np.ndarray) -> bool:
+        """Whether every matrix that was positive definite still is."""
+        numbers = self.filled(coordinates)
+        blocks = (numbers[first : first + n * n].reshape(n, n) for first, n in self.matrices)
+        return all(np.linalg.eigvalsh(block)[0] > 0 for block in blocks)
+
+    def directions(self, coordinates: np.ndarray, active: Sequence[int]) -> np.ndarray:
+        """dp/dcoordinate, (unknowns, active)."""
+        found = np.zeros((len(self.each), len(active)))
+        for row, (unknown, coordinate) in enumerate(zip(self.each, coordinates, strict=True)):
+            found[row, [active.index(place) for place in unknown.places]] = unknown.slope(coordinate)
+        return found
+
+    @property
+    def active(self) -> tuple[int, ...]:
+        """All places that are changed, in order."""
+        return tuple(sorted({place for unknown in self.each for place in unknown.places}))
+
+    def replaced(self, coordinates: np.ndarray) -> System:
+        """The system with the values of these coordinates."""
+        from coadjoint.kernels.packing import pack
+        from coadjoint.mechanics.system import replace_parameters
+
+        layout, _ = pack(self.system.parameters)
+        return replace_parameters(self.system, layout.unpack(self.filled(coordinates)))
+
+
+def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str]) -> Unknowns:
+    """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`.
+
+    Of a whole array those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by
+    their logarithms are those named in `positive` and the diagonals of positive definite matrices.
+    Raises ArgumentError, with the nearest name there is.
+    """
+    if system.parameters is None:
+        raise ArgumentError("This system has no parameters to identify: give it co.Parameters(…).")
+    if isinstance(parameters, str) or not list(parameters):
+        raise ArgumentError(f"Argument `parameters` must be a list of names, such as ['damping'], not {parameters!r}.")
+    known = _arrays(system.parameters)
+    chosen: dict[tuple[int, ...], Unknown] = {}
+    matrices: dict[int, int] = {}
+    for text in parameters:
+        name, index = _parsed(text, known)
+        first, array = known[name]
+        paired = array.ndim == 2 and array.shape[0] == array.shape[1] and bool(np.allclose(array, array.T, rtol=1e-9))
+        definite = paired and array.shape[0] > 1 and np.linalg.eigvalsh(array)[0] > 0
+        if definite:
+            matrices[first] = len(array)
+        for entry in np.ndindex(array.shape) if index is None else [index]:
+            places = {first + int(np.ravel_multi_index(entry, array.shape)) if entry else first}
+            if paired:
+                places.add(first + int(np.ravel_multi_index(entry[::-1], array.shape)))
+            if index is None and array[entry] == 0:
+                continue
+            log = (definite and entry[0] == entry[1]) or any(given in (name, text) for given in positive)
+            if log and not array[entry] > 0:
+                raise ArgumentError(f"`{name}` cannot be sought as positive: it starts from {array[entry]:g}.")
+            at = f"[{','.join(map(str, entry))}]" if entry else ""
+            chosen.setdefault(tuple(sorted(places)), Unknown(name + at, tuple(sorted(places)), float(array[entry]), log))
+    if not chosen:
+        raise ArgumentError(f"All entries of {', '.join(parameters)} are zero: name those to find, as in `name[0]`.")
+    numbers = np.concatenate([array.reshape(-1) for _, array in known.values()])
+    return Unknowns(system, tuple(chosen.values()), numbers, tuple(matrices.items()))
+
+
+def _arrays(parameters: Parameters) -> dict[str, tuple[int, np.ndarray]]:
+    """Name → (where its numbers begin, array)."""
+    found, start = {}, 0
+    for path, leaf in jax.tree_util.tree_leaves_with_path(parameters):
+        array = np.asarray(leaf, float)
+        found[jax.tree_util.keystr(path).lstrip(".")] = (start, array)
+        start += array.size
+    return found
+
+
+def _parsed(text: Any, known: dict[str, tuple[int, np.ndarray]]) -> tuple[str, tuple[int, ...] | None]:
+    match = _ENTRY.match(text) if isinstance(text, str) else None
+    name = match["name"] if match else str(text)
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1, 0.0)
+        raise ArgumentError(f"There is no parameter `{name}` to identify; the nearest is `{near[0]}`.")
+    shape = known[name][1].shape
+    if match is None or match["index"] is None:
+        return name, None
+    index = tuple(int(part) for part in match["index"].split(",") if part.strip())
+    if len(index) != len(shape) or any(i >= size for i, size in zip(index, shape, strict=True)):
+        raise ArgumentError(f"`{text}` is no entry of `{name}`, which has shape {shape}, counted from 0.")
+    return name, index
