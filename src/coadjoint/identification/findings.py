@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from coadjoint.identification.least_squares import Solution, reduced
+from coadjoint.identification.fitting import Fitted
+from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
-from coadjoint.identification.shooting import Shooting
 from coadjoint.mechanics.system import System
 
-SINGULAR = 1e-7
+SINGULAR = 1e-6
 """Directions whose singular value is this part of the largest one or less are not determined at all."""
+
+COARSE = 0.3
+"""How many standard errors of a shift by the step size are told."""
 
 ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
 """|correlation| of two parameters, interval over estimate, and lag-one correlation of residuals, that are told."""
@@ -87,17 +90,17 @@ class Identification:
         return measured_and_simulated(self, columns)
 
 
-def judged(
-    shooting: Shooting, log: Log, problem: Any, solution: Solution, sigma: np.ndarray, estimated: np.ndarray,
-    level: float, trips: int,
-) -> Identification:  # fmt: skip
+def judged(found: Fitted, level: float) -> Identification:
     """Estimates with their intervals, from the Jacobian at the solution."""
-    d = shooting.size
-    J = solution.jacobian.reshape(*problem.there.shape, -1) * (problem.sigma / sigma)[:, None]
-    B, _ = reduced(J.reshape(shooting.runs, -1, J.shape[-1]), d)
+    fit, solution, sigma = found.fit, found.solution, found.sigma
+    shooting, log, d = fit.shooting, fit.log, fit.shooting.size
+    J = solution.jacobian
+    B, _ = reduced(J, d)
     flat = B.reshape(-1, B.shape[2])
     size = np.linalg.norm(J[..., d:].reshape(flat.shape), axis=0)
-    _, values, V = np.linalg.svd(np.linalg.qr(flat, mode="r") / np.where(size > 0, size, 1.0))
+    flat = flat / np.where(size > 0, size, 1.0)
+    squares, V = np.linalg.eigh(flat.T @ flat)
+    values, V = np.sqrt(np.maximum(squares[::-1], 0.0)), V.T[::-1]
     lost = values <= SINGULAR
     inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, values))
     scale = np.where(size > 0, size, 1.0)
@@ -105,7 +108,7 @@ def judged(
     error = np.sqrt(np.diag(covariance))
     hidden = np.any(np.abs(V[lost]) > 1e-2, axis=0) | (size == 0)
     error[hidden] = np.inf
-    freedom = int(problem.there.sum()) - d * shooting.runs - len(error)
+    freedom = int(fit.there.sum()) - d * shooting.runs - len(error)
     quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
     estimates = {}
     for i, unknown in enumerate(shooting.unknowns.each):
@@ -116,18 +119,19 @@ def judged(
     finite = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
     correlation = covariance / np.outer(finite, finite)
     names = shooting.channels.names
-    found = shooting.predict(solution.place.shared, solution.place.own, problem.internal)
-    assert found is not None
-    off = problem.differences(found)
-    whiteness = {n: _lag_one(off[..., i], problem.there[..., i]) for i, n in enumerate(names)}
+    told = shooting.predict(solution.place.shared, solution.place.own, fit.internal)
+    assert told is not None
+    off = fit.differences(told)
+    whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rows = shooting.samples.rows
     simulated = {n: np.full(len(log), np.nan) for n in names}
     for i, name in enumerate(names):
-        simulated[name][rows[rows >= 0]] = found.values[..., i][rows >= 0]
-    assumed = tuple(n for n, own in zip(names, estimated, strict=True) if not own)
-    rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(problem.there.sum(axis=(0, 1)), 1))
+        simulated[name][rows[rows >= 0]] = told.values[..., i][rows >= 0]
+    assumed = tuple(n for n, own in zip(names, found.estimated, strict=True) if not own)
+    rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     doubts = [*_hidden(estimates, hidden, V, lost), *_vague(estimates), *_alike(estimates, correlation, hidden)]
-    doubts += _coloured(whiteness, problem.there, names) + _misjudged(names, rms, sigma, estimated)
+    doubts += _coloured(whiteness, fit.there, names) + _misjudged(names, rms, sigma, found.estimated)
+    doubts += _coarse(estimates, found.shift, shooting.samples.h)
     return Identification(
         system=shooting.unknowns.replaced(solution.place.shared),
         log=log,
@@ -141,7 +145,7 @@ def judged(
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
-        iterations=trips,
+        iterations=found.trips,
         doubts=(*log.notes, *doubts),
     )
 
@@ -170,7 +174,7 @@ def _vague(estimates: dict[str, Estimate]) -> list[str]:
         e for e in estimates.values() if np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value)
     ]
     return [
-        f"The log hardly excites {e.name}: its interval is {(e.high - e.low) / 2 / abs(e.value):.0%} of it to each side."
+        f"The log hardly excites {e.name}: its interval is ±{(e.high - e.low) / 2 / abs(e.value):.0%}."
         for e in vague
     ]
 
@@ -205,4 +209,15 @@ def _misjudged(names: tuple[str, ...], rms: np.ndarray, sigma: np.ndarray, estim
         f"The noise of {name} was given as {s:.3g}, but the residuals have {r:.3g}."
         for name, r, s, own in zip(names, rms, sigma, estimated, strict=True)
         if not own and not 0.7 < r / s < 1.3
+    ]
+
+
+def _coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[str]:
+    """Where the step size shifts a parameter by much of its standard error."""
+    if not len(shift) or not np.nanmax(shift) > COARSE:
+        return []
+    worst = int(np.nanargmax(shift))
+    return [
+        f"The step dt = {h:g} s shifts {list(estimates)[worst]} by {shift[worst]:.1f} standard errors: take a smaller "
+        "one, or leave it out."
     ]

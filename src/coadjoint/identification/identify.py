@@ -9,14 +9,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY, Channels, is_vehicle
 from coadjoint.identification.findings import Identification, judged
-from coadjoint.identification.least_squares import Place, Solution, least_squares, reduced
+from coadjoint.identification.fitting import fitted
 from coadjoint.identification.log import Log
 from coadjoint.identification.sampling import Between, samples
-from coadjoint.identification.shooting import Prediction, Reference, Shooting, require_inputs
-from coadjoint.identification.smoothing import noise as rough_noise
+from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Unknowns, unknowns
 from coadjoint.mechanics.parameters import Parameters
@@ -27,10 +26,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.simulate import simulate
 
 LONGEST_STEP = 0.05
-"""The step, s, where none is given: the longest not above this that leads from sample to sample."""
-
-ROUNDS, SAME = 6, 0.01
-"""How often noise is estimated anew from residuals, until it changes by less than this."""
+"""The step, s, from which on it is refined: the longest not above this that leads from sample to sample."""
 
 _GROUPS = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY, "rates": RATES}
 
@@ -60,7 +56,8 @@ def identify(
     entries, ["damping", "added_mass[1,1]"]; the system's own values are where the search starts.
     noise: standard deviations in SI units by column, or for position, attitude, velocity, rates; those not given are
     estimated from the residuals. measured: functions of the state for columns that are not those of a vehicle.
-    segment: s; None takes the log as one run from one start. dt: s. between: whether inputs are held between samples or
+    segment: s; None takes the log as one run from one start. dt: s, by default so that it shifts no parameter by more
+    than a tenth of its standard error. between: whether inputs are held between samples or
     run linearly. positive: parameters that must stay positive, sought by their logarithms; the diagonals of positive
     definite matrices always are, and the matrices stay so. level: of the intervals.
     Raises ArgumentError for what does not fit, and where nothing is found.
@@ -73,7 +70,7 @@ def identify(
     h = log.interval / np.ceil(log.interval / LONGEST_STEP - 1e-9) if dt is None else float(dt)
     given = _noise(noise or {}, channels)
     shooting = _shooting(sought, log, start, channels, method, h, segment, between)
-    return _solved(shooting, log, given, level)
+    return judged(fitted(shooting, log, given, between, dt is not None), level)
 
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], Any]]) -> Channels:
@@ -84,7 +81,7 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
     rest = [name for name in log.columns if name not in measured]
     if rest and not is_vehicle(system):
         raise ArgumentError(
-            f"What `{rest[0]}` is of {system.name} is not known: give measured={{{rest[0]!r}: a function of the state}}."
+            f"It is not known what `{rest[0]}` of the log is: give measured={{{rest[0]!r}: a function of the state}}."
         )
     for name in rest:
         if name not in VEHICLE:
@@ -103,7 +100,9 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
     for name, value in sorted(given.items(), key=lambda pair: pair[0] not in _GROUPS):
         if name not in known:
             near = difflib.get_close_matches(name, known, 1, 0.0)[0]
-            raise ArgumentError(f"Argument `noise` names `{name}`, which the log does not hold; the nearest is `{near}`.")
+            raise ArgumentError(
+                f"Argument `noise` names `{name}`, which the log does not hold; the nearest is `{near}`."
+            )
         if not (np.isfinite(value) and value > 0):
             raise ArgumentError(f"The noise of `{name}` must be a positive number, but is {value!r}.")
         found.update({part: float(value) for part in known[name] if part in channels.names})
@@ -154,86 +153,3 @@ def _reference(system: System, log: Log, start: State, channels: Channels, times
         run = simulate(system, start, dt=h, steps=steps, monitors=False, progress=False)
         records = jax.tree.map(lambda rows: rows[np.rint((times - times[0]) / h).astype(int)], run.records)
     return Reference(records.g, records.q, records.xi, records.nu)
-
-
-class _Problem:
-    """Residuals of all samples over their noise."""
-
-    def __init__(self, shooting: Shooting, log: Log, sigma: np.ndarray):
-        self.shooting, self.sigma = shooting, sigma
-        rows = shooting.samples.rows
-        values = np.stack([log.columns[name] for name in shooting.channels.names], axis=1)[rows]
-        self.there = (rows >= 0)[..., None] & np.isfinite(values)
-        self.values = np.where(self.there, values, 0.0)
-        self.internal: Any = None
-
-    def differences(self, found: Prediction) -> np.ndarray:
-        """y(t_i) − y_i, angles within half a turn; 0 where nothing was measured."""
-        off = found.values - self.values
-        turning = self.shooting.samples.turning
-        off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
-        return np.where(self.there, off, 0.0)
-
-    def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
-        if not np.all(np.abs(place.shared) < 50) or not self.shooting.unknowns.definite(place.shared):
-            return None
-        found = self.shooting.predict(place.shared, place.own, self.internal)
-        if found is None:
-            return None
-        return (self.differences(found) / self.sigma).reshape(self.shooting.runs, -1), found
-
-    def jacobian(self, place: Place, way: Prediction) -> np.ndarray:
-        slopes = self.shooting.slopes(place.shared, way)
-        weighted = np.where(self.there[:, :, None, :], slopes, 0.0) / self.sigma
-        return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, slopes.shape[2])
-
-    def accepted(self, way: Prediction) -> None:
-        self.internal = self.shooting.internal(way)
-
-
-def _solved(shooting: Shooting, log: Log, given: dict[str, float], level: float) -> Identification:
-    """Rounds of least squares, each with the noise that the one before found."""
-    names = shooting.channels.names
-    sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
-    open_ = np.array([name not in given for name in names])
-    place = Place(np.zeros(len(shooting.unknowns.each)), np.zeros((shooting.runs, shooting.size)))
-    problem = _Problem(shooting, log, sigma)
-    trips = 0
-    for _ in range(ROUNDS):
-        problem.sigma = sigma
-        if shooting.template.internal is not None:
-            for _ in range(2):
-                before = shooting.predict(place.shared, place.own, problem.internal)
-                if before is not None:
-                    problem.accepted(before)
-        solution = least_squares(problem, place, problem.accepted)
-        if solution is None:
-            raise ArgumentError(
-                "The simulation fails already with the parameters that the system has: start from better ones, or take "
-                "shorter segments or a smaller `dt`."
-            )
-        place, trips = solution.place, trips + solution.trips
-        estimate = _estimated(solution, problem, shooting.size)
-        changed = np.abs(estimate / sigma - 1)[open_]
-        sigma = np.where(open_, estimate, sigma)
-        if not np.any(changed > SAME):
-            break
-    if not solution.converged:  # pyright: ignore[reportPossiblyUnboundVariable]
-        raise CoadjointError(
-            f"Least squares did not converge in {solution.trips} iterations: start from better parameters, seek fewer, "  # pyright: ignore
-            "or take shorter segments."
-        )
-    return judged(shooting, log, problem, solution, sigma, open_, level, trips)  # pyright: ignore
-
-
-def _estimated(solution: Solution, problem: _Problem, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − what the fit took up) of each channel."""
-    B, taken = reduced(solution.jacobian, d)
-    R = np.linalg.qr(B.reshape(-1, B.shape[2]), mode="r")
-    values, _ = np.linalg.eigh(R.T @ R)
-    C = np.linalg.pinv(R.T @ R, rcond=1e-14) if len(values) else np.zeros((0, 0))
-    taken = taken + np.einsum("srk,kj,srj->sr", B, C, B)
-    shape = problem.there.shape
-    squares = np.sum(solution.residual.reshape(shape) ** 2, axis=(0, 1))
-    left = np.sum(np.where(problem.there, 1 - taken.reshape(shape), 0.0), axis=(0, 1))
-    return problem.sigma * np.sqrt(squares / np.maximum(left, 1.0))

@@ -59,7 +59,7 @@ def least_squares(problem: Problem, start: Place, accepted: Callable[[Any], None
     damping, squares, converged, trip = 1e-4, float(np.vdot(r, r)), False, 0
     while trip < TRIPS and not converged:
         trip += 1
-        shared, own, errors = _step(J, r, place.own.shape[1], damping)
+        shared, own, errors = step(J, r, place.own.shape[1], damping)
         trial = Place(place.shared + shared, place.own + own)
         found = problem.residual(trial)
         better = np.inf if found is None else float(np.vdot(found[0], found[0]))
@@ -81,8 +81,8 @@ def least_squares(problem: Problem, start: Place, accepted: Callable[[Any], None
     return Solution(place, r, J, squares, trip, converged)
 
 
-def _step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(dφ, dδ, standard errors of φ) of the damped normal equations."""
+def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(dφ, dδ, standard errors of φ) of the damped normal equations; J (segments, rows, d + m), r (segments, rows)."""
     H = J.swapaxes(1, 2) @ J
     g = np.einsum("srk,sr->sk", J, r)
     diagonal = np.einsum("skk->sk", H)
@@ -107,7 +107,10 @@ def reduced(J: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     each residual they take, (segments, rows): the diagonal of A(AᵀA)⁻¹Aᵀ."""
     A, B = J[..., :d], J[..., d:]
     size = np.linalg.norm(A, axis=1, keepdims=True)
-    Q, R = np.linalg.qr(A / np.where(size > 0, size, 1.0))
-    sound = np.abs(np.einsum("skk->sk", R)) > 1e-10
-    Q = Q * sound[:, None, :]
-    return B - Q @ (Q.swapaxes(1, 2) @ B), np.sum(Q**2, axis=2)
+    A = A / np.where(size > 0, size, 1.0)
+    # Columns of length one: what round-off leaves of dependent ones is far below the 1e-12 that is added.
+    L = np.linalg.cholesky(A.swapaxes(1, 2) @ A + 1e-12 * np.eye(d))
+    Q = np.linalg.solve(L, A.swapaxes(1, 2)).swapaxes(1, 2)
+    for _ in range(2):
+        B = B - Q @ (Q.swapaxes(1, 2) @ B)
+    return B, np.sum(Q**2, axis=2)

@@ -45,7 +45,9 @@ class Log:
             if len(values) != len(time) or (name in columns and values.ndim != 1):
                 raise ArgumentError(f"`{name}` must have one number for each of {len(time)} times: {values.shape}.")
             if np.any(np.isinf(values)):
-                raise ArgumentError(f"`{name}` is infinite at {time[np.isinf(values).reshape(len(time), -1).any(1)][0]:g} s.")
+                raise ArgumentError(
+                    f"`{name}` is infinite at {time[np.isinf(values).reshape(len(time), -1).any(1)][0]:g} s."
+                )
             if name in inputs and np.any(np.isnan(values)):
                 at = time[np.isnan(values).reshape(len(time), -1).any(axis=1)][0]
                 raise ArgumentError(f"Input `{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")

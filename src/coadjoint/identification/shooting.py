@@ -20,7 +20,8 @@ from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Samples
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels import driven
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.function import NativeFunction
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
@@ -28,6 +29,12 @@ from coadjoint.mechanics.system import replace_parameters
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
+
+
+KEPT = 16
+"""How many functions that start segments stay in memory."""
+
+_starts: dict[Any, NativeFunction] = {}
 
 
 class Reference(NamedTuple):
@@ -86,52 +93,63 @@ class Shooting:
         return np.concatenate([np.zeros(0, int), *(np.ravel(leaf).astype(int) for leaf in inputs)])
 
     @cached_property
-    def _begin(self) -> Any:
-        """(δ, active parameters, reference, time, internal) of all segments ↦ their states and derivatives."""
-        system, template = self.unknowns.system, self.template
+    def held(self) -> Any:
+        """The internal state with which all segments start as long as nothing better is known."""
+        held = (self.template.internal, self.template.internal_time)
+        return jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), held)
+
+    @cached_property
+    def begin(self) -> NativeFunction:
+        """(δ, active parameters), what is known of a segment ↦ the numbers of the state at its start."""
+        one = jax.tree.map(lambda leaf: leaf[0], self._known(self.held))
+        key = self.program, layout(self.template), layout(one), self.unknowns.active
+        if key not in _starts:
+            _starts[key] = NativeFunction(self._starting(one), np.zeros(self.size + len(key[3])), _flat(one, 0)[0])
+            while len(_starts) > KEPT:
+                _starts.pop(next(iter(_starts)))
+        return _starts[key]
+
+    def _known(self, internal: Any) -> tuple[Any, ...]:
+        """Of every segment: reference, time, internal state, parameters and a₀ where they start."""
+        group, _, V = self.unknowns.system.places
+        a0 = evaluate(lambda s: V.act(group, s.g, s.a), self.template)
+        same = [np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0) for leaf in (self.unknowns.numbers, a0)]
+        return (self.reference, self.samples.starts, internal, *same)
+
+    def _starting(self, like: Any) -> Any:
+        system, template, size = replace_parameters(self.unknowns.system, None), self.template, self.size
         group, Q, V = system.places
-        a0 = evaluate(lambda s: V.act(group, s.g, s.a), template)
-        shape, numbers, active = layout(system.parameters), self.unknowns.numbers, np.array(self.unknowns.active)
+        structure, shape = layout(like), layout(self.unknowns.system.parameters)
+        active = self.unknowns.active
         ends = np.cumsum([group.dim, Q.dim(group), group.dim])
 
-        def one(both, at: Reference, t, internal, internal_time):
-            delta, values = both[: self.size], both[self.size :]
-            here = replace_parameters(system, _unpacked(shape, jnp.asarray(numbers).at[active].set(values)))
-            turn, shift, spin, speed = jnp.split(delta, ends)
+        def start(x, known):
+            at, t, (internal, internal_time), numbers, a0 = _unpacked(structure, known)
+            for i, place in enumerate(active):
+                numbers = numbers.at[place].set(x[size + i])
+            turn, shift, spin, speed = jnp.split(x[:size], ends)
             g = group.compose(at.g, group.exp(turn))
             back = group.inverse(g)
             q = at.q + Q.difference(group, at.q, Q.tangent(group, at.q, shift)) if len(shift) else at.q
             n, a, xi = Q.act(group, back, q), V.act(group, back, a0), at.xi + spin
             nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
-            mu, pi = legendre(here, xi, n, nu, a, t, template.inputs)
+            mu, pi = legendre(replace_parameters(system, _unpacked(shape, numbers)), xi, n, nu, a, t, template.inputs)
             state = template.replace(
                 t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal, internal_time=internal_time
             )
             return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(state)])
 
-        def both(delta, values, *rest):
-            def of(delta, *rest):
-                x = jnp.concatenate([delta, values])
-                return one(x, *rest), jax.jacfwd(one)(x, *rest)
-
-            return jax.vmap(of)(delta, *rest)
-
-        held = (template.internal, template.internal_time)
-        internal = jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), held)
-        arguments = (np.zeros((self.runs, self.size)), numbers[active], self.reference, self.samples.starts, *internal)
-        return tabulate(both, *arguments), internal
+        return start
 
     def predict(self, coordinates: np.ndarray, delta: np.ndarray, internal: Any = None) -> Prediction | None:
         """What the sensors would say; None where a step fails."""
-        begin, first = self._begin
         numbers = self.unknowns.filled(coordinates)
-        internal = first if internal is None else internal
-        active = numbers[list(self.unknowns.active)]
-        starts, slopes = begin(delta, active, self.reference, self.samples.starts, *internal)
+        active = np.repeat(numbers[None, list(self.unknowns.active)], self.runs, axis=0)
+        known = _flat(self._known(self.held if internal is None else internal), 1)
+        starts, slopes = self.begin(np.concatenate([delta, active], axis=1), known)
         if not np.all(np.isfinite(starts)):
             return None
-        _, p = pack(Constants(layout(self.unknowns.system.parameters).unpack(numbers), None))
-        path = driven.run(self.code, p, self.samples.h, starts, self.places, self.samples.table)
+        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.samples.table)
         if np.any(path.codes) or not np.all(np.isfinite(path.records)):
             return None
         return Prediction(self.samples.taken(path.records), path, slopes)
@@ -139,17 +157,16 @@ class Shooting:
     def slopes(self, coordinates: np.ndarray, found: Prediction) -> np.ndarray:
         """∂values/∂(δ, coordinates): (segments, samples, columns, channels)."""
         numbers = self.unknowns.filled(coordinates)
-        _, p = pack(Constants(layout(self.unknowns.system.parameters).unpack(numbers), None))
         along = self.unknowns.directions(coordinates, self.unknowns.active)
         p_dot = np.concatenate([np.zeros((self.size, along.shape[1])), along])
         by_delta, by_active = found.slopes_of_start[:, :, : self.size], found.slopes_of_start[:, :, self.size :]
         start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
-        dot = driven.push(self.code, p, self.samples.h, found.path, p_dot, np.ascontiguousarray(start_dot))
+        dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, np.ascontiguousarray(start_dot))
         return self.samples.weighed(dot)
 
     def internal(self, found: Prediction) -> Any:
         """The internal state from which each segment starts: that with which the segment before came there."""
-        first = self._begin[1]
+        first = self.held
         if self.template.internal is None:
             return first
         shape = layout(self.template)
@@ -158,6 +175,12 @@ class Shooting:
         pairs = zip(jax.tree.leaves(first), jax.tree.leaves((came.internal, came.internal_time)), strict=True)
         leaves = [np.concatenate([start[:1], later.reshape(-1, *start.shape[1:])]) for start, later in pairs]
         return jax.tree.unflatten(jax.tree.structure(first), leaves)
+
+
+def _flat(tree: Any, lead: int) -> np.ndarray:
+    """The numbers of a tree, one row for each of the leading axes: (rows, numbers)."""
+    leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
+    return np.concatenate([leaf.reshape(leaf.shape[0] if lead else 1, -1) for leaf in leaves], axis=1)
 
 
 def _unpacked(shape: Any, numbers: Any) -> Any:

@@ -120,7 +120,9 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
             if log and not array[entry] > 0:
                 raise ArgumentError(f"`{name}` cannot be sought as positive: it starts from {array[entry]:g}.")
             at = f"[{','.join(map(str, entry))}]" if entry else ""
-            chosen.setdefault(tuple(sorted(places)), Unknown(name + at, tuple(sorted(places)), float(array[entry]), log))
+            chosen.setdefault(
+                tuple(sorted(places)), Unknown(name + at, tuple(sorted(places)), float(array[entry]), log)
+            )
     if not chosen:
         raise ArgumentError(f"All entries of {', '.join(parameters)} are zero: name those to find, as in `name[0]`.")
     numbers = np.concatenate([array.reshape(-1) for _, array in known.values()])

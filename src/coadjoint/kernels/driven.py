@@ -93,14 +93,12 @@ def driven(program: Program, parameters: Any, state: Any, active: Sequence[int])
     return made
 
 
-def run(
-    code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.ndarray, table: np.ndarray
-) -> Path:
+def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.ndarray, table: np.ndarray) -> Path:
     """len(table) steps of length h of every run from `start` (runs, state), with the same parameters p for all.
 
     Before step j the entries `places` of the state become table[j] (runs, len(places)).
     """
-    runs, size = start.shape
+    runs = len(start)
     state = _groups(start, code.width)
     groups, steps, width = len(state), len(table), code.width
     drive = np.stack([_groups(row, width) for row in table]) if len(places) else np.zeros((steps, groups, 0, width))
@@ -116,7 +114,9 @@ def run(
         for group in range(groups):
             here = state.ctypes.data + group * state.strides[0]
             out = rows.ctypes.data + group * rows.strides[0] + j * rows.strides[1]
-            code.forward.function(given, step, here, 1, 1, out, none, none, status.ctypes.data + group * status.strides[0])
+            code.forward.function(
+                given, step, here, 1, 1, out, none, none, status.ctypes.data + group * status.strides[0]
+            )
         codes = np.maximum(codes, status[:, 1])
     status[:, 1] = codes
     return Path(rows, state, status, code.taped, runs)

@@ -1,0 +1,176 @@
+"""The fit of a log: rounds of least squares with the noise of the one before, on steps that are fine enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.identification.least_squares import Place, Solution, least_squares, reduced, step
+from coadjoint.identification.log import Log
+from coadjoint.identification.sampling import Between, samples
+from coadjoint.identification.shooting import Prediction, Shooting
+from coadjoint.identification.smoothing import noise as rough_noise
+
+ROUNDS, SAME = 6, 0.01
+"""How often noise is estimated anew from residuals, until it changes by less than this."""
+
+SHIFT = 0.1
+"""How many standard errors the step size may shift a parameter."""
+
+SETTLING = 3
+"""How often internal states are handed from each segment to the next before least squares begins."""
+
+FINEST = 16
+"""A step is cut into this many at most."""
+
+
+class Fitted(NamedTuple):
+    """Where least squares ended, of which problem; `sigma` by channel, `estimated` those that were not given."""
+
+    fit: Fit
+    solution: Solution
+    sigma: np.ndarray
+    estimated: np.ndarray
+    trips: int
+    shift: np.ndarray
+    """By how many standard errors each parameter is shifted by the step size, about."""
+
+
+def fitted(shooting: Shooting, log: Log, given: dict[str, float], between: Between, fixed: bool) -> Fitted:
+    """The fit; unless the step is `fixed`, on one that shifts no parameter by more than SHIFT standard errors.
+
+    The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of what they are shifted at h.
+    """
+    names = shooting.channels.names
+    sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
+    open_ = np.array([name not in given for name in names])
+    start = Place(np.zeros(len(shooting.unknowns.each)), np.zeros((shooting.runs, shooting.size)))
+    found = _rounds(Fit(shooting, log, sigma), start, open_, 0)
+    for _ in range(3):
+        order = shooting.method.order
+        shift = _shift(found, log, between) / (1 - 0.5**order)
+        worst = float(np.max(np.where(np.isfinite(shift), shift, 0.0), initial=0.0))
+        parts = int(np.ceil((worst / SHIFT) ** (1 / order)))
+        found = found._replace(shift=shift)
+        if fixed or parts <= 1:
+            break
+        parts = min(parts, FINEST)
+        finer = _finer(found.fit.shooting, log, between, parts)
+        found = _rounds(Fit(finer, log, found.sigma), found.solution.place, open_, found.trips)
+        found = found._replace(shift=shift / parts**order)
+        if parts < FINEST:
+            break
+    return found
+
+
+def _finer(shooting: Shooting, log: Log, between: Between, parts: int) -> Shooting:
+    """The same segments on steps that are `parts` times shorter."""
+    cut = shooting.samples
+    count = None if shooting.runs == 1 else log.duration / shooting.runs
+    return replace(shooting, samples=samples(log, cut.turning, cut.h / parts, count, between))
+
+
+def _shift(found: Fitted, log: Log, between: Between) -> np.ndarray:
+    """By how many standard errors one Gauss–Newton step on half the step size moves the parameters."""
+    fit = found.fit
+    finer = Fit(_finer(fit.shooting, log, between, 2), log, found.sigma)
+    finer.internal = fit.internal
+    there = finer.residual(found.solution.place)
+    if there is None:
+        return np.full(len(found.solution.place.shared), np.nan)
+    J, r = found.solution.jacobian, there[0] - found.solution.residual
+    moved, _, errors = step(J, r, fit.shooting.size, 0.0)
+    return np.abs(moved) / np.where(errors > 0, errors, np.inf)
+
+
+class Fit:
+    """Residuals of all samples over their noise."""
+
+    def __init__(self, shooting: Shooting, log: Log, sigma: np.ndarray):
+        self.shooting, self.log, self.sigma = shooting, log, sigma
+        rows = shooting.samples.rows
+        values = np.stack([log.columns[name] for name in shooting.channels.names], axis=1)[rows]
+        self.there = (rows >= 0)[..., None] & np.isfinite(values)
+        self.values = np.where(self.there, values, 0.0)
+        self.internal: Any = None
+
+    def differences(self, found: Prediction) -> np.ndarray:
+        """y(t_i) − y_i, angles within half a turn; 0 where nothing was measured."""
+        off = found.values - self.values
+        turning = self.shooting.samples.turning
+        off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
+        return np.where(self.there, off, 0.0)
+
+    def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
+        if not np.all(np.abs(place.shared) < 50) or not self.shooting.unknowns.definite(place.shared):
+            return None
+        found = self.shooting.predict(place.shared, place.own, self.internal)
+        if found is None:
+            return None
+        return (self.differences(found) / self.sigma).reshape(self.shooting.runs, -1), found
+
+    def jacobian(self, place: Place, way: Prediction) -> np.ndarray:
+        slopes = self.shooting.slopes(place.shared, way)
+        weighted = np.where(self.there[:, :, None, :], slopes, 0.0) / self.sigma
+        return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, slopes.shape[2])
+
+    def settle(self, place: Place) -> None:
+        """Internal states of starts that follow from those of the segments before."""
+        if self.shooting.template.internal is None:
+            return
+        for _ in range(SETTLING):
+            found = self.shooting.predict(place.shared, place.own, self.internal)
+            if found is None:
+                return
+            self.accepted(found)
+
+    def accepted(self, way: Prediction) -> None:
+        self.internal = self.shooting.internal(way)
+
+
+def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int) -> Fitted:
+    """Rounds of least squares, each with the noise that the one before found."""
+    shooting, sigma, solution = fit.shooting, fit.sigma, None
+    for _ in range(ROUNDS):
+        fit.sigma = sigma
+        fit.settle(place)
+        solution = least_squares(fit, place, fit.accepted)
+        if solution is None:
+            raise ArgumentError(
+                "The simulation fails already with the parameters that the system has: start from better ones, or take "
+                "shorter segments or a smaller `dt`."
+            )
+        place, trips = solution.place, trips + solution.trips
+        estimate = _estimated(solution, fit, shooting.size)
+        changed = np.abs(estimate / sigma - 1)[open_]
+        sigma = np.where(open_, estimate, sigma)
+        if not np.any(changed > SAME):
+            break
+    assert solution is not None
+    if not solution.converged:
+        raise CoadjointError(
+            f"Least squares did not converge in {solution.trips} iterations: start from better parameters, seek fewer, "
+            "or take shorter segments."
+        )
+    # Residuals and derivatives in terms of the noise that was found last.
+    last = fit.sigma / sigma
+    r = (solution.residual.reshape(fit.there.shape) * last).reshape(solution.residual.shape)
+    J = (solution.jacobian.reshape(*fit.there.shape, -1) * last[:, None]).reshape(solution.jacobian.shape)
+    fit.sigma = sigma
+    return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
+
+
+def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
+    """σ̂² = Σ r²/(N − what the fit took up) of each channel."""
+    B, taken = reduced(solution.jacobian, d)
+    flat = B.reshape(-1, B.shape[2])
+    flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
+    C = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
+    taken = taken + np.sum((flat @ C) * flat, axis=1).reshape(taken.shape)
+    shape = problem.there.shape
+    squares = np.sum(solution.residual.reshape(shape) ** 2, axis=(0, 1))
+    left = np.sum(np.where(problem.there, 1 - taken.reshape(shape), 0.0), axis=(0, 1))
+    return problem.sigma * np.sqrt(squares / np.maximum(left, 1.0))
