@@ -174,8 +174,7 @@ def _vague(estimates: dict[str, Estimate]) -> list[str]:
         e for e in estimates.values() if np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value)
     ]
     return [
-        f"The log hardly excites {e.name}: its interval is ±{(e.high - e.low) / 2 / abs(e.value):.0%}."
-        for e in vague
+        f"The log hardly excites {e.name}: its interval is ±{(e.high - e.low) / 2 / abs(e.value):.0%}." for e in vague
     ]
 
 

@@ -23,6 +23,9 @@ SHIFT = 0.1
 SETTLING = 3
 """How often internal states are handed from each segment to the next before least squares begins."""
 
+FAR = 10.0
+"""How many times its size, or in logarithms, a parameter may move until it counts as lost."""
+
 FINEST = 16
 """A step is cut into this many at most."""
 
@@ -151,16 +154,28 @@ def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int) -> Fitted:
             break
     assert solution is not None
     if not solution.converged:
-        raise CoadjointError(
-            f"Least squares did not converge in {solution.trips} iterations: start from better parameters, seek fewer, "
-            "or take shorter segments."
-        )
+        raise CoadjointError(_lost(shooting, solution))
     # Residuals and derivatives in terms of the noise that was found last.
     last = fit.sigma / sigma
     r = (solution.residual.reshape(fit.there.shape) * last).reshape(solution.residual.shape)
     J = (solution.jacobian.reshape(*fit.there.shape, -1) * last[:, None]).reshape(solution.jacobian.shape)
     fit.sigma = sigma
     return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
+
+
+def _lost(shooting: Shooting, solution: Solution) -> str:
+    """Why there is no estimate."""
+    pairs = zip(shooting.unknowns.each, solution.place.shared, strict=True)
+    far = [unknown.label for unknown, x in pairs if abs(x) > FAR]
+    if far:
+        return (
+            f"Least squares ran away with {', '.join(far)}: the log hardly excites that, or the search began too far "
+            "away; leave it at a known value, or start from better ones."
+        )
+    return (
+        f"Least squares did not converge in {solution.trips} iterations: start from better parameters, seek fewer, or "
+        "take shorter segments."
+    )
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:

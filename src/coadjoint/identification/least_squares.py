@@ -96,9 +96,10 @@ def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarr
     b = np.sum(g[:, d:] - np.einsum("sij,sj->si", across, solved[..., -1]), axis=0)
     scale = np.sum(diagonal[:, d:], axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    S = 0.5 * (S + S.T) + np.diag((damping + 1e-13) * scale)
-    shared = -np.linalg.solve(S, b)
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(S)), 0.0))
+    S = 0.5 * (S + S.T) + np.diag(1e-13 * scale)
+    shared = -np.linalg.solve(S + np.diag(damping * scale), b)
+    # Of the undamped equations: where the log says little, a step may be large and still mean nothing.
+    errors = np.sqrt(np.abs(np.diag(np.linalg.inv(S))))
     return shared, -(solved[..., -1] + solved[..., :-1] @ shared), errors
 
 

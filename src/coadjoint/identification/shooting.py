@@ -30,7 +30,6 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 
-
 KEPT = 16
 """How many functions that start segments stay in memory."""
 

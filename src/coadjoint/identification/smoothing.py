@@ -45,18 +45,19 @@ def fitted(log: Log, name: str, times: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def poses(log: Log, times: np.ndarray) -> Pose:
-    """States of a vehicle at times; raises ArgumentError where the log does not tell its attitude or its velocity."""
-    missing = [name for name in ATTITUDE if name not in log.columns]
-    if missing:
-        raise ArgumentError(f"The log must hold roll, pitch and heading, but lacks {', '.join(missing)}.")
-    roll, pitch, heading = (fitted(log, name, times) for name in ATTITUDE)
+    """States of a vehicle at times; what the log does not hold of roll, pitch and position counts as zero.
+
+    Raises ArgumentError where it does not tell the velocity.
+    """
+    zero = np.zeros((2, len(times)))
+    roll, pitch, heading = (fitted(log, name, times) if name in log.columns else zero for name in ATTITUDE)
     R = attitude.zyx(heading[0], pitch[0], roll[0])
     turned = np.stack([heading[1], pitch[1], roll[1]], axis=-1)
     omega = _measured(log, RATES, times, attitude.zyx_angular_velocity(heading[0], pitch[0], roll[0], turned))
     known = all(name in log.columns for name in POSITION)
     if not known and not all(name in log.columns for name in VELOCITY):
         raise ArgumentError("The log must hold north, east and depth, or u, v and w: nothing tells the velocity.")
-    places = [fitted(log, name, times) if name in log.columns else np.zeros((2, len(times))) for name in POSITION]
+    places = [fitted(log, name, times) if name in log.columns else zero for name in POSITION]
     q, qdot = (np.stack([place[i] for place in places], axis=-1) for i in (0, 1))
     return Pose(R, q, omega, _measured(log, VELOCITY, times, np.einsum("kji,kj->ki", R, qdot)))
 

@@ -125,7 +125,8 @@ def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.nda
 def push(code: Driven, p: np.ndarray, h: float, path: Path, p_dot: np.ndarray, start_dot: np.ndarray) -> np.ndarray:
     """Derivatives of the records, (runs, steps, columns, record), along directions of parameters and start.
 
-    p_dot: (columns, active), the same for all runs. start_dot: (runs, columns, state).
+    p_dot: (columns, active), the same for all runs. start_dot: (runs, columns, state), zero where
+    a table drives the state.
     """
     groups, steps, row, width = path.rows.shape
     columns = len(p_dot)

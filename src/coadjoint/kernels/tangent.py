@@ -71,8 +71,8 @@ def assemble(tangent: Tangent, width: int) -> str:
 
         void tangent(parameters, h, tape, steps, parameters_dot, columns, state_dot, record_dot)
 
-    Arrays have a last axis of lanes; a row of `tape` goes on with the record; `parameters_dot` (columns, active), `state_dot` (columns, state), which is read
-    and written, and `record_dot` (steps, columns, record).
+    Arrays have a last axis of lanes; a row of `tape` goes on with the record; `parameters_dot` (columns, active),
+    `state_dot` (columns, state), which is read and written, and `record_dot` (steps, columns, record).
     """
     module = ir.Module(name="coadjoint")
     pointer = DOUBLE.as_pointer()
@@ -85,18 +85,18 @@ def assemble(tangent: Tangent, width: int) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, width)
 
-    def place(array: ir.Value, index: ir.Value) -> ir.Value:
+    def place(array: Any, index: Any) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
-    def load(nodes: list[Node], array: ir.Value, start: ir.Value) -> None:
+    def load(nodes: list[Node], array: Any, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(place(array, b.add(start, WHOLE(i))), align=8))
 
-    def store(values: list[Any], array: ir.Value, start: ir.Value) -> None:
+    def store(values: list[Any], array: Any, start: Any) -> None:
         for i, value in enumerate(values):
             b.store(value, place(array, b.add(start, WHOLE(i))), align=8)
 
-    def column(row: ir.Value, number: ir.Value) -> None:
+    def column(row: Any, number: Any) -> None:
         load(tangent.parameters_dot, p_dot, b.mul(number, WHOLE(len(tangent.parameters_dot))))
         here = b.mul(number, WHOLE(len(tangent.state_dot)))
         load(tangent.state_dot, s_dot, here)
@@ -107,7 +107,7 @@ def assemble(tangent: Tangent, width: int) -> str:
         store(emit.values(tangent.record_dot), record_dot, seen)
         store(emit.values(tangent.after_dot), s_dot, here)
 
-    def step(row: ir.Value) -> None:
+    def step(row: Any) -> None:
         load(tangent.tape, rows, b.mul(row, WHOLE(len(tangent.tape) + len(tangent.record_dot))))
         emit.values(outer(_roots(tangent), _directions(tangent)))
         _loop(b, columns, emit, lambda number: column(row, number))

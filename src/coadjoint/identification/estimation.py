@@ -116,7 +116,7 @@ def _shooting(
     system = sought.system
     if not isinstance(start, State) or start.places != system.places:
         raise ArgumentError("Argument `start` must be a state of the system, such as system.state(…).")
-    if not (np.isfinite(h) and 0 < h):
+    if not (np.isfinite(h) and h > 0):
         raise ArgumentError(f"Argument `dt` must be positive, but is {h:g}.")
     needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())
     if needed < 2 * (2 * system.unknowns + len(sought.each)):
@@ -139,8 +139,9 @@ def _shooting(
 
 
 def _reference(system: System, log: Log, start: State, channels: Channels, times: np.ndarray, h: float) -> Reference:
-    """Where segments start: from the log of a vehicle, else from a run of the system as it is given."""
-    if all(name in channels.vehicle for name in ATTITUDE):
+    """Where segments start: from the log of a vehicle that tells where it heads and how fast, else from a run."""
+    moving = any(all(name in channels.vehicle for name in names) for names in (POSITION, VELOCITY))
+    if "heading" in channels.vehicle and moving:
         pose = poses(log, times)
         if system.additional.ambient(system.group):
             return Reference(pose.R, pose.q, pose.omega, pose.v)

@@ -1,0 +1,38 @@
+"""A log as sensors would have written it of a run, with their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.identification.channels import UNITS, VEHICLE, is_vehicle, seen
+from coadjoint.identification.log import Log
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.simulation.run import Run
+from coadjoint.spaces.named import Named
+
+
+def synthetic_log(
+    run: Run, *, noise: Mapping[str, float] | None = None, seed: int = 0, columns: Sequence[str] = VEHICLE
+) -> Log:
+    """The records of a run of a vehicle as a log: `columns` with normal noise, and the inputs of the run.
+
+    noise: standard deviations by column, SI units; 0 for those not given. Raises ArgumentError for systems that are no
+    vehicle and for columns that no vehicle has.
+    """
+    if not is_vehicle(run.system):
+        raise ArgumentError(f"{run.system.name} is no vehicle on SO(3) × ℝ³ or SE(3): make a Log of its records.")
+    unknown = [name for name in (*columns, *(noise or {})) if name not in VEHICLE]
+    if unknown:
+        raise ArgumentError(f"A vehicle has no column `{unknown[0]}`; it has {', '.join(VEHICLE)}.")
+    random = np.random.default_rng(seed)
+    exact = seen(run.system, run.records, tuple(columns))
+    noisy = {n: values + (noise or {}).get(n, 0.0) * random.normal(size=len(values)) for n, values in exact.items()}
+    records = run.records
+    held = evaluate(jax.vmap(run.system.inputs_at), records.t, records.inputs) if run.system.inputs else records.inputs
+    inputs = {name: np.asarray(value) for name, value in held.asdict().items()} if isinstance(held, Named) else {}
+    units = {name: unit for name in inputs if (unit := dict(run.system.units).get(f"inputs_{name}"))}
+    return Log(np.asarray(records.t), noisy, inputs, {**{name: UNITS[name] for name in columns}, **units})
