@@ -82,7 +82,9 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
     momenta = jnp.concatenate([state.mu, state.pi])
 
     def momentum(z):
-        return jnp.concatenate(legendre(system, z[:count], state.n, z[count:], state.a, state.t, state.inputs))
+        return jnp.concatenate(
+            legendre(system, z[:count], state.n, z[count:], state.a, state.t, state.inputs, state.internal)
+        )
 
     mass = jax.jacfwd(momentum)
     guess = jnp.concatenate([state.xi, state.nu])

@@ -132,7 +132,8 @@ class Shooting:
             q = at.q + Q.difference(group, at.q, Q.tangent(group, at.q, shift)) if len(shift) else at.q
             n, a, xi = Q.act(group, back, q), V.act(group, back, a0), at.xi + spin
             nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
-            mu, pi = legendre(replace_parameters(system, _unpacked(shape, numbers)), xi, n, nu, a, t, template.inputs)
+            here = replace_parameters(system, _unpacked(shape, numbers))
+            mu, pi = legendre(here, xi, n, nu, a, t, template.inputs, internal)
             state = template.replace(
                 t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal, internal_time=internal_time
             )
