@@ -51,7 +51,10 @@ _HOMES = {
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
-    "pilots.hover": ("Hover", "Manoeuvre"),
+    "pilots.attitude": ("Attitude",),
+    "pilots.hover": ("Hover", "Manoeuvre", "Pose"),
+    "pilots.line_of_sight": ("LineOfSight",),
+    "pilots.proposed": ("proposed_pilot",),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
     "vehicles.craft": ("Craft",),
     "vehicles.file": ("read_vehicle",),
@@ -87,11 +90,15 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.propeller import Propeller as Propeller
     from coadjoint.models.underwater.parts.published_curves import T200 as T200
     from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
+    from coadjoint.models.underwater.pilots.attitude import Attitude as Attitude
     from coadjoint.models.underwater.pilots.cruise import Cruise as Cruise
     from coadjoint.models.underwater.pilots.hover import Hover as Hover
     from coadjoint.models.underwater.pilots.hover import Manoeuvre as Manoeuvre
+    from coadjoint.models.underwater.pilots.hover import Pose as Pose
+    from coadjoint.models.underwater.pilots.line_of_sight import LineOfSight as LineOfSight
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
+    from coadjoint.models.underwater.pilots.proposed import proposed_pilot as proposed_pilot
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
     from coadjoint.models.underwater.remus import remus_100 as remus_100
     from coadjoint.models.underwater.remus import remus_start as remus_start

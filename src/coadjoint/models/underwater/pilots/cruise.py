@@ -10,10 +10,11 @@ import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number, positive, vector
+from coadjoint.models.quantities import number
+from coadjoint.models.underwater.pilots.checks import require_gains, require_positive
 from coadjoint.models.underwater.pilots.design import propose
 from coadjoint.models.underwater.pilots.mixing import Mixing, commands_of
-from coadjoint.models.underwater.pilots.pid import nearest_turn, pid
+from coadjoint.models.underwater.pilots.pid import nearest_turn, pid, pull
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 
 GAINS = ("depth_gains", "pitch_gains", "heading_gains", "roll_gains", "speed_gains")
@@ -54,12 +55,8 @@ class Cruise(Pilot):
     mixing: Mixing | None = None
 
     def __post_init__(self) -> None:
-        for key in GAINS:
-            if getattr(self, key) is not None:
-                object.__setattr__(self, key, vector(getattr(self, key), f"{key}` of the pilot `cruise"))
-        for key in ("speed", "period", "pitch_limit", "fin_limit", "thrust_limit"):
-            if getattr(self, key) is not None:
-                object.__setattr__(self, key, positive(getattr(self, key), f"{key}` of the pilot `cruise"))
+        require_gains(self, GAINS)
+        require_positive(self, ("speed", "period", "pitch_limit", "fin_limit", "thrust_limit"))
         if self.vertical not in ("depth", "altitude", "pitch"):
             raise ArgumentError(
                 f'Argument `vertical` of the pilot `cruise` must be "depth", "altitude" or "pitch", but is '
@@ -115,15 +112,6 @@ class Cruise(Pilot):
             own.depth_gains, wanted - sight.depth, sight.sink, memory.depth, own.period, own.pitch_limit
         )
         return -dive, integral
-
-
-def pull(sight: Sight, integral: Array, own: Any) -> tuple[Array, Array]:
-    """The command of the propulsion for the set point `speed`, ahead only, and the integral of its error."""
-    wanted = sight.inputs.speed
-    return pid(
-        own.speed_gains, wanted - sight.velocity[0], jnp.zeros(()), integral, own.period, own.thrust_limit,
-        base=own.feed_forward * wanted, low=0.0,
-    )  # fmt: skip
 
 
 def _at(faster: Array, gains: Array) -> Array:

@@ -31,11 +31,8 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     motion = under_way(vehicle, pilot.speed)
     mixed = mixing(motion)
     screws = propulsion(motion)
-    fin = min(motion.limits[~screws].min(), np.radians(45)) if pilot.fin_limit is None else pilot.fin_limit
-    late = motion.lags[~screws].max(initial=0.0) + 0.5 * pilot.period + pilot.delay
+    fin, late, wanted = means(pilot, vehicle, motion)
     turns = {axis: turning(motion, mixed, axis) for axis in ("roll", "pitch", "heading")}
-    length = vehicle.length if vehicle.length is not None else 10 * np.cbrt(vehicle.volume)
-    wanted = min(LENGTHS * motion.speed / length, 0.35 / late)
     given = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
     for axis in ("pitch", "heading"):
         given[f"{axis}_gains"] = damped(motion, mixed, axis, given[f"{axis}_gains"], late)
@@ -50,6 +47,60 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     }
     chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
     return replace(pilot, mixing=mixed, **chosen)
+
+
+class TurningModel(NamedTuple):
+    """ω̇ = (u/U) flow (v, w, ω) + weight · down + (u/U)² G δ.
+
+    inverse: G⁺. ahead: what of the commands pushes ahead. rolls: 1 where the fins master the righting moment, or 0.
+    """
+
+    flow: np.ndarray
+    weight: np.ndarray
+    inverse: np.ndarray
+    ahead: np.ndarray
+    rolls: np.ndarray
+
+
+def turning_model(motion: UnderWay, mixed: Mixing, net_weight: float, fin: float) -> TurningModel:
+    """How a vehicle turns near straight motion, by fins up to `fin` (rad); axes that they do not master count as 0."""
+    M = np.linalg.inv(motion.mass)
+    s = motion.righting
+    torque = np.array([[0.0, -s[2], s[1]], [s[2], 0.0, -s[0]], [-s[1], s[0], 0.0]])
+    ahead = mixed.matrix[:, 3]
+    weight = (M @ np.vstack([net_weight * np.eye(3), torque]))[3:]
+    turns = (M @ motion.effects)[3:] * (1 - ahead) * np.any(mixed.matrix[:, :3] != 0, axis=0)[:, None]
+    rolls = fin * np.abs(turns[0]).sum() > 1.5 * np.abs(weight[0]).max()
+    turns[0] = turns[0] * rolls
+    inverse = np.linalg.pinv(turns, rcond=1e-6)
+    return TurningModel((M @ motion.damping)[3:, 1:], weight, inverse, ahead, np.asarray(float(rolls)))
+
+
+def propose_attitude(pilot: Any, vehicle: Any) -> Any:
+    """An attitude pilot with its model of a vehicle at pilot.speed, and with the gains that were left out."""
+    motion = under_way(vehicle, pilot.speed)
+    mixed = mixing(motion)
+    fin, late, wanted = means(pilot, vehicle, motion)
+    screws = propulsion(motion)
+    given = {
+        "attitude_gains": np.array([wanted**2, wanted**3 / 8, 2 * DAMPING_RATIO * wanted]),
+        "speed_gains": surging(motion, mixed, pilot.period + pilot.delay),
+        "feed_forward": motion.trim[screws].max() / motion.speed,
+        "fin_limit": fin,
+        "thrust_limit": motion.limits[screws].min(),
+    }
+    model = turning_model(motion, mixed, vehicle.mass * vehicle.gravity - vehicle.buoyancy, fin)
+    chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
+    return replace(pilot, mixing=mixed, model=model, **chosen)
+
+
+def means(pilot: Any, vehicle: Any, motion: UnderWay) -> tuple[float, float, float]:
+    """The fins' limit (rad), how late they follow (s), and how fast a turn is wanted to be (rad/s)."""
+    screws = propulsion(motion)
+    fin = min(motion.limits[~screws].min(), np.radians(45)) if pilot.fin_limit is None else pilot.fin_limit
+    late = motion.lags[~screws].max(initial=0.0) + 0.5 * pilot.period + pilot.delay
+    length = vehicle.length if vehicle.length is not None else 10 * np.cbrt(vehicle.volume)
+    return float(fin), float(late), float(min(LENGTHS * motion.speed / length, 0.35 / late))
 
 
 class Turn(NamedTuple):

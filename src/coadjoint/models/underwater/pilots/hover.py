@@ -57,9 +57,29 @@ class Hover(Thrusting):
         integral = jnp.where(near, memory.position + own.period * away, memory.position)
         aim = own.position_gains[0] * away * jnp.minimum(1.0, own.reach / distance) + own.position_gains[1] * integral
         acceleration = R.T @ aim - own.position_gains[2] * sight.ground_velocity
-        turn, of_attitude = self.turn_to(heading_near(sight), sight, memory.attitude, own)
+        turn, of_attitude = self.turn_to(self.wanted(sight), sight, memory.attitude, own)
         commands = self.commands(acceleration, turn, sight, own, vehicle)
         return commands, {"position": integral, "attitude": of_attitude}
+
+    def wanted(self, sight: Sight) -> Any:
+        """R_d, (3, 3)."""
+        return heading_near(sight)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pose(Hover):
+    """Keeps a place and any attitude, upside down or nose down too: `Hover` by `attitude` instead of `heading`.
+
+    Set points: `north`, `east`, `depth` (m), `attitude`, R_d, (3, 3), body to space. Fields as those of `Hover`, with
+    kind = "pose". From almost everywhere R goes to R_d, along no Euler angles (`attitude.angular_acceleration`).
+    """
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {"north": "m", "east": "m", "depth": "m", "attitude": "1"}
+
+    def wanted(self, sight: Sight) -> Any:
+        return sight.inputs.attitude
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +87,7 @@ class Manoeuvre(Thrusting):
     """Depth, heading and speed ahead through the water, level, by thrusters.
 
         a = (PI(U_c − u), −k_d v, 0) + PID(depth error) d,    d the direction of down, depth error up to `reach`
-        X = … + D₁U_c + D₂|U_c|U_c,    (D₁, D₂) = `drag`, of the vehicle going ahead
+        PI(U_c − u) begins from (D₁U_c + D₂|U_c|U_c)/M₁₁,    (D₁, D₂) = `drag`, of the vehicle going ahead
 
     and the rest as `Hover` does; k_d is that of `depth_gains`.
     Set points: `depth` (m), `heading` (rad), `speed` (m/s through the water), so that missions for torpedoes fit.
@@ -106,21 +126,21 @@ class Manoeuvre(Thrusting):
         given = {
             "depth_gains": depth,
             "speed_gains": np.array([rate, rate**2 / 4, 0.0]),
-            "surge_limit": 0.7 * most[0],
-            "heave_limit": 0.7 * most[2],
+            "surge_limit": 0.8 * most[0],
+            "heave_limit": 0.8 * most[2],
         }
         return {**super().proposed(most, late), **given}
 
     def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         T, v, zero, U = own.period, sight.velocity, jnp.zeros(()), sight.inputs.speed
-        ahead, of_speed = pid(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit)
+        drag = (own.drag[0] + own.drag[1] * jnp.abs(U)) * U / own.mass[0, 0]
+        ahead, of_speed = pid(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit, base=drag)
         off = sight.inputs.depth - sight.depth
         near = jnp.clip(off, -own.reach, own.reach)
         down, of_depth = pid(own.depth_gains, near, sight.sink, memory.depth, T, own.heave_limit)
         of_depth = jnp.where(near == off, of_depth, memory.depth)
         turn, of_attitude = self.turn_to(heading_near(sight), sight, memory.attitude, own)
-        pull = (own.drag[0] + own.drag[1] * jnp.abs(U)) * U / own.mass[0, 0]
-        acceleration = jnp.stack([ahead + pull, -own.depth_gains[2] * v[1], zero]) + down * sight.down
+        acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * sight.down
         commands = self.commands(acceleration, turn, sight, own, vehicle)
         return commands, {"depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number, positive, vector
+from coadjoint.models.quantities import number
 from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.pilots.attitude import attitude_error, attitude_of
+from coadjoint.models.underwater.pilots.checks import require_gains, require_positive
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.models.underwater.pilots.under_way import coriolis, mass_matrix
 
@@ -44,13 +45,9 @@ class Thrusting(Pilot):
     righting: Any = None
 
     def __post_init__(self) -> None:
-        of = "` of the pilot"
-        for key in ("period", "reach"):
-            object.__setattr__(self, key, positive(getattr(self, key), key + of))
-        object.__setattr__(self, "weigh", number(self.weigh, "weigh" + of))
-        for key in self.gains:
-            if getattr(self, key) is not None:
-                object.__setattr__(self, key, vector(getattr(self, key), key + of))
+        require_gains(self, self.gains)
+        require_positive(self, ("period", "reach"))
+        object.__setattr__(self, "weigh", number(self.weigh, "weigh` of the pilot"))
 
     @property
     def gains(self) -> tuple[str, ...]:

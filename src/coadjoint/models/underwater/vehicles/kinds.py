@@ -115,7 +115,13 @@ def part_class(kind: str) -> type:
     return getattr(import_module(f"coadjoint.models.underwater.parts.{module}"), name)
 
 
-PILOTS: dict[str, str] = {"cruise": "cruise:Cruise", "hover": "hover:Hover", "manoeuvre": "hover:Manoeuvre"}
+PILOTS: dict[str, str] = {
+    "cruise": "cruise:Cruise",
+    "attitude": "attitude:Attitude",
+    "hover": "hover:Hover",
+    "manoeuvre": "hover:Manoeuvre",
+    "pose": "hover:Pose",
+}
 """By kind: "module:class" in the room of pilots."""
 
 PILOT_FIELDS: dict[str, Dimension] = {
