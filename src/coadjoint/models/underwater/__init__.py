@@ -48,6 +48,8 @@ _HOMES = {
     "water.profiles": ("LinearProfile", "LinearShear", "Logarithmic", "PowerLaw", "Sheared"),
     "water.sea": ("Sea",),
     "water.tables": ("CurrentTable",),
+    "pilots.sawtooth": ("Sawtooth",),
+    "gliding": ("Glide", "flattest_glides", "steady_glide", "trim"),
     "water.water": ("StillWater", "UniformWater", "Water"),
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
@@ -74,6 +76,10 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.general_form import general_vehicle as general_vehicle
     from coadjoint.models.underwater.general_form import se3_start as se3_start
     from coadjoint.models.underwater.general_form import se3_vehicle as se3_vehicle
+    from coadjoint.models.underwater.gliding import Glide as Glide
+    from coadjoint.models.underwater.gliding import flattest_glides as flattest_glides
+    from coadjoint.models.underwater.gliding import steady_glide as steady_glide
+    from coadjoint.models.underwater.gliding import trim as trim
     from coadjoint.models.underwater.log.inputs import inputs_from_csv as inputs_from_csv
     from coadjoint.models.underwater.paper_form import start as start
     from coadjoint.models.underwater.paper_form import vehicle as vehicle
@@ -99,6 +105,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.pilots.pilot import Pilot as Pilot
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.pilots.proposed import proposed_pilot as proposed_pilot
+    from coadjoint.models.underwater.pilots.sawtooth import Sawtooth as Sawtooth
     from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
     from coadjoint.models.underwater.remus import remus_100 as remus_100
     from coadjoint.models.underwater.remus import remus_start as remus_start

@@ -49,7 +49,8 @@ def steady_glide(body: LiftingBody, path: float, speed: float) -> Glide:
     # The smaller root, in a form that does not cancel.
     alpha = -2 * (drag[0] + lift[0] * slope) / (lift[1] * slope + np.sign(slope) * sqrt(discriminant))
     D, L = (drag[0] + drag[1] * alpha**2) * speed**2, (lift[0] + lift[1] * alpha) * speed**2
-    return Glide(path, alpha, path + alpha, speed, float(-np.sign(path) * sqrt(D**2 + L**2)))
+    weight = -np.sign(path) * sqrt(D**2 + L**2)
+    return Glide(float(path), float(alpha), float(path + alpha), float(speed), float(weight))
 
 
 def flattest_glides(body: LiftingBody) -> tuple[float, float]:

@@ -121,6 +121,7 @@ PILOTS: dict[str, str] = {
     "hover": "hover:Hover",
     "manoeuvre": "hover:Manoeuvre",
     "pose": "hover:Pose",
+    "sawtooth": "sawtooth:Sawtooth",
 }
 """By kind: "module:class" in the room of pilots."""
 
@@ -130,7 +131,9 @@ PILOT_FIELDS: dict[str, Dimension] = {
     "speed": u.SPEED,
     "bottom": u.LENGTH,
     **dict.fromkeys(("pitch_limit", "fin_limit", "roll_limit"), u.ANGLE),
-    **dict.fromkeys(("look_ahead", "acceptance", "reach"), u.LENGTH),
+    **dict.fromkeys(("look_ahead", "acceptance", "reach", "middle", "shift"), u.LENGTH),
+    **dict.fromkeys(("volume", "neutral"), u.VOLUME),
+    "pitch": u.ANGLE,
 }
 """What fields of pilots measure; the others, such as gains, measure several things and have the unit "SI"."""
 
