@@ -18,8 +18,8 @@ from coadjoint.models.underwater import remus_100, remus_start
 
 duration = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
 
-vehicle = remus_100()
-start = remus_start(vehicle, speed=1.5, revolutions=15.0, current=(0.0, 0.2, 0.0))
+vehicle = remus_100(current=(0.0, 0.2, 0.0))
+start = remus_start(vehicle, speed=1.5, revolutions=15.0)
 legs = [0.0, 20.0, 100.0, 180.0]  # s
 mission = {
     "depth": co.Held(legs, [0.5, 10.0, 10.0, 0.5]),  # m
@@ -46,7 +46,7 @@ for k, name in enumerate(("yaw", "pitch", "roll")):
 attitude.set(xlabel="time (s)", ylabel="angle (°)", title="attitude")
 actuators.plot(t, np.degrees(data.internal_stern_planes), label="stern planes (°)")
 actuators.plot(t, np.degrees(data.internal_rudder), label="rudder (°)")
-actuators.plot(t, data.internal_revolutions, label="propeller (1/s)")
+actuators.plot(t, data.internal_propeller, label="propeller (1/s)")
 actuators.set(xlabel="time (s)", title="actuators")
 for axes in (dive, attitude, actuators):
     axes.legend(frameon=False)

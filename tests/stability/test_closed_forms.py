@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.models import heavy_top, integrable_tops, rigid_body
-from coadjoint.models.underwater import REMUS_100, ellipsoid, general_vehicle, se3_start, se3_vehicle
+from coadjoint.models.underwater import ellipsoid, general_vehicle, load_vehicle, se3_start, se3_vehicle
 from coadjoint.models.underwater import start as place
 from coadjoint.stability import Search, stability, steady_motion
 
@@ -78,13 +78,16 @@ def test_a_hanging_top_is_stable_and_one_that_stands_still_falls():
         np.testing.assert_allclose(rates, np.sqrt(9.81 * 0.5 / np.array([2.0, 1.0])), rtol=1e-12)
 
 
+REMUS = load_vehicle("remus_100")
+
+
 def bare_torpedo(make=general_vehicle, **changes):
     keys = ("mass", "inertia", "added_mass", "buoyancy")
-    return make(**{**{key: REMUS_100[key] for key in keys}, **changes})
+    return make(**{**{key: getattr(REMUS, key) for key in keys}, **changes})
 
 
-MUNK = 1.5 * np.sqrt(29.4376 - 0.8389) * np.sqrt(REMUS_100["mass"] + 0.8389)
-MUNK /= np.sqrt((REMUS_100["mass"] + 29.4376) * (4.0278 + 3.4262))
+MUNK = 1.5 * np.sqrt(29.4376 - 0.8389) * np.sqrt(REMUS.mass + 0.8389)
+MUNK /= np.sqrt((REMUS.mass + 29.4376) * (4.0278 + 3.4262))
 
 
 def test_a_bare_torpedo_turns_across_the_flow_at_munks_rate_on_both_groups():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coadjoint.models.underwater import REMUS_100, load_vehicle, vehicle_names
+from coadjoint.models.underwater import load_vehicle, vehicle_names
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -17,30 +17,22 @@ def test_every_number_of_a_shipped_vehicle_names_its_source(name: str) -> None:
     assert all(len(citation) > 20 for citation in vehicle.sources.values())
 
 
-def test_remus_from_its_file_has_the_numbers_of_the_model() -> None:
+def test_remus_has_the_mass_of_its_ellipsoid_and_the_damping_of_its_time_constants() -> None:
+    """D = (M₁/20 s, M₂/20 s, M₃/20 s, 2ζ√(M₄ W z_g), 2ζ√(M₅ W z_g), M₆/1 s), ζ = 0.3 in roll and 0.8 in pitch."""
     vehicle = load_vehicle("remus_100")
     assert vehicle.warnings == ()
-    for key in ("mass", "center_of_mass", "center_of_buoyancy", "gravity", "fluid_density", "length", "diameter"):
-        assert getattr(vehicle, key) == pytest.approx(REMUS_100[key], rel=1e-14, abs=1e-17), key
-    assert np.diag(vehicle.inertia) == pytest.approx(REMUS_100["inertia"], rel=1e-15)
-    assert np.diag(vehicle.added_mass) == pytest.approx(REMUS_100["added_mass"], rel=1e-15)
-    assert vehicle.buoyancy == pytest.approx(REMUS_100["buoyancy"], rel=1e-14)
-    for part, key, other in [
-        ("damping", "linear", "damping"),
-        ("damping", "fading", "fading"),
-        ("hull", "axial_drag", "axial_drag"),
-        ("hull", "crossflow_drag", "crossflow_drag"),
-        ("rudder", "area", "fin_area"),
-        ("stern_planes", "lift_slope", "fin_lift_slope"),
-        ("rudder", "stall", "fin_stall"),
-        ("rudder", "limit", "fin_limit"),
-        ("stern_planes", "lag", "fin_lag"),
-        ("propeller", "thrust", "thrust"),
-        ("propeller", "torque", "torque"),
-        ("propeller", "limit", "revolutions_limit"),
-    ]:
-        assert getattr(vehicle.part(part), key) == pytest.approx(REMUS_100[other], rel=1e-14), (part, key)
-    assert 1 - vehicle.part("propeller").wake_fraction == pytest.approx(REMUS_100["advance"])
+    mass, z = 4 / 3 * np.pi * 1026 * 0.8 * 0.095**2, 0.02
+    assert vehicle.mass == pytest.approx(mass, rel=1e-14)
+    assert vehicle.buoyancy == pytest.approx(mass * 9.81, rel=1e-14)
+    M = np.array([mass, mass, mass, 0.1120 + mass * z**2, 4.0278 + mass * z**2, 4.0278]) + np.diag(vehicle.added_mass)
+    righting = np.sqrt(M[3:5] * mass * 9.81 * z)
+    expected = [*(M[:3] / 20), 0.6 * righting[0], 1.6 * righting[1], M[5]]
+    parts = {name: vehicle.part(name).parameters() for name in ("damping", "hull", "propeller")}
+    np.testing.assert_allclose(parts["damping"]["linear"], expected, rtol=1e-14)
+    assert parts["hull"]["axial_area"] == pytest.approx(np.pi / 4 * 0.19**2, rel=1e-14)
+    assert parts["propeller"]["thrust"][1] == pytest.approx((0.1798 - 0.4566) / 0.6632, rel=1e-14)
+    assert parts["propeller"]["torque"][1] == pytest.approx((0.0312 - 0.0700) / 0.6632, rel=1e-14)
+
 
 
 def test_every_coefficient_of_added_mass_of_nps_is_in_si_as_in_its_simulator() -> None:

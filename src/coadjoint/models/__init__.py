@@ -132,12 +132,14 @@ _ENTRIES = (
         "REMUS 100 with hull drag, fins and propeller in a current, under way at a fixed number of revolutions.",
         "underwater.remus:open_loop",
         "underwater.remus:remus_start",
-        {"fluid_density": 1026.0, "axial_drag": 0.42, "crossflow_drag": 1.1, "fin_lift_slope": 3.12},
+        {
+            "fluid_density": 1026.0, "axial_drag": 0.42, "crossflow_drag": 1.1, "fin_lift_slope": 3.12,
+            "current": (0.0, 0.0, 0.0),
+        },
         {
             "position": (0.0, 0.0, 10.0),
             "speed": 1.5,
             "euler_zyx": (0.0, 0.0, 0.0),
-            "current": (0.0, 0.0, 0.0),
             "stern_planes": 0.0,
             "rudder": 0.0,
             "revolutions": 14.94,

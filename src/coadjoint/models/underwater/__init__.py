@@ -26,7 +26,7 @@ _HOMES = {
     "general_form": ("general_vehicle", "se3_start", "se3_vehicle"),
     "log.inputs": ("inputs_from_csv",),
     "paper_form": ("start", "vehicle"),
-    "remus": ("REMUS_100", "remus_100", "remus_start"),
+    "remus": ("remus_100", "remus_start"),
     "slender_bodies": ("slender_body_added_mass",),
     "tables": ("PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "paper_start", "paper_vehicle"),
     "wamit": ("wamit_added_mass",),
@@ -58,7 +58,7 @@ _HOMES = {
     "pilots.line_of_sight": ("LineOfSight",),
     "pilots.proposed": ("proposed_pilot",),
     "vehicles.vehicle": ("Quantity", "Vehicle"),
-    "vehicles.craft": ("Craft",),
+    "vehicles.craft": ("Craft", "craft_of"),
     "vehicles.file": ("read_vehicle",),
     "vehicles.shelf": ("load_vehicle", "vehicle_names"),
 }
@@ -106,7 +106,6 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.pilots.pilot import Sight as Sight
     from coadjoint.models.underwater.pilots.proposed import proposed_pilot as proposed_pilot
     from coadjoint.models.underwater.pilots.sawtooth import Sawtooth as Sawtooth
-    from coadjoint.models.underwater.remus import REMUS_100 as REMUS_100
     from coadjoint.models.underwater.remus import remus_100 as remus_100
     from coadjoint.models.underwater.remus import remus_start as remus_start
     from coadjoint.models.underwater.slender_bodies import slender_body_added_mass as slender_body_added_mass
@@ -117,6 +116,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.tables import paper_start as paper_start
     from coadjoint.models.underwater.tables import paper_vehicle as paper_vehicle
     from coadjoint.models.underwater.vehicles.craft import Craft as Craft
+    from coadjoint.models.underwater.vehicles.craft import craft_of as craft_of
     from coadjoint.models.underwater.vehicles.file import read_vehicle as read_vehicle
     from coadjoint.models.underwater.vehicles.shelf import load_vehicle as load_vehicle
     from coadjoint.models.underwater.vehicles.shelf import vehicle_names as vehicle_names

@@ -166,3 +166,15 @@ class Craft:
             **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
             **{f"internal_pilot_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()},
         }
+
+
+def craft_of(system: System) -> Craft:
+    """The craft that a system was made by, with the parameters that the system has; raises ArgumentError.
+
+    So `craft_of(vehicle.replace(rudder_area=0.02)).start(speed=1.5)` begins what has been changed.
+    """
+    rule = system.internal
+    if not isinstance(rule, Rule) or system.parameters is None:
+        raise ArgumentError(f"The system `{system.name}` was not made by a Craft with actuators: use system.state(…).")
+    made = Craft(rule.vehicle, pilot=rule.pilot, water=rule.water)
+    return made.replace(**system.parameters.asdict())
