@@ -34,7 +34,6 @@ def test_remus_has_the_mass_of_its_ellipsoid_and_the_damping_of_its_time_constan
     assert parts["propeller"]["torque"][1] == pytest.approx((0.0312 - 0.0700) / 0.6632, rel=1e-14)
 
 
-
 def test_every_coefficient_of_added_mass_of_nps_is_in_si_as_in_its_simulator() -> None:
     """M_A + M_RB of MSS, from the prime numbers by hand: ½ρL³, ½ρL⁴, ½ρL⁵, and I about the origin."""
     vehicle = load_vehicle("nps_auv_ii")

@@ -133,7 +133,10 @@ _ENTRIES = (
         "underwater.remus:open_loop",
         "underwater.remus:remus_start",
         {
-            "fluid_density": 1026.0, "axial_drag": 0.42, "crossflow_drag": 1.1, "fin_lift_slope": 3.12,
+            "fluid_density": 1026.0,
+            "axial_drag": 0.42,
+            "crossflow_drag": 1.1,
+            "fin_lift_slope": 3.12,
             "current": (0.0, 0.0, 0.0),
         },
         {
