@@ -89,8 +89,12 @@ def _check_forces(system: System, start: State) -> None:
 
     names = system.forces.names
     what = [f"The force `{name}`" if name != UNNAMED else "The function `forces`" for name in names]
-    for i, name in enumerate(what):
-        require_float64(lambda *given, i=i: at(*given)[i], name, (velocities, start.t))
+    try:
+        require_float64(at, "The forces", (velocities, start.t))
+    except CoadjointError:
+        for i, name in enumerate(what):  # One by one, to tell which.
+            require_float64(lambda *given, i=i: at(*given)[i], name, (velocities, start.t))
+        raise
     if traced(system.parameters, start):
         return
     for name, value, slope in zip(
