@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_crafts import P, remus
+from test_crafts import remus
 
 import coadjoint as co
 from coadjoint.models.underwater import Craft, Fin, UniformWater, Vehicle
@@ -21,12 +21,12 @@ KEPT = ("depth", "heading", "speed")
 
 def x_tail() -> Vehicle:
     """REMUS with four fins of half the area, slanted by 45°, in place of its two pairs."""
-    fins = {"area": P["fin_area"] / 2, "lift_slope": P["fin_lift_slope"], "stall": P["fin_stall"]}
-    fins |= {"limit": P["fin_limit"], "lag": P["fin_lag"]}
+    rudder: Any = remus().part("rudder")
+    fins = {**{key: getattr(rudder, key) for key in ("lift_slope", "stall", "limit", "lag")}, "area": rudder.area / 2}
     slanted = []
     for k, angle in enumerate(np.radians([45, 135, 225, 315])):
         out, across = np.array([0, np.cos(angle), np.sin(angle)]), np.array([0, -np.sin(angle), np.cos(angle)])
-        slanted.append(Fin(f"fin_{k}", position=0.13 * out + [P["fin_position"], 0, 0], normal=across, **fins))
+        slanted.append(Fin(f"fin_{k}", position=0.13 * out + rudder.position, normal=across, **fins))
     plain = remus()
     parts = [part for part in plain.parts if not isinstance(part, Fin)]
     return dataclasses.replace(plain, name="X-tail", parts=(*parts, *slanted))
