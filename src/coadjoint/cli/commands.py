@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     from coadjoint.cli.running import Written
@@ -160,6 +161,41 @@ class Models:
             print(json_text.dumps(catalogue.defaults(self.name), indent=2, ensure_ascii=False))
         else:
             print(catalogue.example(self.name), end="")
+        return OK
+
+
+@dataclass(frozen=True)
+class Vehicles:
+    """List the vehicles that are shipped, or show one: `coadjoint vehicles show remus_100`."""
+
+    action: tyro.conf.Positional[Literal["list", "show"]] = "list"
+    """What to do."""
+    name: tyro.conf.Positional[str] = ""
+    """A vehicle to show: the name of a shipped one, or the path of a TOML file."""
+    toml: bool = False
+    """Print its file, to start one's own from, and nothing else."""
+    json: bool = False
+    """Print JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli import vehicles
+
+        if self.action == "list":
+            if self.name or self.toml:
+                raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
+            rows = vehicles.shelf()
+            if self.json:
+                print(json_text.dumps(rows, indent=2, ensure_ascii=False))
+            else:
+                vehicles.show_shelf(rows)
+        elif not self.name:
+            raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; a path of one's own file works too.")
+        elif self.toml:
+            print(vehicles.text_of(self.name), end="")
+        elif self.json:
+            print(json_text.dumps(vehicles.described(vehicles.loaded(self.name)), indent=2, ensure_ascii=False))
+        else:
+            vehicles.show(vehicles.loaded(self.name))
         return OK
 
 

@@ -1,4 +1,4 @@
-"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `audit`."""
+"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `vehicles`, `audit`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ Command = (
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
+    | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
 )
 

@@ -80,6 +80,7 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
         made = Vehicle(
             name=said["name"],
             description=said["description"],
+            note=said["note"],
             parts=tuple(parts),
             pilot=pilot,
             provenance=book.provenance,

@@ -109,6 +109,13 @@ PARTS: dict[str, tuple[str, dict[str, Field]]] = {
 """By kind: "module:class" in the room of parts, and its fields. Thrusters and derivatives have readers of their own."""
 
 
+def kind_of(made: Any) -> str:
+    """The kind of a part or a pilot: the word for it in vehicle files."""
+    homes = {**{kind: home for kind, (home, _) in PARTS.items()}, **PILOTS}
+    home = f"{type(made).__module__.rpartition('.')[2]}:{type(made).__name__}"
+    return next((kind for kind, known in homes.items() if known == home), type(made).__name__.lower())
+
+
 def part_class(kind: str) -> type:
     """The class of a kind of part."""
     module, _, name = PARTS[kind][0].partition(":")

@@ -14,6 +14,7 @@ from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.vehicles import units as u
 from coadjoint.models.underwater.vehicles.kinds import PARTS, PILOT_FIELDS, PILOTS, Field, part_class, pilot_class
 from coadjoint.models.underwater.vehicles.table import Section, axes_of
+from coadjoint.models.underwater.vehicles.vehicle import Quantity
 
 CURVES = ("linear", "quadratic", "polynomial", "table")
 
@@ -131,7 +132,7 @@ def _columns(value: Any, axes: border.Axes) -> Any:
 def _curve(section: Section) -> Any:
     """The force curve: the name of a published one, or `curve.linear` and so on, with the unit "SI"."""
     if isinstance(section.given.get("curve"), str):
-        return section.text("curve")
+        return _published(section, section.text("curve"))
     if "curve" not in section:
         raise section.fail('needs a curve: curve = "T200", or curve.quadratic = { value = …, unit = "SI" }.')
     inner = section.inner("curve")
@@ -142,6 +143,19 @@ def _curve(section: Section) -> Any:
     value, _ = inner.quantity(given[0], None)
     inner.done()
     return {given[0]: value}
+
+
+def _published(section: Section, name: str) -> str:
+    """The name of a published curve, which counts as its own source."""
+    from coadjoint.models.underwater.parts.published_curves import PUBLISHED
+
+    if name in PUBLISHED:
+        book = section.book
+        book.sources.setdefault(name, f"published force curve of {name}, see coadjoint.models.underwater.{name}")
+        book.used.add(name)
+        unit = section.given.get("command_unit", "1")
+        book.provenance[f"{section.key}.curve"] = Quantity(name, f"{unit} to N", name, "")
+    return name
 
 
 def _built(section: Section, make: Callable[[], Any]) -> Any:

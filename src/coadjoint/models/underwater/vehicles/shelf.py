@@ -18,6 +18,11 @@ def vehicle_names() -> list[str]:
     return sorted(entry.name.removesuffix(".toml") for entry in _DATA.iterdir() if entry.name.endswith(".toml"))
 
 
+def is_path(name: str) -> bool:
+    """Whether this is the path of a file rather than the name of a shipped vehicle."""
+    return name.endswith(".toml") or os.sep in name
+
+
 def vehicle_text(name: str) -> str:
     """The file of a shipped vehicle, to start one's own from; raises ArgumentError for a name that is none."""
     known = vehicle_names()
@@ -41,6 +46,6 @@ def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:
     text = os.fspath(name)
     if not isinstance(text, str):
         raise ArgumentError(f"Argument `name` must be the name of a vehicle or the path of its file, but is {name!r}.")
-    if text.endswith(".toml") or os.sep in text or isinstance(name, Path):
+    if is_path(text) or isinstance(name, Path):
         return read_vehicle(text)
     return vehicle_from_text(vehicle_text(text), f"{text}.toml")

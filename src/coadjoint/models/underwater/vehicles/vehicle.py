@@ -34,6 +34,7 @@ class Vehicle:
 
     name: str
     description: str = ""
+    note: str = ""
     mass: Any
     inertia: Any
     added_mass: Any

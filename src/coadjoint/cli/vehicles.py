@@ -1,0 +1,160 @@
+"""Vehicles as text: the list of those that are shipped, and all that is known of one."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.cli import terminal
+
+if TYPE_CHECKING:
+    from coadjoint.models.underwater.vehicles.vehicle import Quantity, Vehicle
+
+
+def shelf() -> list[dict[str, Any]]:
+    """Every shipped vehicle: name, mass, length, kinds of parts, pilot, first source, description."""
+    from coadjoint.models.underwater import load_vehicle, vehicle_names
+
+    return [_row(name, load_vehicle(name)) for name in vehicle_names()]
+
+
+def loaded(name: str) -> Vehicle:
+    """A shipped vehicle, or that of a path; its warnings are shown, not warned of. Raises ArgumentError, FileError."""
+    from coadjoint.models.underwater import load_vehicle
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return load_vehicle(name)
+
+
+def text_of(name: str) -> str:
+    """The file of a vehicle, as it stands."""
+    from pathlib import Path
+
+    from coadjoint.models.underwater.vehicles.shelf import is_path, vehicle_text
+
+    if is_path(name):
+        loaded(name)
+        return Path(name).read_text(encoding="utf-8")
+    return vehicle_text(name)
+
+
+def described(vehicle: Vehicle) -> dict[str, Any]:
+    """All that is known of a vehicle, for JSON."""
+    from coadjoint.models.underwater.vehicles.summary import summary
+
+    return {
+        "name": vehicle.name,
+        "description": vehicle.description,
+        "note": vehicle.note,
+        "summary": summary(vehicle)._asdict(),
+        "parts": [_part(part) for part in vehicle.parts],
+        "pilot": _pilot(vehicle),
+        "numbers": {key: told._asdict() for key, told in vehicle.provenance.items()},
+        "sources": dict(vehicle.sources),
+        "warnings": list(vehicle.warnings),
+    }
+
+
+def show_shelf(rows: list[dict[str, Any]]) -> None:
+    """A table of all vehicles."""
+    columns = ("vehicle", "mass (kg)", "length (m)", "parts", "pilot", "source")
+    shown = []
+    for row in rows:
+        length = "" if row["length"] is None else f"{row['length']:g}"
+        shown.append((row["name"], f"{row['mass']:.5g}", length, ", ".join(row["parts"]), row["pilot"], row["source"]))
+    terminal.table(columns, shown)
+
+
+def show(vehicle: Vehicle) -> None:
+    """What follows from a vehicle's numbers, its parts, every number with unit, source and note, and its warnings."""
+    found = described(vehicle)
+    derived = found["summary"]
+    speed, height = derived["terminal_speed"], derived["metacentric_height"]
+    fields = [
+        ("name", vehicle.name),
+        ("description", vehicle.description),
+        ("note", vehicle.note),
+        ("mass", f"{derived['mass']:.6g} kg, displaces {derived['displaced_mass']:.6g} kg of water"),
+        ("net weight", _net(derived["net_weight"], derived["mass"] * vehicle.gravity)),
+        ("metacentric height", f"{1000 * height:.4g} mm, the centre of buoyancy above the centre of mass"),
+        ("terminal speed", "" if speed is None else f"{speed:.4g} m/s ahead, with all that pushes ahead at its limit"),
+        ("pilot", "" if found["pilot"] is None else _told_pilot(found["pilot"])),
+    ]
+    terminal.fields([(name, text) for name, text in fields if text])
+    if found["parts"]:
+        terminal.line("")
+        rows = [(part["name"], part["kind"], part["command"] or "") for part in found["parts"]]
+        terminal.table(("part", "kind", "command"), rows)
+    terminal.line("")
+    rows = [(key, _value(told), told.unit, told.source, told.note) for key, told in vehicle.provenance.items()]
+    terminal.table(("number", "value", "unit", "source", "note"), rows)
+    if vehicle.sources:
+        terminal.line("")
+        terminal.table(("source", "citation"), list(vehicle.sources.items()))
+    for sentence in vehicle.warnings:
+        terminal.line(f"\nDoubtful: {sentence}")
+
+
+def _row(name: str, vehicle: Vehicle) -> dict[str, Any]:
+    pilot = _pilot(vehicle)
+    return {
+        "name": name,
+        "mass": _total(vehicle),
+        "length": None if vehicle.length is None else float(vehicle.length),
+        "parts": sorted({_kind(part) for part in vehicle.parts}),
+        "pilot": "" if pilot is None else pilot["kind"],
+        "source": _cited(vehicle),
+        "description": vehicle.description,
+    }
+
+
+def _total(vehicle: Vehicle) -> float:
+    from coadjoint.models.underwater.vehicles.loads import total_mass
+
+    return total_mass(vehicle)
+
+
+def _cited(vehicle: Vehicle) -> str:
+    """Where its mass is from, in short: who or which repository."""
+    return vehicle.sources.get(vehicle.provenance["body.mass"].source, "").partition(",")[0]
+
+
+def _kind(part: Any) -> str:
+    from coadjoint.models.underwater.vehicles.kinds import kind_of
+
+    return kind_of(part)
+
+
+def _part(part: Any) -> dict[str, Any]:
+    command = part.command
+    shape = "" if command is None or command.shape == () else f" × {command.shape[0]}"
+    return {"name": part.name, "kind": _kind(part), "command": None if command is None else f"{command.unit}{shape}"}
+
+
+def _pilot(vehicle: Vehicle) -> dict[str, Any] | None:
+    if vehicle.pilot is None:
+        return None
+    return {"kind": _kind(vehicle.pilot), "inputs": dict(vehicle.pilot.inputs)}
+
+
+def _told_pilot(pilot: dict[str, Any]) -> str:
+    inputs = ", ".join(f"{name} ({unit})" for name, unit in pilot["inputs"].items())
+    return f"{pilot['kind']}; set points: {inputs}"
+
+
+def _net(net: float, weight: float) -> str:
+    if abs(net) <= 1e-9 * weight:
+        return "0 N, it hovers"
+    return f"{net:.4g} N, it {'sinks' if net > 0 else 'floats up'}"
+
+
+def _value(told: Quantity) -> str:
+    if isinstance(told.value, str):
+        return told.value
+    found = np.asarray(told.value, dtype=float)
+    if found.ndim == 2:
+        return "; ".join(" ".join(f"{number:g}" for number in row) for row in found)
+    return " ".join(f"{number:.6g}" for number in np.atleast_1d(found))

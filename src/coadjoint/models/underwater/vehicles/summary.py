@@ -1,0 +1,72 @@
+"""What follows from a vehicle's numbers before it is run: balance, righting, terminal speed."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.models.underwater.parts.part import Part
+from coadjoint.models.underwater.parts.propeller import Propeller
+from coadjoint.models.underwater.parts.thrusters import Thrusters
+from coadjoint.models.underwater.pilots.under_way import own, wrench
+from coadjoint.models.underwater.vehicles.loads import center_of_all_mass, total_mass, total_volume
+from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.spaces.named import named
+
+FASTEST = 50.0
+"""m/s: no vehicle under water is faster."""
+
+
+class Summary(NamedTuple):
+    """mass, displaced_mass: with what the parts hold, kg. net_weight: W − B, N, positive where it sinks.
+
+    metacentric_height: of the centre of buoyancy above the centre of mass, m. terminal_speed: ahead, with everything
+    that pushes ahead at its limit, m/s, or None.
+    """
+
+    mass: float
+    displaced_mass: float
+    net_weight: float
+    metacentric_height: float
+    terminal_speed: float | None
+
+
+def summary(vehicle: Vehicle) -> Summary:
+    """What follows from the numbers of a vehicle with its parts as they start."""
+    mass, displaced = total_mass(vehicle), total_volume(vehicle) * float(vehicle.fluid_density)
+    height = float(center_of_all_mass(vehicle)[2] - vehicle.center_of_buoyancy[2])
+    net = (mass - displaced) * float(vehicle.gravity)
+    return Summary(mass, displaced, net, height, terminal_speed(vehicle))
+
+
+def terminal_speed(vehicle: Vehicle) -> float | None:
+    """u with X(u) = 0, straight and level, with everything that pushes ahead at its limit, m/s; None if nothing does.
+
+    Fins, masses and ballast stay as they start.
+    """
+    commands: dict[str, Any] = {part.name: _ahead(part) for part in vehicle.commanded}
+
+    def push(u: float) -> float:
+        found = evaluate(lambda nu: wrench(vehicle, nu, commands), np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        return float(found[0])
+
+    if not push(0.0) > 0 or push(FASTEST) > 0:
+        return None
+    return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+
+
+def _ahead(part: Part) -> Any:
+    """The actuator of a part at the most that it can do to push ahead."""
+    command = part.command
+    assert command is not None
+    start = np.full(command.shape, command.start)
+    if isinstance(part, Propeller):
+        return np.asarray(part.limit * np.sign(part.axis[0] * part.thrust[0]), dtype=float)
+    if isinstance(part, Thrusters) and part.limit is not None:
+        row = np.asarray(evaluate(part.matrix, own(part)))[0]
+        low, high = (np.full(command.shape, limit) for limit in part.limit)
+        return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
+    return named(part.at_rest(start))
