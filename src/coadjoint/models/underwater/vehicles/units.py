@@ -75,7 +75,6 @@ ANGLE = Dimension((0, 0, 0, 1), "rad")
 ANGULAR_VELOCITY = Dimension((0, 0, -1, 1), "rad/s")
 PER_ANGLE = Dimension((0, 0, 0, -1), "1/rad")
 REVOLUTIONS = Dimension((0, 0, -1, 0), "1/s", turns=True)
-FREQUENCY = Dimension((0, 0, -1, 0), "1/s")
 
 
 def in_si(value: Any, unit: str, dimension: Dimension, what: str) -> Any:
