@@ -1,4 +1,4 @@
-"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `vehicles`, `audit`."""
+"""The command line: `coadjoint reproduce`, `run`, `resume`, `plot`, `info`, `models`, `vehicles`, `audit`, …"""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tyro
 
 import coadjoint
 from coadjoint.cli import commands, terminal
+from coadjoint.cli.stability import Stability
 from coadjoint.errors import CoadjointError, StepError
 
 USAGE, INTERRUPTED = 2, 130
@@ -24,6 +25,7 @@ Command = (
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
     | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
+    | Annotated[Stability, tyro.conf.subcommand("stability")]
 )
 
 

@@ -66,14 +66,17 @@ class Stability:
         state, names = self.motion.state, velocity_names(self.motion.system)
         values = [*state.xi, *state.nu]
         largest = max(map(abs, values), default=0.0)
-        moving = [f"{name} {v:.4g}" for name, v in zip(names, values, strict=True) if abs(v) > 1e-9 * largest]
+        moving = [
+            f"{name} {v:.4g}" for name, v in zip(names, values, strict=True) if abs(v) > 1e-9 * max(largest, 1e-3)
+        ]
         rows = [("motion", f"{self.motion.system.name}: {', '.join(moving) or 'at rest'}")]
         rows += [("free", f"{name} = {np.array2string(v, precision=4)}") for name, v in self.motion.free.items()]
         rows += [("mode", str(mode)) for mode in self.modes]
         if self.linear.zero_modes:
             rows.append(("zero modes", f"{self.linear.zero_modes}: neighbours with other momenta, and symmetries"))
         rows.append(("spectrum", self.spectral))
-        rows.append(("energy–Casimir", f"{self.energy.verdict}: {self.energy.reason}"))
+        if self.motion.system.forces is None:
+            rows.append(("energy–Casimir", f"{self.energy.verdict}: {self.energy.reason}"))
         rows.append(("verdict", self.verdict))
         return "\n".join(f"{name:<15} {text}" for name, text in rows)
 

@@ -22,6 +22,9 @@ from coadjoint.stability.reduced import IGNORABLE, Reduced
 FOUND = 1e-9
 """Rates up to this fraction of their terms count as zero."""
 
+TRIPS = 40
+"""Newton's iterations at most."""
+
 
 @dataclass(frozen=True)
 class SteadyMotion:
@@ -63,7 +66,8 @@ def steady_motion(
 class Search:
     """The search for steady motions of one kind, at many values: `find(guess, aim)` with conditions(state, aim) = 0.
 
-    Its equations are traced once. Arguments and errors as in `steady_motion`.
+    Its equations are traced once. names: what the conditions are about. Other arguments and errors as in
+    `steady_motion`.
     """
 
     def __init__(
@@ -73,11 +77,13 @@ class Search:
         conditions: Callable[[State, Any], Any] | None = None,
         free: Sequence[str] = (),
         aim: Any = 0.0,
+        names: Sequence[str] = (),
     ):
         self.reduced = Reduced(system, near)
-        self.free = tuple(free)
+        self.free, self.names = tuple(free), tuple(names)
         self.sizes = [int(np.size(_held(near, name)[1])) for name in self.free]
-        self.width = sum(self.reduced.sizes)
+        self.charts = self._charts()
+        self.width = self.charts.shape[1]
         C = self.reduced.essential
         conditions = conditions or self._on_the_orbit_of(near)
 
@@ -111,6 +117,21 @@ class Search:
         found = {name: np.asarray(_held(state, name)[1]) for name in self.free}
         return SteadyMotion(self.reduced.system, state, residual, found, self.reduced)
 
+    def _charts(self) -> np.ndarray:
+        """z of w: all but ignorable changes of n, which nothing would hold."""
+        dim, ambient, *_ = self.reduced.sizes
+        unit = np.eye(sum(self.reduced.sizes))
+        within = self.reduced.essential[:, dim : dim + ambient]
+        held = np.linalg.svd(within)[2][: np.linalg.matrix_rank(within)] if ambient else np.zeros((0, 0))
+        n = unit[:, dim : dim + ambient] @ held.T
+        return np.concatenate([unit[:, :dim], n, unit[:, dim + ambient :]], axis=1)
+
+    def idle(self, guess: State, aim: Any = 0.0) -> list[str]:
+        """Those of `free` that change nothing where the guess has them, such as a propeller that stands."""
+        slope = self._both(self._zero, guess, np.asarray(aim, dtype=float))[1][:, self.width :]
+        columns = np.split(np.abs(slope), np.cumsum(self.sizes)[:-1], axis=1) if self.sizes else []
+        return [name for name, part in zip(self.free, columns, strict=True) if not np.any(part)]
+
     def _on_the_orbit_of(self, near: State) -> Callable[[State, Any], Any]:
         """Without forces: the Casimir functions are those of the guess. Without that, Newton halves all velocities."""
         functions = () if self.reduced.system.forces is not None else tuple(casimirs(self.reduced).values())
@@ -122,7 +143,7 @@ class Search:
         return lambda state, aim: weights * (jnp.stack([f(state) for f in functions]) - wanted)
 
     def _moved(self, guess: State, w: Any) -> State:
-        state = self.reduced.moved(guess, w[: self.width])
+        state = self.reduced.moved(guess, self.charts @ w[: self.width])
         parts = jnp.split(w[self.width :], np.cumsum(self.sizes)[:-1]) if self.sizes else []
         for name, change in zip(self.free, parts, strict=True):
             field, value = _held(state, name)
@@ -136,48 +157,53 @@ class Search:
 
     def _relative(self, state: State, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Every equation relative to the sizes of its terms, J times the unknowns."""
-        unknowns = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
-        unknowns += [np.ravel(_held(state, name)[1]) for name in self.free]
+        moving = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
+        unknowns = [self.charts.T @ np.concatenate(moving), *(np.ravel(_held(state, name)[1]) for name in self.free)]
         sizes = np.abs(np.concatenate(unknowns))
         terms = np.abs(slope) @ np.maximum(sizes, 1e-3 * max(float(np.max(sizes, initial=0.0)), 1e-300))
         # An equation that vanishes with all of its terms is met as well as the others.
-        return np.abs(value) / np.maximum(terms, max(1e-3 * float(np.max(terms, initial=0.0)), 1e-300))
+        return np.abs(value) / np.maximum(terms, max(1e-6 * float(np.max(terms, initial=0.0)), 1e-300))
 
     def _what(self, relative: np.ndarray, value: np.ndarray) -> str:
         """What is furthest from zero, in words."""
         worst, C = int(np.argmax(relative)), self.reduced.essential
         if worst >= len(C):
-            return f"condition {worst - len(C) + 1} is off by {value[worst]:.3g}"
+            k = worst - len(C)
+            what = self.names[k] if k < len(self.names) else f"condition {k + 1}"
+            return f"{what} is off by {value[worst]:.3g}"
         index = int(np.searchsorted(np.cumsum(self.reduced.sizes[:3]), np.argmax(np.abs(C[worst])), side="right"))
         kind = ("a torque", "a velocity of n", "a force", "a rate of an advected parameter")[index]
         return f"{kind} of {abs(value[worst]):.3g} is left"
 
 
 def _solve(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray) -> np.ndarray:
-    """The zero near the start: least squares with bounded steps, then Newton's iteration of least change."""
+    """The zero near the start: Newton's iteration of least change; where that fails, least squares in between."""
+    w, solved = _newton(both, start)
+    if solved:
+        return w
 
     def slope(w: np.ndarray) -> Any:
         return _finite(both(w)[1])
 
     jacobian: Any = slope
-    found = least_squares(
-        lambda w: _finite(both(w)[0]),
-        start,
-        jac=jacobian,
-        x_scale="jac",
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-        max_nfev=200,
-    )
-    w = found.x
-    for _ in range(10):
-        value, along = both(w)
-        better = w - np.linalg.lstsq(_finite(along), _finite(value), rcond=1e-10)[0]
-        if not np.max(np.abs(both(better)[0]), initial=0.0) < np.max(np.abs(value), initial=0.0):
-            break
-        w = better
-    return w
+    found = least_squares(lambda w: _finite(both(w)[0]), start, jac=jacobian, x_scale="jac", max_nfev=60)
+    return _newton(both, found.x)[0]
+
+
+def _newton(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], w: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Newton's iteration with halved steps, until round-off; and whether it came there by quadratic convergence."""
+    value, slope = map(_finite, both(w))
+    size = float(np.linalg.norm(value))
+    for _ in range(TRIPS):
+        change = np.linalg.lstsq(slope, -value, rcond=1e-10)[0]
+        for part in (1.0, 0.5, 0.25, 0.1, 0.01):
+            better, along = map(_finite, both(w + part * change))
+            if float(np.linalg.norm(better)) < (1 - 0.1 * part) * size:
+                break
+        else:
+            return w, float(np.linalg.norm(change)) <= 1e-8 * (1 + float(np.linalg.norm(w)))
+        w, value, slope, size = w + part * change, better, along, float(np.linalg.norm(better))
+    return w, False
 
 
 def _values_and_slopes(functions: Sequence[Callable], state: State) -> tuple[Any, Any]:

@@ -1,0 +1,217 @@
+"""The command `coadjoint stability`: steady flight of a vehicle, its modes, and whether it is stable."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass, replace
+from math import degrees, isinf, radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.models.underwater import Vehicle
+    from coadjoint.stability import Stability as Report
+    from coadjoint.stability.flight import SteadyFlight, Trim
+
+MOST = 200
+"""Speeds in a range, at most."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Find steady flight of a vehicle, its modes, and whether it is stable: `coadjoint stability remus_100`."""
+
+    vehicle: tyro.conf.Positional[str]
+    """A vehicle that is shipped, or the TOML file of one's own."""
+    speed: str = "1.5"
+    """Through the water, m/s; 0 is hanging at rest; several as `0.5,1,2` or `0.5:2.5:0.25` also draw a figure."""
+    climb: float = 0.0
+    """Angle of the path above the horizon, degrees; 90 is vertical ascent."""
+    depth: float = 0.0
+    """Depth, m."""
+    rudder: float | None = None
+    """Turn, with the part `rudder` at this angle, degrees; positive to starboard."""
+    turning: bool = False
+    """Let the vehicle turn, where held actuators make it."""
+    hold: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    """An actuator that stays at a value, SI units; repeatable. The others move to hold the motion."""
+    without: tuple[str, ...] = ()
+    """Parts to leave out, as in `--without stern_planes rudder`."""
+    out: Path | None = None
+    """The figure, by default NAME_stability.png where there are several speeds."""
+    json: bool = False
+    """Print JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.models.underwater import load_vehicle
+        from coadjoint.stability.flight import SteadyFlight
+
+        speeds = speeds_from(self.speed)
+        vehicle = _without(load_vehicle(self.vehicle), self.without)
+        hold = dict(map(_setting, self.hold))
+        if self.rudder is not None:
+            hold["rudder"] = radians(self.rudder)
+        turning = self.turning or self.rudder is not None
+        flight = SteadyFlight(vehicle, climb=radians(self.climb), hold=hold, turning=turning, depth=self.depth)
+        found, failures = _fly(flight, speeds)
+        if not found:
+            raise ArgumentError(next(iter(failures.values())))
+        picture = self._draw(vehicle, found) if len(speeds) > 1 or self.out is not None else None
+        if self.json:
+            print(json_text.dumps(_summary(vehicle, found, failures, picture), indent=2, ensure_ascii=False))
+        elif len(speeds) == 1:
+            terminal.fields(_card(vehicle, *found[speeds[0]]))
+        else:
+            _table(vehicle, found)
+        if not self.json:
+            for speed, failure in failures.items():
+                terminal.complain(f"At {speed:g} m/s: {failure}")
+            if picture is not None:
+                terminal.line(f"Figure: {picture}.")
+        return 0
+
+    def _draw(self, vehicle: Vehicle, found: dict[float, tuple[Trim, Report]]) -> Path:
+        from coadjoint.plotting.style import save
+        from coadjoint.stability.figure import stability_figure
+
+        name = "".join(letter if letter.isalnum() else "_" for letter in vehicle.name.lower())
+        path = self.out or Path(f"{name}_stability.png")
+        return save(stability_figure(list(found), [report for _, report in found.values()]), path, dpi=160)
+
+
+def speeds_from(text: str) -> list[float]:
+    """Speeds from `1.5`, `0.5,1,2` or `first:last:step`; raises ArgumentError."""
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = int((last - first) / step + 1e-9) + 1 if step > 0 else 0
+            found = [round(first + k * step, 12) for k in range(min(count, MOST + 1))]
+        else:
+            found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or len(found) > MOST or not all(0 <= speed < 1e3 for speed in found):
+        raise ArgumentError(
+            f"--speed must be a speed in m/s, a list such as 0.5,1,2 or a range first:last:step of at most {MOST}, but "
+            f"is {text!r}."
+        )
+    return found
+
+
+def _setting(text: str | tuple[str, ...]) -> tuple[str, float]:
+    text = text if isinstance(text, str) else text[0]
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise ArgumentError(f"--hold must be NAME=VALUE with a number, as in propeller=15, but is {text!r}.") from None
+
+
+def _without(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:
+    for name in names:
+        vehicle.part(name)
+    return replace(vehicle, parts=tuple(part for part in vehicle.parts if part.name not in names))
+
+
+def _fly(flight: SteadyFlight, speeds: list[float]) -> tuple[dict[float, tuple[Trim, Report]], dict[float, str]]:
+    """Trim and stability at each speed where steady flight was found, and why it was not at the others."""
+    from coadjoint.stability import stability
+    from coadjoint.stability.flight import trim
+
+    found, failures, motion = {}, {}, None
+    for speed in speeds:
+        try:
+            motion = flight.at(speed, near=motion)
+        except ArgumentError as error:
+            failures[speed] = str(error)
+        else:
+            found[speed] = trim(flight.vehicle, motion), stability(motion)
+    return found, failures
+
+
+def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, str]]:
+    rows = [("vehicle", vehicle.name), ("motion", _motion(trimmed))]
+    rows += [("attitude", f"pitch {_degrees(trimmed.pitch)}, roll {_degrees(trimmed.roll)}")]
+    if trimmed.speed:
+        rows.append(("flow", f"attack {_degrees(trimmed.attack)}, sideslip {_degrees(trimmed.sideslip)}"))
+    for part in vehicle.commanded:
+        over = ", beyond its limit" if part.name in trimmed.beyond else ""
+        rows.append((part.name, _value(trimmed.actuators[part.name], part) + over))
+    for mode in report.modes:
+        name, _, does = str(mode).partition(": ")
+        rows.append((name, does))
+    if report.linear.zero_modes:
+        rows.append(("zero modes", f"{report.linear.zero_modes}, of other momenta and symmetries"))
+    if report.motion.system.forces is None:
+        rows.append(("energy–Casimir", f"{report.energy.verdict}: {report.energy.reason}"))
+    return [*rows, ("verdict", report.verdict)]
+
+
+def _motion(trimmed: Trim) -> str:
+    if trimmed.speed < 1e-9:
+        return "at rest"
+    goes = "climbing" if trimmed.climb > 0 else "diving"
+    path = "level" if abs(trimmed.climb) < 1e-9 else f"{goes} at {_degrees(abs(trimmed.climb))}"
+    if abs(trimmed.climb) > radians(90) - 1e-6:
+        spin = degrees(abs(trimmed.turn_rate))
+        return f"{trimmed.speed:g} m/s, {goes} vertically" + (f", spinning at {spin:.3g}°/s" if spin else "")
+    if isinf(trimmed.radius):
+        return f"{trimmed.speed:g} m/s, straight, {path}"
+    side = "starboard" if trimmed.turn_rate > 0 else "port"
+    rate = degrees(abs(trimmed.turn_rate))
+    return f"{trimmed.speed:g} m/s, turning to {side} at {rate:.3g}°/s, radius {trimmed.radius:.3g} m, {path}"
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(degrees(angle), 2) + 0.0:.2f}°"
+
+
+def _value(actual: Any, part: Any) -> str:
+    if part.units is not None:
+        return ", ".join(f"{key} {float(getattr(actual, key)):.4g} {unit}" for key, unit in part.units.items())
+    unit = part.command.unit
+    values = actual.ravel().tolist()
+    if unit == "rad":
+        return ", ".join(_degrees(value) for value in values)
+    return ", ".join(f"{round(value, 9) + 0.0:.4g}" for value in values) + f" {unit}"
+
+
+def _table(vehicle: Vehicle, found: dict[float, tuple[Trim, Report]]) -> None:
+    single = [part for part in vehicle.commanded if part.units is None and part.command and part.command.shape == ()]
+    rows = []
+    for speed, (trimmed, report) in found.items():
+        first = report.modes[0] if report.modes else None
+        values = [_value(trimmed.actuators[part.name], part) for part in single]
+        stars = [
+            value + ("!" if part.name in trimmed.beyond else "") for part, value in zip(single, values, strict=True)
+        ]
+        rows.append((f"{speed:g}", *stars, f"{report.growth_rate:.4f}", first.name if first else "", report.verdict))
+    names = [part.name for part in single]
+    terminal.table(("speed", *names, "growth (1/s)", "slowest or growing mode", "verdict"), rows)
+
+
+def _summary(vehicle: Vehicle, found: Any, failures: dict[float, str], picture: Path | None) -> dict[str, Any]:
+    motions = []
+    for speed, (trimmed, report) in found.items():
+        angles = {key: getattr(trimmed, key) for key in ("climb", "pitch", "roll", "attack", "sideslip", "turn_rate")}
+        motions.append(
+            {
+                "speed": speed,
+                **angles,
+                "radius": None if isinf(trimmed.radius) else trimmed.radius,
+                "actuators": {name: _plain(value) for name, value in trimmed.actuators.items()},
+                "beyond_limits": list(trimmed.beyond),
+                **report.summary(),
+            }
+        )
+    failed = {f"{speed:g}": sentence for speed, sentence in failures.items()}
+    return {"vehicle": vehicle.name, "motions": motions, "not_found": failed, "figure": picture and str(picture)}
+
+
+def _plain(value: Any) -> Any:
+    return {key: _plain(getattr(value, key)) for key in value} if hasattr(value, "asdict") else value.tolist()
