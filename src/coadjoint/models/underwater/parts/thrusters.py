@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, number
+from coadjoint.models.quantities import direction, number, vector
 from coadjoint.models.underwater.parts.force_curves import Polynomial
 from coadjoint.models.underwater.parts.part import Command, Flow, Part
 from coadjoint.models.underwater.parts.published_curves import force_curve
@@ -161,14 +161,18 @@ class Thrusters(Part):
             u = jnp.where(jnp.abs(u - rest) > own.dead_band, u, jnp.where(pushes, edge, rest))
         return jnp.clip(u, limit[0], limit[1])
 
-    def allocate(self, wrench: Array) -> Array:
+    def allocate(self, wrench: Any) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
 
         f = B⁺w; where one of them is beyond what its thruster can give, all are scaled down alike, f ← s f with
         s = min_i f_i^max/f_i, so that the wrench keeps its direction. A wrench that no thrusts give is replaced by the
         nearest one that some do. Computed with the numbers of the part as it was made, as software on board is.
+        Raises ArgumentError for another shape.
         """
-        own = self._nominal
+        return evaluate(self._allocated, vector(wrench, "wrench", 6))
+
+    def _allocated(self, wrench: Array) -> Array:
+        own = self.nominal
         thrusts = jnp.asarray(np.linalg.pinv(self.nominal_matrix)) @ wrench
         if self.limit is not None:
             low, high = self.extremes
@@ -178,18 +182,19 @@ class Thrusters(Part):
         return self.commands_for(thrusts, own)
 
     @property
-    def _nominal(self) -> Named:
+    def nominal(self) -> Named:
+        """The numbers of the part as it was made, as `own`."""
         return Named(**self.parameters())
 
     @property
     def nominal_matrix(self) -> np.ndarray:
         """B, (6, n), with the numbers of the part as it was made."""
-        return evaluate(self.matrix, self._nominal)
+        return evaluate(self.matrix, self.nominal)
 
     @property
     def extremes(self) -> tuple[float, float]:
         """The thrusts at the lowest and at the highest command, N; without limits endless."""
         if self.limit is None:
             return -np.inf, np.inf
-        low, high = evaluate(self.thrusts, self.limit, self._nominal)
+        low, high = evaluate(self.thrusts, self.limit, self.nominal)
         return float(low), float(high)
