@@ -100,6 +100,9 @@ TOLD = {
     "a heel": (REMUS, "value = [0, 0, 20]", "value = [0, -20, 20]", r"heel of 45° to port"),
     "FLU taken for FRD": (REMUS, 'axes = "FRD"', 'axes = "FLU"', r"was the file written with z up, FLU"),
     "surge and sway exchanged": (REMUS, MATRIX, "value = [29.4376, 0.8389, 29, 0.03, 3.4, 3.4]", r"in sway.*axes exchanged"),
+    "sway and heave exchanged": (
+        REMUS.replace(MATRIX, "value = [0.8389, 29.4376, 19.4376, 0.0336, 3.4262, 3.4262]"),
+        "width = { value = 0.19", "width = { value = 0.40", r"are sway and heave exchanged\?"),
     "roll and yaw exchanged": (REMUS, INERTIA, "value = [4.0278, 4.0278, 0.1120]", r"about z, 0\.112 .*axes exchanged"),
     "inertia that no body has": (REMUS, INERTIA, "value = [0.1, 1, 4]", r"no distribution of mass has them"),
     "inertia in g m²": (REMUS, INERTIA, "value = [112, 4028, 4028]", r"radius of gyration.*is more than its size"),

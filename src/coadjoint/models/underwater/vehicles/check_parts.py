@@ -7,13 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater.parts.damping import Damping
+from coadjoint.models.underwater.parts.derivatives import Derivatives
 from coadjoint.models.underwater.parts.fin import Fin
 from coadjoint.models.underwater.parts.hull import Hull
+from coadjoint.models.underwater.parts.lifting_body import LiftingBody
 from coadjoint.models.underwater.parts.propeller import Propeller
+from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.spaces.named import Named
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+BRAKES = (Damping, Hull, Derivatives, LiftingBody)
 FASTEST = 120.0
 """Revolutions a second that no marine propeller has."""
 SLOWEST = 30.0
@@ -32,16 +38,13 @@ def doubtful_parts(vehicle: Vehicle) -> Iterator[str]:
             yield from _fin(part, size)
         if isinstance(part, Propeller):
             yield from _propeller(part, size)
-        if type(part).__name__ == "Thrusters":
+        if isinstance(part, Thrusters):
             yield from _thrusters(part, size)
         yield from _lag(part)
     yield from _fins_together(vehicle)
-    if vehicle.commanded and not any(isinstance(part, (Damping, Hull)) or _brakes(part) for part in vehicle.parts):
+    yield from _thrusters_together(vehicle)
+    if vehicle.commanded and not any(isinstance(part, BRAKES) for part in vehicle.parts):
         yield "it has actuators, but neither damping nor a hull: nothing brakes it."
-
-
-def _brakes(part: Any) -> bool:
-    return type(part).__name__ in ("Derivatives", "LiftingBody")
 
 
 def _damping(part: Damping) -> Iterator[str]:
@@ -71,6 +74,12 @@ def _damping(part: Damping) -> Iterator[str]:
 def _hull(part: Hull, vehicle: Vehicle, size: float) -> Iterator[str]:
     if part.length > 1.5 * size:
         yield f"the hull `{part.name}` is {part.length:.3g} m long on a vehicle of {size:.3g} m: check the units."
+    sway, heave = np.diag(vehicle.added_mass)[1:3]
+    if (part.width > 1.5 * part.height and heave < sway) or (part.height > 1.5 * part.width and sway < heave):
+        yield (
+            f"the hull `{part.name}` is {part.width:.3g} m wide and {part.height:.3g} m high, but the added mass is "
+            f"{sway:.4g} kg in sway and {heave:.4g} kg in heave: are sway and heave exchanged?"
+        )
     face = np.pi / 4 * vehicle.diameter**2 if vehicle.diameter is not None else size**2
     if part.axial_area > 5 * face:
         yield f"axial_area of `{part.name}` is {part.axial_area:.3g} m², but the vehicle shows {face:.3g} m²: units?"
@@ -119,18 +128,27 @@ def _propeller(part: Propeller, size: float) -> Iterator[str]:
     yield from _far(part.name, part.position, size)
 
 
-def _thrusters(part: Any, size: float) -> Iterator[str]:
-    from coadjoint.kernels.evaluate import evaluate
-    from coadjoint.spaces.named import Named
-
-    B = np.asarray(evaluate(part.matrix, Named(**part.parameters())))
-    if np.max(np.abs(B[0])) < 1e-6 * np.max(np.abs(B)):
-        yield f"the thrusters `{part.name}` span no forward force: row X of their matrix is zero."
-    if np.any(np.max(np.abs(B[:3]), axis=0) < 1e-9):
+def _thrusters(part: Thrusters, size: float) -> Iterator[str]:
+    if np.any(np.max(np.abs(_matrix(part)[:3]), axis=0) < 1e-9):
         yield f"one of the thrusters `{part.name}` pushes nowhere: its column of the matrix has no force."
     if part.positions is not None:
         for position in part.positions:
             yield from _far(part.name, position, size)
+
+
+def _thrusters_together(vehicle: Vehicle) -> Iterator[str]:
+    """Thrusters of which none, and no propeller, pushes ahead."""
+    found = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+    if not found or any(isinstance(part, Propeller) for part in vehicle.parts):
+        return
+    B = np.hstack([_matrix(part) for part in found])
+    if np.max(np.abs(B[0])) < 1e-6 * np.max(np.abs(B)):
+        names = ", ".join(f"`{part.name}`" for part in found)
+        yield f"the thrusters {names} span no forward force: row X of their matrix is zero."
+
+
+def _matrix(part: Thrusters) -> np.ndarray:
+    return np.asarray(evaluate(part.matrix, Named(**part.parameters())))
 
 
 def _far(name: str, position: Any, size: float) -> Iterator[str]:
