@@ -1,0 +1,88 @@
+"""The water of a mission file: kinds of currents by name, several that add up, a density."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from typing import Any
+
+from coadjoint.cli.mission_file import MissionFile
+from coadjoint.cli.units import in_si, unknown
+from coadjoint.errors import ArgumentError
+
+_ROOM = "coadjoint.models.underwater.water"
+CURRENTS = {
+    "uniform": "water:UniformWater",
+    "shear": "profiles:LinearShear",
+    "sheared": "profiles:Sheared",
+    "tidal": "currents:TidalCurrent",
+    "gauss_markov": "gauss_markov:GaussMarkovCurrent",
+    "table": "tables:CurrentTable",
+}
+DENSITIES = {
+    "linear": "density:LinearDensity",
+    "exponential": "density:ExponentialDensity",
+    "table": "density:DensityTable",
+}
+PROFILES = {
+    "linear": "profiles:LinearProfile",
+    "power_law": "profiles:PowerLaw",
+    "logarithmic": "profiles:Logarithmic",
+}
+_INNER = {"density": DENSITIES, "profile": PROFILES}
+KINDS = {"velocity": "speed", "reach": "length", "bottom": "length", "correlation_time": "time", "depths": "length"}
+"""What some of the fields measure."""
+
+
+def water(file: MissionFile, seeds: Any = None) -> Any:
+    """The water of [water], still where there is none; `seeds` for random currents of several members.
+
+    One current with its `kind` ("uniform" unless given) and fields, or several, each a table [water.NAME], which add
+    up, with [water.density]. `file` of a table is a CSV file. Raises ArgumentError and FileError.
+    """
+    given = file.water
+    if not given:
+        return None
+    named = {name: table for name, table in given.items() if isinstance(table, dict) and name != "profile"}
+    if not named:
+        return _made(file, given, "water", CURRENTS, "uniform", seeds)
+    alone = [key for key in given if key not in named]
+    if alone:
+        raise ArgumentError(
+            f"Section [water] has `{alone[0]}` beside tables such as [water.{next(iter(named))}]: put it into a table "
+            "of its own, as in [water.drift]."
+        )
+    from coadjoint.models.underwater.water.sea import Sea
+
+    made = {
+        name: _made(file, table, f"water.{name}", _INNER.get(name, CURRENTS), "" if name in _INNER else "uniform", seeds)
+        for name, table in named.items()
+    }
+    return Sea(**made)
+
+
+def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:
+    """One current, density or profile of a table."""
+    table = dict(given)
+    kind = table.pop("kind", default)
+    if kind not in kinds:
+        raise ArgumentError(unknown(f"kind {kind!r}", f"Section [{title}]", str(kind), list(kinds)))
+    module, _, name = kinds[kind].partition(":")
+    cls = getattr(import_module(f"{_ROOM}.{module}"), name)
+    if "file" in table and hasattr(cls, "from_csv"):
+        if len(table) > 1:
+            raise ArgumentError(f"Section [{title}] takes all of its table from `file`: leave the other keys out.")
+        return cls.from_csv(file.located(table["file"]))
+    known = [key for key in inspect.signature(cls).parameters if key != "self"]
+    values = in_si(title, table, known, KINDS)
+    for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
+        values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)
+    if seeds is not None and "seed" in known:
+        values["seed"] = seeds
+    try:
+        return cls(**values)
+    except TypeError as error:
+        needed = [
+            key for key, value in inspect.signature(cls).parameters.items() if value.default is value.empty
+        ]
+        raise ArgumentError(f"Section [{title}] of kind {kind!r} needs {', '.join(f'`{key}`' for key in needed)}.") from error
