@@ -44,10 +44,10 @@ class Reproduce:
 
 @dataclass(frozen=True)
 class Run:
-    """Run a TOML file: `coadjoint run dive.toml --out dive`."""
+    """Run a TOML file, of a system or of a vehicle's mission: `coadjoint run dive.toml --out dive`."""
 
     file: tyro.conf.Positional[Path]
-    """The run file, with sections system, parameters, initial, method, run and output."""
+    """The run file, with sections system, parameters, initial, method, run and output, or the mission file."""
     out: Path | None = None
     """Output folder, instead of the run file's; one that holds another run is refused."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
@@ -61,12 +61,15 @@ class Run:
 
     def __call__(self) -> int:
         from coadjoint.cli.run_file import read
-        from coadjoint.cli.running import check, execute
+        from coadjoint.cli.mission_file import MissionFile
+        from coadjoint.cli.running import check, execute, set_up
 
         file = read(self.file, self.set)
         folder = self.out or file.folder
         if self.check:
             check(file, folder, self.overwrite)
+            if isinstance(file, MissionFile):
+                set_up(file)
             print('{"valid": true}' if self.json else f"{self.file} is a run file; its results would go to {folder}/.")
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)

@@ -12,6 +12,7 @@ KINDS = {
     "t": "time",
     "position": "length",
     "velocity": "speed",
+    "speed": "speed",
     "euler_zxz": "angle",
     "euler_zyx": "angle",
     "yaw": "angle",

@@ -82,9 +82,11 @@ def until(file: MissionFile, arrived: Any = None) -> Any:
 
     arrived: the event that the last way point is reached, where there are way points.
     """
+    given = _plain(file)
+    if not given.get("ends"):
+        return None
     from coadjoint.models.underwater.water import borders
 
-    given = _plain(file)
     ends = given.get("ends", [])
     chosen = [ends] if isinstance(ends, str) else list(ends)
     events = []
@@ -101,6 +103,4 @@ def until(file: MissionFile, arrived: Any = None) -> Any:
             raise ArgumentError('[mission] ends = "last way point" needs `way_points`.')
         else:
             events.append(arrived)
-    if not events:
-        return None
     return events[0] if len(events) == 1 else borders.first_of(*events)

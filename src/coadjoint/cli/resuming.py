@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.run_file import RunFile, read
 from coadjoint.errors import FileError
 from coadjoint.report.folder import RUN_FILE, SUMMARY
@@ -33,7 +34,7 @@ def discard(folder: Path) -> None:
         lock.release()
 
 
-def unfinished(folder: Path) -> RunFile:
+def unfinished(folder: Path) -> RunFile | MissionFile:
     """The run file of the unfinished run in a folder; raises FileError where there is none."""
     if not folder.is_dir():
         raise FileError(f"There is no folder {folder}.")
@@ -41,7 +42,7 @@ def unfinished(folder: Path) -> RunFile:
         what = "a run that has ended: there is nothing to go on with" if (folder / SUMMARY).exists() else "no run"
         raise FileError(f"The folder {folder} holds {what}.")
     file = read(folder / RUN_FILE)
-    if file.system.factory:
+    if isinstance(file, RunFile) and file.system.factory:
         # The factory's file was copied beside the run file when the run began.
         source, function = file.system.factory.rsplit(":", 1)
         file = replace(file, system=replace(file.system, factory=f"{Path(source).name}:{function}"))

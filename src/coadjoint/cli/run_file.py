@@ -6,13 +6,16 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from coadjoint.cli.initial import initial_values
 from coadjoint.cli.sections import MethodSection, OutputSection, RunSection, SystemSection, section
 from coadjoint.cli.toml_text import to_toml
 from coadjoint.cli.units import in_si, unknown, without_unit
 from coadjoint.errors import ArgumentError, FileError
+
+if TYPE_CHECKING:
+    from coadjoint.cli.mission_file import MissionFile
 
 _SECTIONS = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
 _FREE = ("parameters", "initial")
@@ -40,9 +43,16 @@ class RunFile:
         """The output folder: `[output] folder`, relative to the working directory, or the run file's name."""
         return Path(self.output.folder or self.path.stem)
 
+    @property
+    def companions(self) -> list[Path]:
+        """The files that it names; they are kept beside the results. Raises FileError where one is not there."""
+        from coadjoint.cli.factory import require_file
 
-def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile:
-    """The run in a TOML file, with `changes` such as "run.dt=0.02" made to it.
+        return [require_file(self.system.factory, self.path)] if self.system.factory else []
+
+
+def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile | MissionFile:
+    """The run in a TOML file, or the mission where it has a section [vehicle], with `changes` such as "run.dt=0.02".
 
     Raises FileError for a file that cannot be read or is no TOML, ArgumentError for what does not belong there.
     """
@@ -56,12 +66,18 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile:
         _apply(table, change)
     if changes:
         text = f"# {source.name} with {', '.join(changes)}\n\n{to_toml(table)}"
+    if "vehicle" in table:
+        from coadjoint.cli import mission_file
+
+        return mission_file.from_table(table, source, text)
     return from_table(table, source, text)
 
 
 def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
     """The run in a table of sections; raises ArgumentError."""
     known = [*_SECTIONS, *_FREE]
+    if "mission" in table:
+        raise ArgumentError(f"The mission file {path} needs a section [vehicle].")
     for name in table:
         if name not in known:
             raise ArgumentError(unknown(f"section [{name}]", "A run file", name, known))

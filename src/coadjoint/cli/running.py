@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.cli.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
+from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.run_file import RunFile
+from coadjoint.cli.setup import Setup
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, StepError
 from coadjoint.plotting.plots import save_figures
 from coadjoint.plotting.whole_file import write_text
@@ -18,8 +20,6 @@ from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_fre
 from coadjoint.report.summary import run_summary, to_json, versions
 
 if TYPE_CHECKING:
-    from coadjoint.mechanics.state import State
-    from coadjoint.mechanics.system import System
     from coadjoint.simulation.run import Run
 
 TRAJECTORY = "trajectory.nc"
@@ -35,17 +35,16 @@ class Written:
     failure: str | None = None
 
 
-def check(file: RunFile, folder: Path, overwrite: bool) -> None:
+def check(file: RunFile | MissionFile, folder: Path, overwrite: bool) -> None:
     """What can be said before anything heavy is loaded; raises FileError."""
-    from coadjoint.cli.factory import require_file
-
     require_none_unfinished(folder, overwrite)
     require_free(folder, file.text, overwrite)
-    if file.system.factory:
-        require_file(file.system.factory, file.path)
+    _ = file.companions
 
 
-def execute(file: RunFile, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:
+def execute(
+    file: RunFile | MissionFile, folder: Path, overwrite: bool = False, progress: bool | None = None
+) -> Written:
     """Run a run file and write run.toml, trajectory.nc, figures and summary.json to `folder`.
 
     A step that fails ends the run; what was computed is written nevertheless, and the result tells. Until the results
@@ -53,11 +52,11 @@ def execute(file: RunFile, folder: Path, overwrite: bool = False, progress: bool
     another run or cannot be written, ArgumentError and LagrangianError before the run.
     """
     check(file, folder, overwrite)
-    system, start = system_and_start(file)
+    made = set_up(file)
     with claimed(folder, file.text, overwrite):
         discard(folder)
-        with _factory_kept(file, folder):
-            return _write(file, folder, *_ended(lambda: simulate(file, system, start, progress, folder / UNFINISHED)))
+        with _companions_kept(file.companions, folder):
+            return write(file, folder, made, *_ended(lambda: simulate(file, made, progress, folder / UNFINISHED)))
 
 
 def resume(folder: Path, progress: bool | None = None) -> Written:
@@ -68,8 +67,12 @@ def resume(folder: Path, progress: bool | None = None) -> Written:
     from coadjoint.simulation.resume import resume as go_on
 
     file = unfinished(folder)
-    system, _ = system_and_start(file)
-    return _write(file, folder, *_ended(lambda: go_on(folder / UNFINISHED, system, progress=progress)))
+    made = set_up(file)
+
+    def run() -> Run:
+        return go_on(folder / UNFINISHED, made.system, inputs=made.inputs, until=made.until, progress=progress)
+
+    return write(file, folder, made, *_ended(run))
 
 
 def _ended(run: Callable[[], Run]) -> tuple[Run, str | None]:
@@ -83,33 +86,37 @@ def _ended(run: Callable[[], Run]) -> tuple[Run, str | None]:
 
 
 @contextmanager
-def _factory_kept(file: RunFile, folder: Path) -> Iterator[None]:
-    """The factory's file is copied beside the run before it begins, so that it can go on from the folder alone."""
-    source = file.path.parent / file.system.factory.split(":")[0] if file.system.factory else None
-    copy = folder / source.name if source else None
-    new = copy is not None and not copy.exists()
-    if source is not None:
+def _companions_kept(sources: list[Path], folder: Path) -> Iterator[None]:
+    """Files that the run file names are copied beside the run, so that it can go on from the folder alone."""
+    copies = [folder / source.name for source in sources]
+    new = [copy for copy in copies if not copy.exists()]
+    for source in sources:
         _copy(source, folder)
     try:
         yield
     except BaseException:
-        if new and copy is not None and not (folder / UNFINISHED).exists():
-            copy.unlink(missing_ok=True)
+        if not (folder / UNFINISHED).exists():
+            for copy in new:
+                copy.unlink(missing_ok=True)
         raise
 
 
-def system_and_start(file: RunFile) -> tuple[System, State]:
-    """The system of a run file and the state that it starts from."""
+def set_up(file: RunFile | MissionFile) -> Setup:
+    """The system of a run file, the state that it starts from, and what drives it."""
+    if isinstance(file, MissionFile):
+        from coadjoint.cli.mission_craft import set_up as of_mission
+
+        return of_mission(file)
     if file.system.factory:
         from coadjoint.cli.factory import from_factory
 
-        return from_factory(file.system.factory, file.path, file.parameters, file.initial)
+        return Setup(*from_factory(file.system.factory, file.path, file.parameters, file.initial))
     from coadjoint.models import catalogue
 
     entry = catalogue[file.system.model]
     try:
         system = entry.make(**file.parameters)
-        return system, entry.start(system, **file.initial)
+        return Setup(system, entry.start(system, **file.initial))
     except CoadjointError:
         raise
     except (TypeError, ValueError) as error:
@@ -119,44 +126,52 @@ def system_and_start(file: RunFile) -> tuple[System, State]:
         ) from error
 
 
-def simulate(
-    file: RunFile, system: System, start: State, progress: bool | None = None, store: Path | None = None
-) -> Run:
+def simulate(file: RunFile | MissionFile, made: Setup, progress: bool | None = None, store: Path | None = None) -> Run:
     """The run of a run file, streamed to `store`."""
     from coadjoint.cli.methods import method
     from coadjoint.simulation.simulate import simulate as run
 
     grid = file.run
     return run(
-        system,
-        start,
+        made.system,
+        made.start,
         dt=grid.dt,
         duration=grid.duration,
         steps=grid.steps,
         save_every=grid.save_every,
         method=method(file.method),
+        inputs=made.inputs,
+        until=made.until,
         progress=progress,
         store=store,
     )
 
 
-def _write(file: RunFile, folder: Path, run: Run, failure: str | None) -> Written:
+def write(file: RunFile | MissionFile, folder: Path, made: Setup, run: Run, failure: str | None) -> Written:
     """The results, the summary last: with it the folder is complete."""
     begin_results(folder)
     figures: list[str] = []
+    summary: dict[str, Any] = {}
     if run.count:
+        run.dataset.attrs.update(made.told)
         run.save(folder / TRAJECTORY, overwrite=True)
-        if file.output.figures is not False:
+        if isinstance(file, MissionFile):
+            from coadjoint.cli import mission_results
+
+            summary = (mission_results.members if file.run.members > 1 else mission_results.results)(file, folder, run)
+            figures = mission_results.figures(file, folder, run.dataset)
+        elif file.output.figures is not False:
             names = None if file.output.figures is True else file.output.figures
             figures = save_figures([run.dataset], folder, names, file.output.format)
-    summary = {**run_summary(run), "failure": failure, "figures": figures, "versions": versions()}
+    certificate = {} if "members" in summary else run_summary(run)
+    summary = {**certificate, **summary, "failure": failure, "figures": figures, "versions": versions()}
     write_text(folder / SUMMARY, to_json(summary))
     discard(folder)
     return Written(run, folder, summary, failure)
 
 
 def _copy(source: Path, folder: Path) -> None:
-    """Keep the factory's file beside the results that it made."""
+    """Keep a file beside the results that were made of it."""
     try:
         shutil.copyfile(source, folder / source.name)
     except shutil.SameFileError:

@@ -63,7 +63,8 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
             if actuator.command is not None and len(names) == 1 and run is runs[0]:
                 _draw_commands(axes, run, factor * actuator.command.reshape(len(actual), -1))
             draw_components(axes, run, actual, first)
-            _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
+            if run is runs[0]:
+                _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
             first += actual.shape[1]
             said = name.replace("_", " ")
             labels += [said] if actual.shape[1] == 1 else [f"{said} {i + 1}" for i in range(actual.shape[1])]
@@ -74,7 +75,7 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
 def _draw_commands(axes: Axes, run: Entry, commands: np.ndarray) -> None:
     for number, series in enumerate(commands.T):
         kept = run.thin(series)
-        axes.plot(run.time[kept], series[kept], label="_" if number else "command", **WANTED)
+        axes.step(run.time[kept], series[kept], where="post", label="_" if number else "command", **WANTED)
 
 
 def _draw_limits(axes: Axes, limits: Sequence[float], actual: np.ndarray) -> None:

@@ -109,7 +109,7 @@ def _until_failure(member: xarray.Dataset) -> xarray.Dataset:
     good = np.ones(member.sizes["time"], dtype=bool)
     for array in moving:
         good &= np.isfinite(array.values.reshape(len(good), -1)).all(axis=1)
-    return member.isel(time=good)
+    return member if good.all() else member.isel(time=good)
 
 
 def _labels(datasets: Sequence[xarray.Dataset]) -> list[str]:

@@ -83,4 +83,4 @@ def draw_wanted(axes: Axes, run: Entry, log: Log, name: str, factor: float = 1.0
         return
     values = factor * log.set_points[name][0]
     kept = run.thin(values)
-    axes.plot(run.time[kept], values[kept], label="set point", **WANTED)
+    axes.step(run.time[kept], values[kept], where="post", label="set point", **WANTED)

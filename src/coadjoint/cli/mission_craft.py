@@ -1,0 +1,98 @@
+"""From a mission file to a craft, its start and what drives it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from coadjoint.cli import mission_legs
+from coadjoint.cli.initial import initial_values
+from coadjoint.cli.mission_file import MissionFile
+from coadjoint.cli.mission_perturb import perturbed, seeds
+from coadjoint.cli.mission_results import require_room
+from coadjoint.cli.mission_water import water
+from coadjoint.cli.setup import Setup
+from coadjoint.cli.units import in_si, unknown
+from coadjoint.errors import ArgumentError
+from coadjoint.models.underwater.log.columns import split
+
+START = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators", "axes", "t")
+"""What [initial] holds, beside yaw, pitch and roll, or heading, one by one."""
+
+
+def set_up(file: MissionFile) -> Setup:
+    """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
+    from coadjoint.models.underwater import Craft
+
+    vehicle = _vehicle(file)
+    craft = Craft(vehicle, pilot=_pilot(file, vehicle), water=water(file, seeds(file)))
+    start = craft.start(**_start(file))
+    require_room(file, start)
+    system = _changed(file, craft.system)
+    if file.run.members > 1:
+        system = perturbed(file, system)
+    commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
+    wanted = {} if craft.pilot is None else craft.pilot.inputs
+    inputs = mission_legs.inputs(file, {**commands, **wanted})
+    lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
+    if lacking:
+        raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
+    return Setup(system, start, inputs or None, mission_legs.until(file))
+
+
+def _vehicle(file: MissionFile) -> Any:
+    from coadjoint.models.underwater import load_vehicle
+
+    return load_vehicle(file.located(file.vehicle.file) if file.vehicle.file else file.vehicle.name)
+
+
+def _pilot(file: MissionFile, vehicle: Any) -> Any:
+    """The pilot of [pilot]: that of `kind`, none with "none", or the vehicle's own with changes."""
+    from coadjoint.models.underwater.vehicles.kinds import PILOTS, pilot_class
+
+    given = dict(file.pilot)
+    kind = given.pop("kind", "")
+    if kind == "none":
+        if given:
+            raise ArgumentError('Section [pilot] with kind = "none" has no other keys.')
+        return None
+    if kind and kind not in PILOTS:
+        raise ArgumentError(unknown(f"kind {kind!r}", "Section [pilot]", str(kind), [*PILOTS, "none"]))
+    if not kind and vehicle.pilot is None:
+        raise ArgumentError(
+            f"The vehicle {vehicle.name} has no pilot of its own: add a section [pilot] with a kind of "
+            f'{", ".join(sorted(PILOTS))}, or kind = "none" to command its actuators in [mission].'
+        )
+    cls = pilot_class(kind) if kind else type(vehicle.pilot)
+    values = in_si("pilot", given, [f.name for f in fields(cls)], {})
+    try:
+        return cls(**values) if kind else replace(vehicle.pilot, **values)
+    except TypeError as error:
+        raise ArgumentError(f"Section [pilot]: {str(error).split('() ')[-1]}.") from error
+
+
+def _start(file: MissionFile) -> dict[str, Any]:
+    """[initial] as keywords of `Craft.start`."""
+    given = dict(file.initial)
+    axes = given.get("axes", "NED/FRD")
+    for key in [key for key in given if key.split("_")[0] == "heading"]:
+        if axes != "NED/FRD":
+            raise ArgumentError(f"[initial] {key} belongs to NED/FRD: give `yaw`, from east to the left, in {axes}.")
+        given["yaw" + key.removeprefix("heading")] = given.pop(key)
+    found = initial_values(given, START)
+    if isinstance(found.get("actuators"), dict):
+        parts = {key: split(key) for key in found["actuators"]}
+        found["actuators"] = {
+            name: factor * np.asarray(found["actuators"][key], dtype=float) for key, (name, _, factor) in parts.items()
+        }
+    return found
+
+
+def _changed(file: MissionFile, system: Any) -> Any:
+    """The system with the parameters of [parameters]."""
+    if not file.parameters:
+        return system
+    known = list(system.parameters.asdict())
+    return system.replace(**in_si("parameters", file.parameters, known, {}))
