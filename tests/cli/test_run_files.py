@@ -12,7 +12,7 @@ import pytest
 from files import TOP, TOP_OF_CATALOGUE, write
 
 from coadjoint.cli.run_file import read
-from coadjoint.cli.running import execute, system_and_start
+from coadjoint.cli.running import execute, set_up
 from coadjoint.cli.toml_text import to_toml
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.groups import attitude
@@ -29,36 +29,36 @@ def test_units_in_key_names_become_si(tmp_path):
     changes = ["run.steps=", "run.duration_min=0.5", "run.dt_ms=10", "initial.angular_velocity_deg_per_s=[0, 0, 90]"]
     file = read(write(tmp_path, TOP), changes)
     assert (file.run.duration, file.run.dt) == (30.0, 0.01)
-    _, start = system_and_start(file)
+    start = set_up(file).start
     assert np.allclose(start.xi, [0, 0, pi / 2], atol=1e-15)
     assert np.allclose(start.g, attitude.zyx(0, pi / 18, 0), atol=1e-15)
 
 
 def test_yaw_pitch_and_roll_can_be_given_one_by_one(tmp_path):
     file = read(write(tmp_path, TOP_OF_CATALOGUE), ["initial.yaw_deg=30", "initial.roll=0.1"])
-    _, start = system_and_start(file)
+    start = set_up(file).start
     assert np.allclose(start.g, attitude.zyx(pi / 6, 0, 0.1), atol=1e-15)
     assert "leave one out" in refused(write(tmp_path, TOP_OF_CATALOGUE), "initial.yaw=1", "initial.euler_zyx=[0,0,0]")
 
 
 def test_a_factory_gets_its_parameters_in_si(tmp_path):
-    system, _ = system_and_start(read(write(tmp_path, TOP), ["parameters.weight_kN=0.03"]))
+    system = set_up(read(write(tmp_path, TOP), ["parameters.weight_kN=0.03"])).system
     assert system.parameters.weight == 30.0
 
 
 def test_a_factory_may_bring_its_own_start(tmp_path):
     text = '[system]\nfactory = "top.py:with_start"\n[parameters]\nweight = 3\n[run]\ndt = 0.01\nsteps = 1\n'
-    _, start = system_and_start(read(write(tmp_path, text)))
+    start = set_up(read(write(tmp_path, text))).start
     assert np.array_equal(start.xi, [0, 0, 50])
     with pytest.raises(ArgumentError, match=r"leave out section \[initial\]"):
-        system_and_start(read(write(tmp_path, text), ["initial.xi=[0,0,1]"]))
+        set_up(read(write(tmp_path, text), ["initial.xi=[0,0,1]"]))
     with pytest.raises(ArgumentError, match="needs `weight`"):
-        system_and_start(read(write(tmp_path, text), ["parameters.weight="]))
+        set_up(read(write(tmp_path, text), ["parameters.weight="]))
 
 
 def test_an_element_of_a_product_is_a_list_of_its_parts(tmp_path):
     changes = ["system.factory=top.py:rigid_motion", "initial=", "initial.g=[[[0,-1,0],[1,0,0],[0,0,1]],[1,2,3]]"]
-    _, start = system_and_start(read(write(tmp_path, TOP), changes))
+    start = set_up(read(write(tmp_path, TOP), changes)).start
     assert np.array_equal(start.g[1], [1, 2, 3])
     assert start.g[0][1][0] == 1
 
@@ -195,13 +195,13 @@ def test_python_files_that_do_not_run_are_told_with_the_line(tmp_path):
     file = write(tmp_path, TOP)
     (tmp_path / "top.py").write_text("import coadjoint\n\ndef top(:\n")
     with pytest.raises(ArgumentError, match=r"SyntaxError: .* \(line 3\)"):
-        system_and_start(read(file))
+        set_up(read(file))
     (tmp_path / "top.py").write_text("import coadjoint\nimport no_such_module\n")
     with pytest.raises(ArgumentError, match=r"ModuleNotFoundError: .* \(line 2\)"):
-        system_and_start(read(file))
+        set_up(read(file))
     (tmp_path / "top.txt").write_text("")
     with pytest.raises(FileError, match=r"must end in \.py"):
-        system_and_start(read(file, ["system.factory=top.txt:top"]))
+        set_up(read(file, ["system.factory=top.txt:top"]))
 
 
 def test_toml_is_written_as_it_reads():

@@ -51,7 +51,7 @@ def test_actuators_stand_beside_what_they_were_told_and_near_limits():
     heights = sorted(np.ravel([curve.get_ydata()[0] for curve in rudder.get_lines() if curve.get_linewidth() == 0.8]))
     assert heights[0] == pytest.approx(np.degrees(-0.25))
     assert heights[-1] == pytest.approx(np.degrees(0.25))
-    assert [text.get_text() for text in thrusters.get_legend().get_texts()] == ["thrusters 1", "thrusters 2"]
+    assert [text.get_text() for text in thrusters.get_legend().get_texts()] == ["thrusters 1", "2"]
     assert rudder.get_ylabel() == "(°)"
 
 

@@ -60,8 +60,8 @@ class Run:
     """Repeat a run that the folder holds already."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.run_file import read
         from coadjoint.cli.mission_file import MissionFile
+        from coadjoint.cli.run_file import read
         from coadjoint.cli.running import check, execute, set_up
 
         file = read(self.file, self.set)
@@ -169,12 +169,15 @@ class Models:
 
 @dataclass(frozen=True)
 class Vehicles:
-    """List the vehicles that are shipped, or show one: `coadjoint vehicles show remus_100`."""
+    """List the vehicles that are shipped, show one, or print a mission of it to start from.
 
-    action: tyro.conf.Positional[Literal["list", "show"]] = "list"
+    `coadjoint vehicles show remus_100`, `coadjoint vehicles mission remus_100 > dive.toml`.
+    """
+
+    action: tyro.conf.Positional[Literal["list", "show", "mission"]] = "list"
     """What to do."""
     name: tyro.conf.Positional[str] = ""
-    """A vehicle to show: the name of a shipped one, or the path of a TOML file."""
+    """A vehicle: the name of a shipped one, or the path of a TOML file."""
     toml: bool = False
     """Print its file, to start one's own from, and nothing else."""
     json: bool = False
@@ -193,6 +196,10 @@ class Vehicles:
                 vehicles.show_shelf(rows)
         elif not self.name:
             raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; a path of one's own file works too.")
+        elif self.action == "mission":
+            from coadjoint.cli.mission_example import example
+
+            print(example(self.name), end="")
         elif self.toml:
             print(vehicles.text_of(self.name), end="")
         elif self.json:

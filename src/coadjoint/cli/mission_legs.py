@@ -14,6 +14,8 @@ from coadjoint.models.underwater.log.columns import split
 
 OTHERS = ("time", "between", "file", "ends", "bottom", "clearance", "way_points", "acceptance", "look_ahead")
 """The keys of [mission] that are no set points."""
+SCALARS = ("depth", "altitude", "heading", "pitch", "roll", "speed")
+"""Set points of one number."""
 ENDS = ("surface", "bottom", "last way point")
 
 
@@ -38,16 +40,31 @@ def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
         if name in OTHERS:
             continue
         values = _numbers(name, value)
-        if time is not None and np.ndim(values) > 0 and len(values) == len(time):
-            found[name] = (co.Held if between == "held" else co.Linear)(time, values)
-        elif time is not None and np.ndim(values) > 0 and units.get(name) != "m":
-            raise ArgumentError(f"[mission] {name} must have a value for each of {len(time)} times, but has {len(values)}.")
-        else:
+        if np.ndim(values) == 0 or (time is None and name not in SCALARS):
             found[name] = values
+        elif time is None:
+            raise ArgumentError(
+                f"[mission] {name} has {len(values)} values, so that it needs `time_s`, when each begins."
+            )
+        elif len(values) != len(time):
+            raise ArgumentError(
+                f"[mission] {name} must be one number, or a value for each of {len(time)} times, but has {len(values)}."
+            )
+        else:
+            found[name] = (co.Held if between == "held" else co.Linear)(time, values)
     for name in found:
         if name not in units:
             raise ArgumentError(unknown(f"set point `{name}`", "Section [mission]", name, [*units, *OTHERS]))
+    _require_units(file, units)
     return found
+
+
+def _require_units(file: MissionFile, units: Mapping[str, str]) -> None:
+    """Raise ArgumentError where the unit of a key is not one of what it measures."""
+    for key in file.mission:
+        name, unit, _ = (key, "", 1.0) if key in OTHERS else split(key)
+        if unit and name in units and unit != units[name]:
+            raise ArgumentError(f"[mission] `{name}` measures {units[name]}, but `{key}` is in {unit}.")
 
 
 def _plain(file: MissionFile) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.mission import mission_summary, spread
 
 if TYPE_CHECKING:
-    from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
 LOG, MEMBERS = "trajectory.csv", "members.csv"
@@ -43,7 +42,7 @@ def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
     return {"mission": mission_summary(run.dataset)}
 
 
-def members(file: MissionFile, folder: Path, fleet: Ensemble) -> dict[str, Any]:
+def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
     """Write a table with a row for each member, and return the summary of all of them.
 
     The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
@@ -59,7 +58,10 @@ def members(file: MissionFile, folder: Path, fleet: Ensemble) -> dict[str, Any]:
     columns |= {name: values[done] for name, values in _varied(fleet).items()}
     columns |= {name: np.array([rows[k].get(name, np.nan) for k in done]) for name in names}
     if file.output.csv:
-        lines = [",".join(columns), *(",".join(f"{v:.12g}" for v in row) for row in np.column_stack([*columns.values()]))]
+        lines = [
+            ",".join(columns),
+            *(",".join(f"{v:.12g}" for v in row) for row in np.column_stack([*columns.values()])),
+        ]
         write_text(folder / MEMBERS, "\n".join(lines) + "\n")
     return {
         "system": fleet.system.name,
@@ -98,12 +100,12 @@ def require_room(file: MissionFile, start: Any) -> None:
     if file.run.members > 1 and size > MOST_BYTES:
         wanted = int(file.run.save_every * size / MOST_BYTES) + 1
         raise ArgumentError(
-            f"The trajectories of {file.run.members} members would take some {size / 1e9:.1f} GB: save fewer nodes with "
-            f"[run] save_every = {wanted} or more."
+            f"The trajectories of {file.run.members} members would take some {size / 1e9:.1f} GB: save fewer nodes "
+            f"with [run] save_every = {wanted} or more."
         )
 
 
-def _varied(fleet: Ensemble) -> dict[str, np.ndarray]:
+def _varied(fleet: Any) -> dict[str, np.ndarray]:
     """The parameters that differ between members, by name, entries of arrays one by one."""
     from coadjoint.mechanics.each import Each
 

@@ -55,7 +55,9 @@ def water(file: MissionFile, seeds: Any = None) -> Any:
     from coadjoint.models.underwater.water.sea import Sea
 
     made = {
-        name: _made(file, table, f"water.{name}", _INNER.get(name, CURRENTS), "" if name in _INNER else "uniform", seeds)
+        name: _made(
+            file, table, f"water.{name}", _INNER.get(name, CURRENTS), "" if name in _INNER else "uniform", seeds
+        )
         for name, table in named.items()
     }
     return Sea(**made)
@@ -82,7 +84,7 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
     try:
         return cls(**values)
     except TypeError as error:
-        needed = [
-            key for key, value in inspect.signature(cls).parameters.items() if value.default is value.empty
-        ]
-        raise ArgumentError(f"Section [{title}] of kind {kind!r} needs {', '.join(f'`{key}`' for key in needed)}.") from error
+        needed = [key for key, value in inspect.signature(cls).parameters.items() if value.default is value.empty]
+        raise ArgumentError(
+            f"Section [{title}] of kind {kind!r} needs {', '.join(f'`{key}`' for key in needed)}."
+        ) from error

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.cli.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
 from coadjoint.cli.mission_file import MissionFile
+from coadjoint.cli.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
 from coadjoint.cli.run_file import RunFile
 from coadjoint.cli.setup import Setup
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, StepError

@@ -97,11 +97,12 @@ class OutputSection:
     format: str = "png"
 
     def __post_init__(self):
-        from coadjoint.plotting.plots import FIGURES
+        from coadjoint.plotting.plots import ANIMATION, FIGURES
 
-        wrong = [name for name in (self.figures if isinstance(self.figures, list) else []) if name not in FIGURES]
+        known = (*FIGURES, ANIMATION)
+        wrong = [name for name in (self.figures if isinstance(self.figures, list) else []) if name not in known]
         if wrong:
-            raise ArgumentError(f"[output] figures has no figure `{wrong[0]}`: there are {', '.join(FIGURES)}.")
+            raise ArgumentError(f"[output] figures has no figure `{wrong[0]}`: there are {', '.join(known)}.")
         if self.format not in ("png", "pdf", "svg"):
             raise ArgumentError(f'[output] format must be "png", "pdf" or "svg", but is {self.format!r}.')
 

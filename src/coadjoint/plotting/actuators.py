@@ -67,7 +67,8 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
                 _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
             first += actual.shape[1]
             said = name.replace("_", " ")
-            labels += [said] if actual.shape[1] == 1 else [f"{said} {i + 1}" for i in range(actual.shape[1])]
+            numbers = [str(i + 1) for i in range(actual.shape[1])]
+            labels += [said] if len(numbers) == 1 else [f"{said} 1", *numbers[1:]]
     axes.set_ylabel(f"({unit})" if unit not in ("", "1") else "")
     key(axes, labels)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.models.underwater.log.log import Log
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.navigation import draw_wanted
-from coadjoint.plotting.style import COLOURS, COLUMN, canvas, legend, time_axis
+from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, legend, time_axis
 
 
 def speeds(runs: Sequence[Entry]) -> Figure:
@@ -84,21 +85,26 @@ def draw_components(axes: Axes, run: Entry, values: np.ndarray, first: int = 0) 
     """A curve for each column, a colour a component from `first` on, a line style a run."""
     for component, series in enumerate(values.T, start=first):
         kept = run.thin(series)
-        axes.plot(
-            run.time[kept], series[kept], color=COLOURS[component % len(COLOURS)], **{"linewidth": 0.9, **run.line}
-        )
+        axes.plot(run.time[kept], series[kept], **{"linewidth": 0.9, **run.line, **_look(component)})
+
+
+def _look(component: int) -> dict[str, Any]:
+    """The colour of a component; beyond the last colour with a dash, too."""
+    round_, place = divmod(component, len(COLOURS))
+    return {"color": COLOURS[place], **({"linestyle": DASHES[round_ % len(DASHES)]} if round_ else {})}
 
 
 def key(axes: Axes, labels: Sequence[str]) -> None:
     """Which colour is which component, and which curve a set point, in a line above the axes."""
-    handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=text) for i, text in enumerate(labels)]
+    handles = [Line2D([], [], label=text, **_look(i)) for i, text in enumerate(labels)]
     others = {str(line.get_label()): line for line in axes.get_lines() if not str(line.get_label()).startswith("_")}
-    longest = max(map(len, [*labels, *others]), default=0)
+    width = sum(map(len, [*labels, *others])) + 5 * (len(labels) + len(others))
+    columns = len(labels) + len(others) if width < 60 else 3
     axes.legend(
         handles=[*handles, *others.values()],
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=4 if longest < 12 else 3,
+        ncols=max(columns, 1),
         borderaxespad=0.1,
         handlelength=1.2,
         columnspacing=1.0,

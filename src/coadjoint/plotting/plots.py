@@ -216,8 +216,8 @@ def save_figures(
 ) -> list[str]:
     """Write the named figures of the datasets as folder/name.ending, by default all that every dataset has.
 
-    `animation` is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a name that is none,
-    and as the figures do.
+    `animation` is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a name that is
+    none, and as the figures do.
     """
     common = [name for name in FIGURES if all(name in available(dataset) for dataset in datasets)]
     chosen = common if names is None else list(names)

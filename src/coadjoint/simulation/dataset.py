@@ -141,11 +141,28 @@ def variables(
         for path, leaf in jax.tree_util.tree_leaves_with_path(values):
             name = kind + jax.tree_util.keystr(path).replace(".", "_").replace("[", "_").replace("]", "")
             found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
+    found.update(reported(system, records))
     if rotation is not None:
         found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
     for name, values in monitors.items():
         found[name] = (("time", "quantity") if values.ndim > 1 else ("time",), values)
     return found
+
+
+def reported(system: System, records: State) -> Variables:
+    """What the rule of the internal state tells of every record beside it, where it has a method `report`.
+
+    report(motion, p) → {name: array}, such as the current that a vehicle feels.
+    """
+    report = getattr(system.internal, "report", None)
+    if report is None:
+        return {}
+
+    def one(s: State) -> dict[str, Any]:
+        return report(system.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal), system.parameters)
+
+    found = evaluate(jax.vmap(one), records)
+    return {name: (("time", *(f"{name}_{axis}" for axis in range(x.ndim - 1))), x) for name, x in found.items()}
 
 
 def derived(records: State) -> dict[str, Any]:

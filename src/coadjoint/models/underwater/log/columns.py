@@ -20,7 +20,17 @@ SUFFIXES: dict[str, tuple[str, float]] = {
 }  # fmt: skip
 """The endings of column names: the SI unit, and how many of it they are."""
 
-_WRITTEN = {"m": "m", "s": "s", "m/s": "m_s", "rad": "deg", "rad/s": "rad_s", "1/s": "per_s", "m³": "m3", "N": "N"}
+WRITTEN = {
+    "m": "m",
+    "s": "s",
+    "m/s": "m_s",
+    "rad": "deg",
+    "rad/s": "rad_s",
+    "1/s": "per_s",
+    "m³": "m3",
+    "N": "N",
+    "N m": "Nm",
+}
 """In what a unit is written."""
 
 _LONGEST_FIRST = sorted(SUFFIXES, key=len, reverse=True)
@@ -73,7 +83,7 @@ def _motion(log: Log, axes: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 
 def _written(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
     """A quantity under its name with its unit; the components of several as `name[1]`, `name[2]`, …"""
-    suffix = _WRITTEN.get(unit, "")
+    suffix = WRITTEN.get(unit, "")
     values = np.degrees(values) if suffix == "deg" else values
     ending = f"_{suffix}" if suffix else ""
     if values.ndim == 1:

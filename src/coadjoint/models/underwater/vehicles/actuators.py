@@ -10,12 +10,13 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal import sampled, sampling
 from coadjoint.mechanics.state import Motion
 from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot, Sight
 from coadjoint.models.underwater.vehicles.energies import Surroundings, own_of
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
-from coadjoint.models.underwater.water.water import Water
+from coadjoint.models.underwater.water.water import UniformWater, Water
 from coadjoint.spaces.named import Named
 
 MEMORY = "memory"
@@ -59,6 +60,20 @@ class Rule:
             own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
             after["water"] = self.water.advance(motion.internal.water, h, own)
         return after
+
+    def report(self, motion: Motion, p: Any) -> dict[str, Any]:
+        """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
+
+        Nor for an ensemble whose members have waters of their own, since p is theirs together.
+        """
+        own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
+        numbers = own.asdict().values()
+        if any(isinstance(number, Each) for number in numbers) or (
+            isinstance(self.water, UniformWater) and not np.any(own.velocity)
+        ):
+            return {}
+        around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
+        return {"current": self.water.current(around.place(), motion.t, around.memory, own)}
 
     @property
     def _shapes(self) -> dict[str, tuple[int, ...]]:

@@ -158,6 +158,7 @@ class Craft:
         wanted = {} if self.pilot is None else self.pilot.inputs
         return {
             **UNITS,
+            "current": "m/s",
             **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},
             **{f"internal_{name}": unit for name, unit in commands.items()},
             **{

@@ -1,0 +1,250 @@
+"""Mission files: a vehicle, its water, its pilot and its legs, from one TOML to results."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.cli.main import main
+from coadjoint.cli.mission_craft import set_up
+from coadjoint.cli.mission_example import example
+from coadjoint.cli.mission_file import from_table
+from coadjoint.cli.mission_water import CURRENTS, water
+from coadjoint.cli.run_file import read
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.report.mission import mission_summary
+
+MISSION = """
+[vehicle]
+name = "remus_100"
+
+[water]
+velocity_m_s = [0.0, 0.2, 0.0]
+
+[mission]
+time_s = [0, 5]
+depth_m = [1.0, 2.0]
+heading_deg = [0, 40]
+speed_m_s = 1.5
+
+[initial]
+speed_knots = 3
+position_m = [0, 0, 0.5]
+actuators = { propeller_rpm = 900 }
+
+[run]
+dt = 0.05
+duration = 10
+save_every = 4
+
+[output]
+figures = ["track"]
+animation = "html"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def mission(**sections):
+    """The mission file with some sections replaced, or left out with None."""
+    table = {**tomllib.loads(MISSION), **sections}
+    return from_table({name: part for name, part in table.items() if part is not None}, Path("dive.toml"), "")
+
+
+def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_path, capsys):
+    Path("dive.toml").write_text(MISSION)
+    assert main(["run", "dive.toml", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    folder = tmp_path / "dive"
+    assert {path.name for path in folder.iterdir()} == {
+        *("run.toml", "trajectory.nc", "trajectory.csv", "summary.json", "track.png", "animation.html")
+    }
+    data = co.load(folder / "trajectory.nc").dataset
+    found = told["mission"]
+    assert json.loads((folder / "summary.json").read_text()) == told
+    assert found["depth_max"] == pytest.approx(float(data.q[:, 2].max()))
+    assert found["path_length"] == pytest.approx(float(np.linalg.norm(np.diff(data.q, axis=0), axis=1).sum()))
+    assert found["energy_put_in"]["propeller"] == pytest.approx(float(data.work_propeller[-1]))
+    depth_error = data.inputs_depth.values - data.q.values[:, 2]
+    assert found["tracking"]["depth"]["error_rms"] == pytest.approx(np.sqrt(np.mean(depth_error**2)))
+    assert found["times_real_time"] == pytest.approx(10 / told["seconds"])
+    assert float(data.inputs_heading[-1]) == pytest.approx(np.radians(40))
+    assert float(data.internal_propeller[0]) == 15.0
+    assert np.allclose(data.current, [0, 0.2, 0])
+    with open(folder / "trajectory.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["depth_m"]) == pytest.approx(float(data.q[-1, 2]))
+    assert main(["run", "dive.toml"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_the_same_mission_by_hand_ends_at_the_same_place():
+    made = set_up(mission())
+    run = co.simulate(made.system, made.start, dt=0.05, duration=10, inputs=made.inputs)
+    import coadjoint.models.underwater as uw
+
+    vehicle = uw.load_vehicle("remus_100")
+    craft = uw.Craft(vehicle, pilot=vehicle.pilot, water=uw.UniformWater((0.0, 0.2, 0.0)))
+    start = craft.start(position=(0, 0, 0.5), speed=3 * 1852 / 3600, actuators={"propeller": 15.0})
+    legs = [0.0, 5.0]
+    inputs = {"depth": co.Held(legs, [1.0, 2.0]), "heading": co.Held(legs, np.radians([0.0, 40.0])), "speed": 1.5}
+    again = co.simulate(craft.system, start, dt=0.05, duration=10, inputs=inputs)
+    assert np.allclose(run.final.q, again.final.q, atol=1e-9)
+
+
+def test_a_start_in_east_north_up_is_the_same_start():
+    ned = set_up(mission(initial={"position_m": [1, 2, 3], "speed": 1.0, "heading_deg": 30, "pitch_deg": 10})).start
+    given = {"axes": "ENU/FLU", "position_m": [2, 1, -3], "speed": 1.0, "yaw_deg": 60, "pitch_deg": -10}
+    enu = set_up(mission(initial=given)).start
+    assert np.allclose(ned.g, enu.g)
+    assert np.allclose(ned.n, enu.n)
+    assert np.allclose(ned.nu, enu.nu)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"vehicle": {"name": "remus_10"}}, "did you mean `remus_100`"),
+        ({"vehicle": {"name": "remus_100", "file": "mine.toml"}}, "either `name`"),
+        ({"vehicle": {"file": "mine.toml"}}, "no file mine.toml"),
+        ({"missions": {}}, "did you mean `mission`"),
+        ({"run": None}, "needs a section \\[run\\]"),
+        ({"run": {"dt": 0.1, "duration": 1, "member": 3}}, "did you mean `members`"),
+        ({"run": {"dt": 0.1, "duration": 1, "members": 3}}, "needs a section \\[perturb\\]"),
+        ({"mission": {"depth_m": 3, "speed_m_s": 1}}, "needs `heading` \\(rad\\)"),
+        ({"mission": {"depth_m": 3, "depth_km": 3}}, "gives `depth` twice"),
+        ({"mission": {"depht_m": 3, "heading": 0, "speed": 1}}, "did you mean `depth`"),
+        ({"mission": {"depth_s": 3, "heading": 0, "speed": 1}}, "measures m, but `depth_s` is in s"),
+        ({"mission": {"depth_m": "deep", "heading": 0, "speed": 1}}, "must hold numbers"),
+        ({"mission": {"time_s": [0, 1], "depth_m": [3, 4, 5], "heading": 0, "speed": 1}}, "each of 2 times"),
+        ({"mission": {"depth_m": [3, 4], "heading": 0, "speed": 1}}, "needs `time_s`"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "surfaces"}}, "did you mean `surface`"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": ["bottom"]}}, "needs `bottom`"),
+        ({"initial": {"position_m": [0, 0]}}, "position"),
+        ({"initial": {"axes": "ENU/FLU", "heading_deg": 3}}, "belongs to NED/FRD"),
+        ({"initial": {"actuators": {"ruder_deg": 3}}}, "no actuator"),
+        ({"pilot": {"kind": "cruse"}}, "did you mean `cruise`"),
+        ({"pilot": {"periods": 1}}, "did you mean `period`"),
+        ({"pilot": {"kind": "none"}}, "no set point `depth`"),
+        ({"parameters": {"rudder_aera": 1}}, "did you mean `rudder_area`"),
+        ({"water": {"kind": "tidel"}}, "did you mean `tidal`"),
+        ({"water": {"velocty": [0, 0, 0]}}, "did you mean `velocity`"),
+        ({"water": {"velocity_deg": [0, 0, 0]}}, "unit of angle"),
+        ({"water": {"velocity": [0, 0, 0], "drift": {"velocity": [0, 0, 0]}}}, "beside tables"),
+        ({"water": {"kind": "tidal"}}, "needs `constituents`, `amplitudes`"),
+        ({"output": {"animation": "mp4"}}, '"gif" or "html"'),
+    ],
+)
+def test_a_mistake_is_told_in_one_sentence(sections, words):
+    with pytest.raises(CoadjointError, match=words) as caught:
+        set_up(mission(**sections))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_kind_of_current_can_be_said(tmp_path):
+    (tmp_path / "c.csv").write_text("depth,north,east\n0,0.3,0\n20,0.1,0\n")
+    tables = {
+        "uniform": {"velocity_cm_per_s": [30, 0, 0]},
+        "shear": {"kind": "shear", "surface": [0.3, 0, 0], "gradient": [-0.01, 0, 0]},
+        "sheared": {"kind": "sheared", "surface": [0.3, 0, 0], "profile": {"kind": "power_law", "bottom_m": 40}},
+        "tidal": {"kind": "tidal", "constituents": ["M2"], "amplitudes": [[0.3, 0, 0]]},
+        "gauss_markov": {
+            "kind": "gauss_markov",
+            "deviation": [0, 0.1, 0],
+            "correlation_time_min": 1,
+            "mean": [0.3, 0, 0],
+        },
+        "table": {"kind": "table", "file": "c.csv"},
+    }
+    assert set(tables) == set(CURRENTS)
+    for kind, table in tables.items():
+        found = water(mission(water=table))
+        own = co.Parameters(**found.parameters(), fluid_density=1025.0)
+        memory = co.Parameters(**found.start()) if found.start() else None
+        with co.float64():
+            north = float(found.current(np.zeros(3), 0.0, memory, own)[0])
+        assert north == pytest.approx(0.3), kind
+    both = {"mean": tables["uniform"], "tide": tables["tidal"], "density": {"kind": "linear", "surface": 1025.0}}
+    sea = water(mission(water=both))
+    own = co.Parameters(**sea.parameters(), fluid_density=1000.0)
+    with co.float64():
+        assert float(sea.current(np.zeros(3), 0.0, None, own)[0]) == pytest.approx(0.6)
+        assert float(sea.density(0.0, own)) == 1025.0
+
+
+def test_a_mission_that_surfaces_ends_there(tmp_path, capsys):
+    Path("up.toml").write_text(MISSION.replace("depth_m = [1.0, 2.0]", 'depth_m = [0.5, -2.0]\nends = "surface"'))
+    assert main(["run", "up.toml", "--set", "output.figures=false", "--set", "run.duration=60", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert 5 < told["event"] < 60
+    assert abs(told["mission"]["position_final"][2]) < 0.2
+
+
+def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys):
+    more = '[perturb]\nseed = 3\nmass = 0.5\nhull_axial_drag = "10 %"\n'
+    Path("fleet.toml").write_text(MISSION.replace("duration = 10", "duration = 5\nmembers = 40") + more)
+    assert main(["run", "fleet.toml", "--set", "output.figures=false", "--set", "output.animation=", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    with open("fleet/members.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert (told["members"], told["finished"], len(rows)) == (40, 40, 40)
+    mass = np.array([float(row["mass"]) for row in rows])
+    drag = np.array([float(row["hull_axial_drag"]) for row in rows])
+    assert np.std(mass) == pytest.approx(0.5, rel=0.4)
+    assert np.std(drag) == pytest.approx(0.042, rel=0.4)
+    data = co.load("fleet/trajectory.nc").dataset
+    single = mission_summary(data.isel(member=7))
+    assert float(rows[7]["path_length"]) == pytest.approx(single["path_length"])
+    lengths = [float(row["path_length"]) for row in rows]
+    assert told["mission"]["path_length"]["50%"] == pytest.approx(np.median(lengths))
+    same = [set_up(read("fleet.toml")).system.parameters.mass.values for _ in range(2)]
+    assert np.array_equal(*same)
+    assert np.allclose(same[0], mass)
+
+
+def test_too_many_members_for_a_file_are_refused_with_a_remedy():
+    run = {"dt": 0.05, "duration": 300, "members": 10_000}
+    with pytest.raises(ArgumentError, match=r"save_every = \d+ or more"):
+        set_up(mission(run=run, perturb={"mass": 0.1}))
+
+
+@pytest.mark.parametrize("name", ["remus_100", "bluerov2_heavy_blue", "slocum_graver", "ono_fiori_peng"])
+def test_the_example_of_a_vehicle_can_be_run(name, tmp_path):
+    Path("example.toml").write_text(example(name))
+    assert main(["run", "example.toml", "--check"]) == 0
+
+
+def test_a_mission_is_resumed_from_its_folder_alone(tmp_path, monkeypatch):
+    legs = "time_s,depth_m,heading_deg,speed_m_s\n0,1,0,1.5\n5,2,40,1.5\n"
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "legs.csv").write_text(legs)
+    text = MISSION[: MISSION.index("[mission]")] + '[mission]\nfile = "tables/legs.csv"\n\n'
+    Path("dive.toml").write_text(text + MISSION[MISSION.index("[initial]") :])
+    import coadjoint.simulation.driver as driver
+
+    whole = driver.Driver.drive
+
+    def interrupted(self, position):
+        whole(self, position)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(driver.Driver, "drive", interrupted)
+    assert main(["run", "dive.toml"]) == 130
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tables" / "legs.csv").unlink()
+    assert main(["resume", "dive"]) == 0
+    data = co.load("dive/trajectory.nc").dataset
+    assert float(data.time[-1]) == pytest.approx(10)
+    assert float(data.inputs_heading[-1]) == pytest.approx(np.radians(40))
+    with pytest.raises(FileError, match=r"legs\.csv"):
+        _ = read("dive.toml").companions
