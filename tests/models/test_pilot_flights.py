@@ -68,7 +68,7 @@ def test_a_torpedo_comes_on_to_its_legs_in_a_cross_current_by_the_integral_and_n
     held = follow(remus(length=1.6), 1.5)
     q, leg = held.q.values, held.internal_pilot_value_memory_leg.values
     first, second = np.flatnonzero(leg == 0), np.flatnonzero(leg == 1)
-    assert abs(q[first[-1], 1]) < 0.05 and abs(q[second[-1], 0] - 100.0) < 0.1 and leg[-1] == 2
+    assert abs(q[first[-1], 1]) < 0.1 and abs(q[second[-1], 0] - 100.0) < 0.4 and leg[-1] == 2
     assert q[second[-1], 2] == pytest.approx(10.0, abs=0.1) and q[first[-1], 2] == pytest.approx(5.0, abs=0.1)
     missed = follow(remus(length=1.6), 1.5, gain=0.0, duration=60.0)
     through = missed.nu.values[-1] - missed.R.values[-1].T @ [0, 0.3, 0]

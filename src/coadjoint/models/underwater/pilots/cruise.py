@@ -35,7 +35,8 @@ class Cruise(Pilot):
     `speed` (m/s through the water).
     Fields, the keys of [pilot] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
     (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
-    m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_limit, fin_limit (rad); thrust_limit
+    m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
+    errors count as these, so that turns stay within what fins can hold; pitch_limit, fin_limit (rad); thrust_limit
     (command); vertical: "depth", "altitude" or "pitch"; bottom (m). What is left out is proposed from the vehicle's
     mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
     """
@@ -45,6 +46,8 @@ class Cruise(Pilot):
     pitch_gains: Any = None
     heading_gains: Any = None
     roll_gains: Any = None
+    pitch_reach: Any = None
+    heading_reach: Any = None
     speed_gains: Any = None
     feed_forward: Any = None
     pitch_limit: Any = pi / 6
@@ -56,7 +59,9 @@ class Cruise(Pilot):
 
     def __post_init__(self) -> None:
         require_gains(self, GAINS)
-        require_positive(self, ("speed", "period", "pitch_limit", "fin_limit", "thrust_limit"))
+        require_positive(
+            self, ("speed", "period", "pitch_limit", "pitch_reach", "heading_reach", "fin_limit", "thrust_limit")
+        )
         if self.vertical not in ("depth", "altitude", "pitch"):
             raise ArgumentError(
                 f'Argument `vertical` of the pilot `cruise` must be "depth", "altitude" or "pitch", but is '
@@ -86,10 +91,12 @@ class Cruise(Pilot):
         T, omega = own.period, sight.omega
         faster = own.speed / jnp.maximum(sight.velocity[0], own.speed / 3)
         climb, of_depth = self._climb(sight, memory, own)
-        up, of_pitch = pid(_at(faster, own.pitch_gains), climb - sight.pitch, omega[1], memory.pitch, T, own.fin_limit)
+        # Depth that pitch has yet to follow is no error to be remembered.
+        of_depth = jnp.where(jnp.abs(climb - sight.pitch) > own.pitch_reach, memory.depth, of_depth)
+        up, of_pitch = self._turn("pitch", climb - sight.pitch, omega[1], memory.pitch, faster, own)
         turned = nearest_turn(sight.inputs.heading - sight.heading)
         turn = (omega[1] * jnp.sin(sight.roll) + omega[2] * jnp.cos(sight.roll)) / jnp.cos(sight.pitch)
-        round_, of_heading = pid(_at(faster, own.heading_gains), turned, turn, memory.heading, T, own.fin_limit)
+        round_, of_heading = self._turn("heading", turned, turn, memory.heading, faster, own)
         over, of_roll = pid(_at(faster, own.roll_gains), -sight.roll, omega[0], memory.roll, T, own.fin_limit)
         ahead, of_speed = pull(sight, memory.speed, own)
         fins = own.mixing[:, :3] @ jnp.stack([over, up, round_])
@@ -102,6 +109,13 @@ class Cruise(Pilot):
             "roll": of_roll,
             "speed": of_speed,
         }
+
+    def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Any) -> Any:
+        """The mixed angle about an axis, and the integral of its error where that is within reach."""
+        far, gains = getattr(own, f"{axis}_reach"), _at(faster, getattr(own, f"{axis}_gains"))
+        near = jnp.clip(error, -far, far)
+        angle, following = pid(gains, near, rate, integral, own.period, own.fin_limit)
+        return angle, jnp.where(near == error, following, integral)
 
     def _climb(self, sight: Sight, memory: Any, own: Any) -> tuple[Array, Array]:
         """θ_c, rad, and the integral of the depth error."""

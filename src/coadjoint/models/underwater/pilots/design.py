@@ -8,13 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.models.underwater.pilots.mixing import Mixing, mixing, propulsion
-from coadjoint.models.underwater.pilots.under_way import UnderWay, under_way
+from coadjoint.models.underwater.pilots.under_way import UnderWay, steady, under_way, weight
 
 DAMPING_RATIO = 0.9
 LENGTHS = 1.5
 """A turn is meant to take about U/L·LENGTHS rad/s, where fins and sampling allow it."""
 FULL_FIN = 0.25
 """rad: errors of pitch, roll or heading that may use the fins up."""
+TURNING = 0.6
+"""The part of the fins that a steady turn may use; the rest is for what comes on top."""
+PLANES = {"roll": (0, 3, 1), "pitch": (1, 4, 2), "heading": (2, 5, 1)}
+"""The column of the mixing, and the rows of the torque and of the slip, of a turn."""
 WELL_DAMPED = 0.7
 """The damping ratio that is enough for any mode."""
 
@@ -25,6 +29,7 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     Turns: θ̈ = a_q θ̇ + a_θ θ + b δ, with the side slip that a turn begins with in a_θ (w = Uθ, v = −Uψ: the Munk
     moment, and what fins take from the flow), gets the poles of s² + 2ζωs + ω², k_p = (ω² + a_θ)/b and
     k_d = (2ζω + a_q)/b; then k_d grows until the modes of slip, rate, angle and fins are damped too.
+    Errors of pitch and heading count up to those that ask for a turn of TURNING of the fins (`reach`).
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
@@ -33,10 +38,13 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     screws = propulsion(motion)
     fin, late, wanted = means(pilot, vehicle, motion)
     turns = {axis: turning(motion, mixed, axis) for axis in ("roll", "pitch", "heading")}
-    given = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
+    given: dict[str, Any] = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
     for axis in ("pitch", "heading"):
         given[f"{axis}_gains"] = damped(motion, mixed, axis, given[f"{axis}_gains"], late)
     pitch = given["pitch_gains"] if pilot.pitch_gains is None else pilot.pitch_gains
+    for axis in ("pitch", "heading"):
+        gains = given[f"{axis}_gains"] if getattr(pilot, f"{axis}_gains") is None else getattr(pilot, f"{axis}_gains")
+        given[f"{axis}_reach"] = reach(vehicle, motion, mixed, axis, gains, fin)
     thrust = motion.limits[screws].min()
     given |= {
         "depth_gains": diving(motion, mixed, pitch, late),
@@ -80,7 +88,7 @@ def propose_attitude(pilot: Any, vehicle: Any) -> Any:
     """An attitude pilot with its model of a vehicle at pilot.speed, and with the gains that were left out."""
     motion = under_way(vehicle, pilot.speed)
     mixed = mixing(motion)
-    fin, late, wanted = means(pilot, vehicle, motion)
+    fin, _, wanted = means(pilot, vehicle, motion)
     screws = propulsion(motion)
     given = {
         "attitude_gains": np.array([wanted**2, wanted**3 / 8, 2 * DAMPING_RATIO * wanted]),
@@ -89,7 +97,7 @@ def propose_attitude(pilot: Any, vehicle: Any) -> Any:
         "fin_limit": fin,
         "thrust_limit": motion.limits[screws].min(),
     }
-    model = turning_model(motion, mixed, vehicle.mass * vehicle.gravity - vehicle.buoyancy, fin)
+    model = turning_model(motion, mixed, weight(vehicle)[0], fin)
     chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
     return replace(pilot, mixing=mixed, model=model, **chosen)
 
@@ -120,12 +128,19 @@ def turning(motion: UnderWay, mixed: Mixing, axis: str) -> Turn:
 
 def plane(motion: UnderWay, mixed: Mixing, axis: str) -> np.ndarray:
     """d(slip, rate)/dt = A (slip, rate, angle, δ), A of shape (2, 4): slip is v or w, δ the mixed angle of the fins."""
-    column, row, across = {"roll": (0, 3, 1), "pitch": (1, 4, 2), "heading": (2, 5, 1)}[axis]
+    column, row, across = PLANES[axis]
     both = [across, row]
     righting = [0.0, 0.0 if axis == "heading" else -motion.righting[2]]
     effect = motion.effects[both] @ mixed.matrix[:, column]
     pushes = np.column_stack([motion.damping[np.ix_(both, both)], righting, effect])
     return np.linalg.solve(motion.mass[np.ix_(both, both)], pushes)
+
+
+def reach(vehicle: Any, motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: float) -> float:
+    """The error, rad, that asks for the fastest turn that a part of the fins holds: e = (δ + k_d rate)/k_p."""
+    column, row, across = PLANES[axis]
+    rate, angle = steady(vehicle, motion, across, row, mixed.matrix[:, column], TURNING * fin)
+    return max((angle + gains[2] * rate) / gains[0], 0.02)
 
 
 def damped(motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, late: float) -> np.ndarray:

@@ -148,8 +148,7 @@ class Manoeuvre(Thrusting):
 def resistance(vehicle: Any, speed: float) -> float:
     """X of all parts with their actuators at rest, N, going straight ahead (m/s)."""
     ahead = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
-    rest = {part.name: np.full(part.command.shape, part.command.start) for part in vehicle.commanded}
-    return float(evaluate(lambda nu: wrench(vehicle, nu, rest)[0], ahead))
+    return float(evaluate(lambda nu: wrench(vehicle, nu)[0], ahead))
 
 
 def heading_near(sight: Sight) -> Any:

@@ -15,7 +15,7 @@ from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.pilots.attitude import attitude_error, attitude_of
 from coadjoint.models.underwater.pilots.checks import require_gains, require_positive
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
-from coadjoint.models.underwater.pilots.under_way import coriolis, mass_matrix
+from coadjoint.models.underwater.pilots.under_way import coriolis, mass_matrix, weight
 
 DAMPING_RATIO = 0.9
 LARGEST_ACCELERATION = 5.0
@@ -60,15 +60,15 @@ class Thrusting(Pilot):
             return self
         part = self._part(vehicle)
         M = mass_matrix(vehicle)
-        W, B = vehicle.mass * vehicle.gravity, vehicle.buoyancy
+        net_weight, righting = weight(vehicle)
         late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
         given = self.proposed(accelerations(part, M), late)
         return replace(
             self,
             thrusters=part.name,
             mass=M,
-            net_weight=np.asarray(W - B, dtype=float),
-            righting=W * vehicle.center_of_mass - B * vehicle.center_of_buoyancy,
+            net_weight=net_weight,
+            righting=righting,
             **{key: value for key, value in given.items() if getattr(self, key) is None},
         )
 
