@@ -16,7 +16,7 @@ from coadjoint.models.underwater.parts.part import Flow, Part
 from coadjoint.spaces.named import Named, named
 
 DOWN = np.array([0.0, 0.0, 1.0])
-UNSTABLE = 0.6
+UNSTABLE = 0.7
 """The part of its fastest turn that a vehicle is asked for where fins must hold against the turn."""
 
 
@@ -93,7 +93,7 @@ def steady(
     x = np.zeros(2)
     both = tabulate(lambda x, rate: (balance(x, rate), jax.jacfwd(balance)(x, rate)), x, np.float64(0))
     turns = [(0.0, 0.0)]
-    for rate in np.geomspace(0.01, 1.0, 12):
+    for rate in np.geomspace(0.01, 1.0, 14):
         for _ in range(8):
             value, slope = both(x, np.float64(rate))
             change = np.linalg.solve(slope, -value)
@@ -105,8 +105,9 @@ def steady(
         if abs(x[1]) > most or abs(x[0]) > motion.speed:
             break
         turns.append((float(rate), float(x[1])))
-    highest = turns[-1][0] if turns[-1][1] >= 0 else UNSTABLE * turns[-1][0]
-    return [turn for turn in turns if turn[0] <= highest][-1]
+    rates, angles = np.transpose(turns)
+    rate = rates[-1] if angles[-1] >= 0 else UNSTABLE * rates[-1]
+    return float(rate), float(np.interp(rate, rates, angles))
 
 
 def mass_matrix(vehicle: Any) -> np.ndarray:
