@@ -193,3 +193,5 @@ def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
         read_vehicle(tmp_path)
     with pytest.raises(ArgumentError, match="did you mean `remus_100`"):
         load_vehicle("remus100")
+    with pytest.raises(ArgumentError, match="the name of a vehicle or the path of its file, but is 3"):
+        load_vehicle(3)  # pyright: ignore[reportArgumentType]

@@ -43,7 +43,7 @@ def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:
     What is doubtful about it stands in `vehicle.warnings`; of a file of one's own it is warned of too.
     Raises ArgumentError, and FileError for a file that cannot be read.
     """
-    text = os.fspath(name)
+    text = os.fspath(name) if isinstance(name, (str, os.PathLike)) else None
     if not isinstance(text, str):
         raise ArgumentError(f"Argument `name` must be the name of a vehicle or the path of its file, but is {name!r}.")
     if is_path(text) or isinstance(name, Path):
