@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.models.underwater import Ballast, Craft, Damping, Hull, MovingMass, Sawtooth, Vehicle, load_vehicle, trim
+from coadjoint.models.underwater import (
+    Ballast,
+    Craft,
+    Damping,
+    Hull,
+    MovingMass,
+    Sawtooth,
+    UniformWater,
+    Vehicle,
+    load_vehicle,
+    trim,
+)
 
 DEPTHS: dict[str, Any] = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}
 GLIDER = load_vehicle("slocum_graver")
@@ -117,6 +128,42 @@ def test_a_trimmed_glider_glides_at_the_angle_and_speed_of_the_closed_form(path)
     slope = np.radians(path)
     np.testing.assert_allclose(run.final.qdot, 0.3 * np.array([np.cos(slope), 0, -np.sin(slope)]), atol=1e-9)
     assert float(run.dataset.euler_angles[-1, 1]) == pytest.approx(glide.pitch, abs=1e-8)
+
+
+def test_the_trim_holds_with_ballast_in_the_nose_and_centres_off_the_origin():
+    pump, battery = GLIDER.part("pump"), GLIDER.part("battery")
+    added_mass = np.diag([5.0, 60, 70, 0.1, 0.2, 0.2])
+    added_mass[2, 4] = added_mass[4, 2] = -3.0
+    glider = replace(
+        GLIDER,
+        center_of_mass=(0.02, 0, 0.01),
+        center_of_buoyancy=(0.015, 0, -0.01),
+        added_mass=added_mass,
+        parts=(GLIDER.part("hull"), replace(battery, low=-0.3, high=0.3), replace(pump, position=(0.6, 0, 0.03))),
+    )
+    glide, trimmed = trim(glider, np.radians(-30.0), 0.35)
+    craft = Craft(glider)
+    v = 0.35 * np.array([np.cos(glide.angle_of_attack), 0, np.sin(glide.angle_of_attack)])
+    start = craft.start(velocity=v, euler_zyx=(0, glide.pitch, 0), actuators=trimmed)
+    made = co.simulate(craft.system, start, dt=0.05, duration=30.0).dataset
+    np.testing.assert_allclose(made.nu, np.broadcast_to(v, made.nu.shape), atol=1e-12)
+    assert float(abs(made.euler_angles[:, 1] - glide.pitch).max()) < 1e-11
+
+
+def test_a_mass_that_runs_in_a_steady_current_is_a_mass_that_runs_in_still_water():
+    current = np.array([0.3, -0.2, 0.05])
+    inputs: dict[str, Any] = {
+        "battery": co.Held([0.0, 20.0], [0.03, -0.03]),
+        "pump": co.Held([0.0, 20.0], [-1e-4, 1e-4]),
+    }
+    runs = []
+    for water in (None, UniformWater(current)):
+        craft = Craft(GLIDER, water=water)
+        start = craft.start(velocity=(0.2, 0, 0), position=(0, 0, 30))
+        runs.append(co.simulate(craft.system, start, dt=0.05, duration=40.0, inputs=inputs).dataset)
+    still, carried = runs
+    np.testing.assert_allclose(carried.q, still.q + np.outer(still.time, current), atol=1e-10)
+    np.testing.assert_allclose(carried.R, still.R, atol=1e-11)
 
 
 def test_the_trim_is_that_of_the_published_formulas():
