@@ -20,9 +20,9 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def run_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Run a script as a user does, in an empty folder; returns its variables."""
 
-    def run(name: str, duration: float) -> dict[str, Any]:
+    def run(name: str, duration: float, *more: float) -> dict[str, Any]:
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", [f"{name}.py", str(duration)])
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, (duration, *more))])
         found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
         matplotlib.pyplot.close("all")
         return found
@@ -101,3 +101,13 @@ def test_remus_reaches_the_depth_that_it_is_told(run_example):
     assert found["run"].summary()["energy_budget_error_max"] < 1e-5
     for name in ("remus_mission.png", "remus_energy.png"):
         assert Path(name).stat().st_size > 10_000
+
+
+def test_a_fleet_of_remus_spreads_with_its_currents_and_holds_its_depth(run_example):
+    found = run_example("remus_fleet", 60, 100)
+    fleet, q = found["fleet"], found["found"].q
+    assert not fleet.failures and found["hunting"].sum() == 0
+    drift = fleet.system.parameters.water_velocity.values[:, 1]
+    assert np.corrcoef(fleet.dataset.q[:, -1, 1], drift)[0, 1] > 0.9
+    assert q.sel(statistic="std")[-1, 1] > 1.0 > 0.1 > q.sel(statistic="std")[-1, 2]
+    assert Path("remus_fleet.png").stat().st_size > 10_000
