@@ -14,7 +14,6 @@ from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.pilots.under_way import own, wrench
 from coadjoint.models.underwater.vehicles.loads import center_of_all_mass, total_mass, total_volume
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
-from coadjoint.spaces.named import named
 
 FASTEST = 50.0
 """m/s: no vehicle under water is faster."""
@@ -47,7 +46,7 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
 
     Fins, masses and ballast stay as they start.
     """
-    commands: dict[str, Any] = {part.name: _ahead(part) for part in vehicle.commanded}
+    commands = np.concatenate([np.zeros(0), *(np.ravel(_ahead(part)) for part in vehicle.commanded)])
 
     def push(u: float) -> float:
         found = evaluate(lambda nu: wrench(vehicle, nu, commands), np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]))
@@ -59,7 +58,7 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
 
 
 def _ahead(part: Part) -> Any:
-    """The actuator of a part at the most that it can do to push ahead."""
+    """The command at which a part does the most that it can to push ahead."""
     command = part.command
     assert command is not None
     start = np.full(command.shape, command.start)
@@ -69,4 +68,4 @@ def _ahead(part: Part) -> Any:
         row = np.asarray(evaluate(part.matrix, own(part)))[0]
         low, high = (np.full(command.shape, limit) for limit in part.limit)
         return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
-    return named(part.at_rest(start))
+    return start
