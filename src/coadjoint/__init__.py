@@ -108,6 +108,7 @@ __version__ = "0.1.0"
 __all__ = [*_HOME_OF, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
+    from coadjoint import identification as identification
     from coadjoint import models as models
     from coadjoint import stability as stability
     from coadjoint import theory as theory

@@ -66,16 +66,27 @@ def test_what_is_written_is_read_back(tmp_path):
     t = np.array([0.0, 0.1, 0.25, 0.3])
     columns = {"roll": np.array([0.1, np.nan, -0.3, 3.0]), "u": np.array([1.0, 2.0, np.nan, 4.0])}
     inputs = {"rudder": np.array([0.1, 0.2, 0.3, 0.4]), "thrusters": np.arange(8.0).reshape(4, 2)}
-    log = Log(t, columns, inputs, {"rudder": "rad", "thrusters": "N"})
+    log = Log(t, columns, inputs, {"rudder": "rad", "thrusters": "N"}, step=0.05)
     path = tmp_path / "out.csv"
     write_log(log, path)
     back = read_log(path)
     for part, other in ((log.columns, back.columns), (log.inputs, back.inputs)):
         for name in part:
             np.testing.assert_allclose(other[name], part[name], rtol=1e-9)
-    assert back.units == log.units
+    assert back.units == log.units and back.step == 0.05
     assert any("1 of 4 values of roll" in note for note in back.notes)
     assert any("irregular" in note for note in back.notes)
+
+
+def test_commands_count_and_not_what_the_actuators_did(tmp_path):
+    """The columns of the library's own logs of runs."""
+    header = (
+        "time_s,u_m_s,rudder_deg,screw_per_s,command_rudder_deg,command_thrusters[1],command_thrusters[2],set_depth_m"
+    )
+    log = read_log(written(tmp_path, f"{header}\n0,1,10,5,90,1500,1600,3\n1,1,20,6,180,1700,1800,3\n"))
+    assert sorted(log.inputs) == ["rudder", "screw", "thrusters"]
+    assert np.allclose(log.inputs["rudder"], [np.pi / 2, np.pi]) and np.allclose(log.inputs["screw"], [5, 6])
+    assert np.allclose(log.inputs["thrusters"], [[1500, 1600], [1700, 1800]])
 
 
 def test_missing_inputs_keep_their_last_value_and_are_told(tmp_path):
@@ -95,7 +106,8 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         ("u_m_s,w_m_s\n0,1\n1,2\n", "no column `time_s`"),
         (GOOD.replace("u_m_s", "u_parsec"), "line 1: column `u_parsec` has no known unit"),
         (GOOD.replace("u_m_s", "u_deg"), "`u` is measured in m/s"),
-        (GOOD.replace("rudder_rad", "rudder"), "`rudder` has no known unit"),
+        (GOOD.replace("roll_deg", "roll"), "`roll` has no known unit at its end: give one, as in `roll_"),
+        (GOOD.replace("rudder_rad", "rudder (furlong)"), "`rudder (furlong)` has no known unit"),
         (GOOD.replace("rudder_rad", "u_cm_s"), "`u` is given twice"),
         (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: 3 cells, but there are 4 headers"),
         (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),

@@ -34,6 +34,11 @@ def fine():
     return run_of(60.0, 0.005, 20)
 
 
+def measured(run, seed=0):
+    """A log of which nothing tells that it was simulated."""
+    return replace(synthetic_log(run, noise=NOISE, seed=seed), step=None)
+
+
 def truth(name):
     key, _, index = name.partition("[")
     return float(getattr(SYSTEM.parameters, key)[tuple(int(i) for i in index.rstrip("]").split(","))])
@@ -42,7 +47,8 @@ def truth(name):
 def test_an_exact_log_on_the_same_grid_gives_the_exact_parameters():
     run = run_of(40.0, 0.05, 2)
     log = synthetic_log(run, noise=dict.fromkeys(NOISE, 1e-9))
-    found = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, noise=dict.fromkeys(NOISE, 1e-6), dt=0.05)
+    found = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, noise=dict.fromkeys(NOISE, 1e-6))
+    assert found.dt == log.step == 0.05
     for name, estimate in found.estimates.items():
         assert estimate.value == pytest.approx(truth(name), rel=1e-5), name
     assert found.system.parameters is not None
@@ -53,7 +59,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fine):
     """Eight seeds, eighteen parameters: misses are binomial, 5 % of 144, so more than 17 happen once in 2000 times."""
     guess, misses, count = guessed(SYSTEM), 0, 0
     for seed in range(8):
-        found = identify(guess, synthetic_log(fine, noise=NOISE, seed=seed), start=STATE, parameters=BOTH)
+        found = identify(guess, measured(fine, seed=seed), start=STATE, parameters=BOTH)
         misses += sum(not estimate.covers(truth(name)) for name, estimate in found.estimates.items())
         count += len(found.estimates)
         assert not found.doubts
@@ -68,7 +74,7 @@ def test_each_interval_covers_the_truth_in_at_least_90_of_100_seeds():
     covered: dict[str, int] = {}
     scores: dict[str, list[float]] = {}
     for seed in range(100):
-        found = identify(guess, synthetic_log(run, noise=NOISE, seed=seed), start=STATE, parameters=BOTH)
+        found = identify(guess, measured(run, seed=seed), start=STATE, parameters=BOTH)
         for name, estimate in found.estimates.items():
             covered[name] = covered.get(name, 0) + estimate.covers(truth(name))
             scores.setdefault(name, []).append((estimate.value - truth(name)) / estimate.standard_error)
@@ -81,7 +87,7 @@ def test_each_interval_covers_the_truth_in_at_least_90_of_100_seeds():
 
 def test_the_step_is_refined_until_it_shifts_nothing(fine):
     """On dt = 0.05 roll, at five radians a second, is shifted by more than its interval; without `dt` it is not."""
-    log = synthetic_log(fine, noise=NOISE, seed=3)
+    log = measured(fine, seed=3)
     coarse = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, dt=0.05)
     assert any("dt = 0.05 s shifts" in doubt for doubt in coarse.doubts)
     free = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH)
@@ -104,19 +110,19 @@ def test_gaps_irregular_samples_and_missing_columns_are_no_harm():
     steps = round((t[-1] - t[0]) / 0.005)
     driven = co.simulate(SYSTEM, begun, dt=0.005, steps=steps, inputs=signals, monitors=False)
     exact = synthetic_log(driven)
-    measured = {
+    sensed = {
         name: np.where(
             np.isnan(values), np.nan, exact.columns[name][rows - rows[0]] + NOISE[name] * random.normal(size=len(t))
         )
         for name, values in columns.items()
     }
-    found = identify(guessed(SYSTEM), Log(t, measured, inputs), start=STATE, parameters=BOTH, between="linear", dt=0.02)
+    found = identify(guessed(SYSTEM), Log(t, sensed, inputs), start=STATE, parameters=BOTH, between="linear", dt=0.02)
     misses = [name for name, estimate in found.estimates.items() if not estimate.covers(truth(name))]
     assert len(misses) <= 4, misses
 
 
 def test_a_run_from_one_start_needs_no_segments(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=1)
+    log = measured(fine, seed=1)
     cut = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, segment=10.0)
     near = SYSTEM.replace(linear=1.2 * SYSTEM.parameters.linear)
     whole = identify(near, log, start=STATE, parameters=BOTH, segment=None)
@@ -127,7 +133,7 @@ def test_a_run_from_one_start_needs_no_segments(fine):
 
 
 def test_noise_is_estimated_from_residuals_or_taken_as_given(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=2)
+    log = measured(fine, seed=2)
     found = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, noise={"rates": 0.003, "p": 0.006})
     for name, sigma in NOISE.items():
         given = {"p": 0.006, "q": 0.003, "r": 0.003}
@@ -140,7 +146,7 @@ def test_noise_is_estimated_from_residuals_or_taken_as_given(fine):
 
 
 def test_parameters_that_cannot_be_separated_are_told(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=2)
+    log = measured(fine, seed=2)
     found = identify(SYSTEM, log, start=STATE, parameters=["inertia[0,0]", "added_mass[3,3]", "linear[3]"])
     assert any("cannot separate inertia[0,0] and added_mass[3,3]" in doubt for doubt in found.doubts)
     assert found["inertia[0,0]"].high == np.inf and found["added_mass[3,3]"].low == 0.0
@@ -148,7 +154,7 @@ def test_parameters_that_cannot_be_separated_are_told(fine):
 
 
 def test_parameters_on_which_nothing_depends_are_told(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=2)
+    log = measured(fine, seed=2)
     system = co.System(
         SYSTEM.group, SYSTEM.lagrangian, additional=SYSTEM.additional, advected=SYSTEM.advected,
         parameters=co.Parameters(**SYSTEM.parameters.asdict(), spare=1.0), forces={"damping": damping, "fins": fins},
@@ -160,7 +166,7 @@ def test_parameters_on_which_nothing_depends_are_told(fine):
 
 
 def test_a_log_at_rest_tells_nothing_of_quadratic_damping(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=2)
+    log = measured(fine, seed=2)
     still = {name: np.zeros_like(values) for name, values in log.inputs.items()}
     random = np.random.default_rng(0)
     calm = Log(log.time, {name: NOISE[name] * random.normal(size=len(log)) for name in NOISE}, still)
@@ -169,7 +175,7 @@ def test_a_log_at_rest_tells_nothing_of_quadratic_damping(fine):
 
 
 def test_coloured_residuals_are_told(fine):
-    log = synthetic_log(fine, noise=NOISE, seed=2)
+    log = measured(fine, seed=2)
     slow = np.convolve(np.random.default_rng(9).normal(size=len(log) + 19), np.ones(20) / 20, "valid")
     drifting = {**log.columns, "u": log.columns["u"] + 0.05 * slow}
     found = identify(SYSTEM, Log(log.time, drifting, log.inputs), start=STATE, parameters=["linear"])
@@ -191,16 +197,16 @@ def test_a_pendulum_is_identified_by_a_function_of_its_state():
     run = co.simulate(pendulum, begun, dt=0.01, duration=20.0, save_every=5, monitors=False)
     angle = np.unwrap(np.arctan2(run.records.g[:, 1, 0], run.records.g[:, 0, 0]))
     log = Log(run.records.t, {"angle": angle + 0.01 * np.random.default_rng(4).normal(size=len(angle))})
-    measured = {"angle": lambda state: jnp.arctan2(state.g[1, 0], state.g[0, 0])}
+    known = {"angle": lambda state: jnp.arctan2(state.g[1, 0], state.g[0, 0])}
     found = identify(
-        pendulum.replace(weight=5.0, drag=0.2), log, start=begun, parameters=["weight", "drag"], measured=measured,
+        pendulum.replace(weight=5.0, drag=0.2), log, start=begun, parameters=["weight", "drag"], measured=known,
         segment=None, positive=["drag"],
     )  # fmt: skip
     assert found["weight"].covers(4.0) and found["drag"].covers(0.1)
 
 
 def test_the_card_and_the_figure(fine):
-    found = identify(SYSTEM, synthetic_log(fine, noise=NOISE), start=STATE, parameters=["linear[0]", "added_mass[0,0]"])
+    found = identify(SYSTEM, measured(fine), start=STATE, parameters=["linear[0]", "added_mass[0,0]"])
     card = str(found)
     assert "95% interval" in card and "added_mass[0,0]" in card and "0.84" in card and "lag-one" in card
     assert len(found.plot(["u", "roll"]).axes) == 2
@@ -227,11 +233,11 @@ def test_the_card_and_the_figure(fine):
 )  # fmt: skip
 def test_a_wrong_argument_is_told_in_a_sentence(fine, change, told):
     with pytest.raises(ArgumentError, match=told):
-        identify(SYSTEM, synthetic_log(fine, noise=NOISE), **{"start": STATE, **change})
+        identify(SYSTEM, measured(fine), **{"start": STATE, **change})
 
 
 def test_a_wrong_log_is_told_in_a_sentence(fine):
-    log = synthetic_log(fine, noise=NOISE)
+    log = measured(fine)
     with pytest.raises(ArgumentError, match="an input that the log does not hold"):
         identify(SYSTEM, replace(log, inputs={"rudder": log.inputs["rudder"]}), start=STATE, parameters=["linear"])
     with pytest.raises(ArgumentError, match="too few"):

@@ -51,7 +51,7 @@ def test_tangents_of_driven_runs_are_those_of_differences(method):
     s_dot = np.zeros((RUNS, columns, len(s)))
     s_dot[:, len(active) :] = random.normal(size=(RUNS, 4, len(s)))
     s_dot[:, :, places] = 0.0
-    path = driven.run(code, p, H, starts, places, table)
+    path = driven.run(code, p, H, starts, places, driven.grouped(table))
     assert not path.codes.any()
     found = driven.push(code, p, H, path, p_dot, s_dot)
     assert found.shape == (RUNS, STEPS, columns, len(VEHICLE))
@@ -60,7 +60,9 @@ def test_tangents_of_driven_runs_are_those_of_differences(method):
         for e in (1e-6, -1e-6):
             moved = p.copy()
             moved[list(active)] += e * p_dot[column]
-            ends.append(driven.run(code, moved, H, starts + e * s_dot[:, column], places, table).records)
+            ends.append(
+                driven.run(code, moved, H, starts + e * s_dot[:, column], places, driven.grouped(table)).records
+            )
         difference = (ends[0] - ends[1]) / 2e-6
         scale = max(1.0, np.abs(difference).max())
         np.testing.assert_allclose(found[:, :, column], difference, atol=2e-7 * scale)
@@ -72,7 +74,7 @@ def test_tangents_of_a_run_and_its_adjoint_are_transposes():
     p, s = pack(constants)[1], pack(state)[1]
     code = driven.driven(program, constants, state, active)
     nothing = np.zeros(0, int)
-    path = driven.run(code, p, H, s[None], nothing, np.zeros((STEPS, 1, 0)))
+    path = driven.run(code, p, H, s[None], nothing, driven.grouped(np.zeros((STEPS, 1, 0))))
     dot = driven.push(code, p, H, path, np.eye(len(active)), np.zeros((1, len(active), len(s))))
     east = dot[0, -1, :, VEHICLE.index("east")]
 
@@ -92,7 +94,7 @@ def test_runs_follow_the_table_that_drives_them():
     random = np.random.default_rng(1687)
     table = random.normal(size=(STEPS, 1, 3)) * [10.0, 0.3, 0.3]
     code = driven.driven(program, constants, state, active)
-    path = driven.run(code, pack(constants)[1], H, pack(state)[1][None], places, table)
+    path = driven.run(code, pack(constants)[1], H, pack(state)[1][None], places, driven.grouped(table))
     names = list(STATE.inputs)
     inputs = {name: co.Held(H * np.arange(STEPS), table[:, 0, i]) for i, name in enumerate(names)}
     run = co.simulate(SYSTEM, STATE, dt=H, steps=STEPS - 1, inputs=inputs, monitors=False)

@@ -20,7 +20,9 @@ from coadjoint.models.underwater.axes import Axes, body_axes, rotation, space_ax
 
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
-_VECTOR = re.compile(r"^(.+)_(\d+)$")
+_COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
+_STEP = "# simulated with dt_s = "
+_LEFT_OUT = ("set_", "current_")
 
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
@@ -30,15 +32,17 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     """The log of a CSV file, whose headers are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
 
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
-    quaternion qw, qx, qy, qz; u, v, w; p, q, r. Every other column is an input; name_0, name_1, … are one of several
-    numbers. `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin with # and columns named in
-    `ignore` are skipped. Attitude, velocity and rates are of body axes, turned from `axes`, "NED/FRD" or "ENU/FLU".
+    quaternion qw, qx, qy, qz; u, v, w; p, q, r. Every other column is an input; name[1], name[2], … are one of several
+    numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
+    `set_…` and `current_…` are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin
+    with # and columns named in `ignore` are skipped. Attitude, velocity and rates are of body axes, turned from `axes`,
+    "NED/FRD" or "ENU/FLU".
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
     Raises FileError naming file, line and column.
     """
     space_axes(axes)
     file = str(path)
-    header_line, headers, rows = _rows(path)
+    header_line, headers, rows, step = _rows(path)
     known = [
         None if name.strip() in ignore else column(name, f"{file}, line {header_line}: column") for name in headers
     ]
@@ -53,7 +57,7 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
     time = _time(file, rows, found.pop("time")[1])
     columns = _vehicle(file, found, axes)
-    inputs, units, notes = _inputs(file, rows, {n: pair for n, pair in found.items() if n not in NAMES})
+    inputs, units, notes = _inputs(file, rows, _driving(found))
     notes += [
         f"{int(gaps)} of {len(time)} values of {name} are missing."
         for name, values in columns.items()
@@ -63,33 +67,34 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     if gaps.max() > IRREGULAR * np.median(gaps):
         notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
     try:
-        return Log(time, columns, inputs, units, tuple(notes))
+        return Log(time, columns, inputs, units, tuple(notes), step)
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
 
 
-def write_log(log: Log, path: str | os.PathLike[str], *, degrees: bool = True) -> None:
-    """The log as a CSV file that `read_log` reads: angles in degrees unless told otherwise, missing cells empty."""
+def write_log(log: Log, path: str | os.PathLike[str]) -> None:
+    """The log as a CSV file that `read_log` reads: angles in degrees, inputs as `command_…`, missing cells empty."""
     columns: list[tuple[str, np.ndarray]] = [("time_s", log.time)]
-    for name, values in {**log.columns, **log.inputs}.items():
+    inputs = {f"command_{name}": (name, values) for name, values in log.inputs.items()}
+    for header, (name, values) in {**{name: (name, values) for name, values in log.columns.items()}, **inputs}.items():
         unit = log.units.get(name, "1")
-        turn = degrees and unit.startswith("rad")
-        end = ending(unit).replace("rad", "deg") if turn else ending(unit)
-        flat = np.degrees(values) if turn else values
-        parts = [(name, flat)] if flat.ndim == 1 else [(f"{name}_{i}", flat[:, i]) for i in range(flat.shape[1])]
-        columns += [(f"{part}_{end}", numbers) for part, numbers in parts]
+        shown, end = np.degrees(values) if unit == "rad" else values, ending(unit)
+        parts = [("", shown)] if shown.ndim == 1 else [(f"[{i + 1}]", shown[:, i]) for i in range(shown.shape[1])]
+        columns += [(f"{header}{part}{end}", numbers) for part, numbers in parts]
     try:
         with Path(path).open("w", newline="", encoding="utf-8") as stream:
+            if log.step is not None:
+                stream.write(f"{_STEP}{log.step:.12g}\n")
             writer = csv.writer(stream)
             writer.writerow([name for name, _ in columns])
             for row in zip(*(values for _, values in columns), strict=True):
-                writer.writerow(["" if np.isnan(x) else f"{x:.10g}" for x in row])
+                writer.writerow(["" if np.isnan(x) else f"{x:.12g}" for x in row])
     except OSError as error:
         raise FileError(f"{path} cannot be written: {error.strerror}.") from error
 
 
-def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
-    """The line of the headers, the headers, and every other line with its number."""
+def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]], float | None]:
+    """The line of the headers, the headers, every other line with its number, and the step of a simulated log."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -106,7 +111,8 @@ def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
     for line, cells in rest:
         if len(cells) != len(headers):
             raise FileError(f"{path}, line {line}: {len(cells)} cells, but there are {len(headers)} headers.")
-    return header_line, [name.strip() for name in headers], rest
+    told = [line.removeprefix(_STEP) for line in text.splitlines() if line.startswith(_STEP)]
+    return header_line, [name.strip() for name in headers], rest, float(told[0]) if told else None
 
 
 def _cells(file: str, rows: list[tuple[int, list[str]]], place: int, made: Column) -> np.ndarray:
@@ -187,6 +193,13 @@ def _attitude(file: str, given: dict[str, np.ndarray], axes: Axes) -> dict[str, 
     return found
 
 
+def _driving(found: dict[str, tuple[Column, np.ndarray]]) -> dict[str, tuple[Column, np.ndarray]]:
+    """The inputs: commands under their own names, and what else was given and never commanded."""
+    rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
+    commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}
+    return commands | {n: pair for n, pair in rest.items() if n not in commands and not n.startswith("command_")}
+
+
 def _inputs(
     file: str, rows: list[tuple[int, list[str]]], found: dict[str, tuple[Column, np.ndarray]]
 ) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
@@ -204,16 +217,17 @@ def _inputs(
             notes.append(f"{int(gaps.sum())} of {len(values)} values of {name} are missing and kept from before.")
     groups: dict[str, dict[int, str]] = {}
     for name in filled:
-        match = _VECTOR.match(name)
+        match = _COMPONENT.match(name)
         if match:
-            groups.setdefault(match[1], {})[int(match[2])] = name
+            groups.setdefault(match[1], {})[int(match[2] or match[3])] = name
     inputs: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for name, values in filled.items():
-        match = _VECTOR.match(name)
+        match = _COMPONENT.match(name)
         whole = groups.get(match[1], {}) if match else {}
-        if match and sorted(whole) == list(range(len(whole))):
-            inputs[match[1]] = np.stack([filled[whole[i]] for i in range(len(whole))], axis=1)
+        order = sorted(whole)
+        if match and order == list(range(order[0], order[0] + len(order))) and order[0] in (0, 1):
+            inputs[match[1]] = np.stack([filled[whole[i]] for i in order], axis=1)
             units[match[1]] = found[name][0].unit
         else:
             inputs[name], units[name] = values, found[name][0].unit

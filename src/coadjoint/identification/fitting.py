@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.identification.least_squares import Place, Solution, least_squares, reduced, step
 from coadjoint.identification.log import Log
-from coadjoint.identification.sampling import Between, samples
+from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.smoothing import noise as rough_noise
 
@@ -18,10 +17,13 @@ ROUNDS, SAME = 6, 0.01
 """How often noise is estimated anew from residuals, until it changes by less than this."""
 
 SHIFT = 0.1
-"""How many standard errors the step size may shift a parameter."""
+"""How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
 
 SETTLING = 3
 """How often internal states are handed from each segment to the next before least squares begins."""
+
+SHORT = (2.0, 6.0)
+"""Segments, s, with which the search begins where those asked for are at least twice as long."""
 
 FAR = 10.0
 """How many times its size, or in logarithms, a parameter may move until it counts as lost."""
@@ -39,54 +41,72 @@ class Fitted(NamedTuple):
     estimated: np.ndarray
     trips: int
     shift: np.ndarray
-    """By how many standard errors each parameter is shifted by the step size, about."""
+    """By how many standard errors each parameter is shifted by the step size, about; empty where nobody asked."""
 
 
-def fitted(shooting: Shooting, log: Log, given: dict[str, float], between: Between, fixed: bool) -> Fitted:
-    """The fit; unless the step is `fixed`, on one that shifts no parameter by more than SHIFT standard errors.
+def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fitted:
+    """The fit; unless the step is fixed, on one that shifts no parameter by much more than SHIFT standard errors.
 
     The rule is of an order r, so from h to h/2 parameters shift by 1 − 2⁻ʳ of what they are shifted at h.
     """
-    names = shooting.channels.names
+    log, names = asked.log, asked.channels.names
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
     open_ = np.array([name not in given for name in names])
-    start = Place(np.zeros(len(shooting.unknowns.each)), np.zeros((shooting.runs, shooting.size)))
-    found = _rounds(Fit(shooting, log, sigma), start, open_, 0)
-    for _ in range(3):
-        order = shooting.method.order
-        shift = _shift(found, log, between) / (1 - 0.5**order)
-        worst = float(np.max(np.where(np.isfinite(shift), shift, 0.0), initial=0.0))
-        parts = int(np.ceil((worst / SHIFT) ** (1 / order)))
-        found = found._replace(shift=shift)
-        if fixed or parts <= 1:
-            break
-        parts = min(parts, FINEST)
-        finer = _finer(found.fit.shooting, log, between, parts)
-        found = _rounds(Fit(finer, log, found.sigma), found.solution.place, open_, found.trips)
-        found = found._replace(shift=shift / parts**order)
-        if parts < FINEST:
-            break
-    return found
+    h, left = asked.longest, FINEST
+    fit = Fit(asked.shooting(h, segment), log, sigma)
+    place, trips = fit.at(_begun(asked, h, segment, sigma)), 0
+    if asked.step is None:
+        parts = _parts(_shift(fit, place, asked, segment), left)
+        left //= parts
+        fit = fit.finer(asked, segment, parts)
+    while True:
+        found = _rounds(fit, place, open_, trips)
+        if asked.step is not None and asked.step == log.step:
+            return found
+        found = found._replace(shift=_shift(found.fit, found.solution.place, asked, segment))
+        parts = _parts(found.shift / 2, left)
+        if asked.step is not None or parts < 2:
+            return found
+        left //= parts
+        fit, place, trips = found.fit.finer(asked, segment, parts), found.solution.place, found.trips
 
 
-def _finer(shooting: Shooting, log: Log, between: Between, parts: int) -> Shooting:
-    """The same segments on steps that are `parts` times shorter."""
-    cut = shooting.samples
-    count = None if shooting.runs == 1 else log.duration / shooting.runs
-    return replace(shooting, samples=samples(log, cut.turning, cut.h / parts, count, between))
+def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray) -> np.ndarray:
+    """Where the search for the parameters begins: where it ends, roughly, on short segments, then on longer ones.
+
+    Over a short time a simulation cannot go far astray, however wrong its parameters are.
+    """
+    shared = np.zeros(len(asked.unknowns.each))
+    whole = asked.log.duration if segment is None else segment
+    lengths = [length for length in SHORT if length >= 8 * asked.log.interval and 2 * length <= whole]
+    for length in lengths if asked.tells_starts else ():
+        fit = Fit(asked.shooting(h, length), asked.log, sigma)
+        place = fit.at(shared)
+        fit.settle(place)
+        solution = least_squares(fit, place, fit.accepted, roughly=True)
+        if solution is not None and np.max(np.abs(solution.place.shared)) < FAR:
+            shared = solution.place.shared
+    return shared
 
 
-def _shift(found: Fitted, log: Log, between: Between) -> np.ndarray:
-    """By how many standard errors one Gauss–Newton step on half the step size moves the parameters."""
-    fit = found.fit
-    finer = Fit(_finer(fit.shooting, log, between, 2), log, found.sigma)
-    finer.internal = fit.internal
-    there = finer.residual(found.solution.place)
-    if there is None:
-        return np.full(len(found.solution.place.shared), np.nan)
-    J, r = found.solution.jacobian, there[0] - found.solution.residual
-    moved, _, errors = step(J, r, fit.shooting.size, 0.0)
-    return np.abs(moved) / np.where(errors > 0, errors, np.inf)
+def _parts(shift: np.ndarray, most: int) -> int:
+    """Into how many a step must be cut that shifts parameters by so many standard errors."""
+    worst = float(np.max(np.where(np.isfinite(shift), shift, 0.0), initial=0.0))
+    return max(1, min(int(np.ceil(np.sqrt(worst / SHIFT))), most))
+
+
+def _shift(fit: Fit, place: Place, asked: Setting, segment: float | None) -> np.ndarray:
+    """By how many standard errors the step size shifts each parameter: what half the step does, by one Gauss–Newton
+    step, over 1 − 2⁻ʳ."""
+    fit.settle(place)
+    finer = fit.finer(asked, segment, 2)
+    finer.settle(place)
+    there, here = finer.residual(place), fit.residual(place)
+    if there is None or here is None:
+        return np.full(len(place.shared), np.nan)
+    moved, _, errors = step(fit.jacobian(place, here[1]), there[0] - here[0], fit.shooting.size, 0.0)
+    share = 1 - 0.5**fit.shooting.method.order
+    return np.abs(moved) / np.where(errors > 0, errors, np.inf) / share
 
 
 class Fit:
@@ -106,6 +126,18 @@ class Fit:
         turning = self.shooting.samples.turning
         off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
         return np.where(self.there, off, 0.0)
+
+    def at(self, shared: np.ndarray) -> Place:
+        """Parameters, with every segment starting at its reference."""
+        return Place(shared, np.zeros((self.shooting.runs, self.shooting.size)))
+
+    def finer(self, asked: Setting, segment: float | None, parts: int) -> Fit:
+        """The same segments on steps that are `parts` times shorter."""
+        if parts == 1:
+            return self
+        found = Fit(asked.shooting(self.shooting.samples.h / parts, segment), self.log, self.sigma)
+        found.internal = self.internal
+        return found
 
     def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
         if not np.all(np.abs(place.shared) < 50) or not self.shooting.unknowns.definite(place.shared):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-TRIPS = 60
+TRIPS = 100
 """Iterations, those that were not accepted among them."""
 
 SETTLED = 1e-3
@@ -19,6 +19,13 @@ SETTLED = 1e-3
 
 DROP = 1e-10
 """Or where the sum of squares falls by less than this part of itself."""
+
+
+ROUGH = 1e-2
+"""Likewise, where it is only to be begun."""
+
+FARTHEST = 1.0
+"""How far a shared unknown may go in one iteration; larger steps are damped more."""
 
 
 class Place(NamedTuple):
@@ -49,17 +56,25 @@ class Solution(NamedTuple):
     converged: bool
 
 
-def least_squares(problem: Problem, start: Place, accepted: Callable[[Any], None] | None = None) -> Solution | None:
-    """The least sum of squares from `start`; None where there is no residual at the start."""
+def least_squares(
+    problem: Problem, start: Place, accepted: Callable[[Any], None] | None = None, roughly: bool = False
+) -> Solution | None:
+    """The least sum of squares from `start`; None where there is no residual at the start.
+
+    `roughly`: for a beginning only, up to a part ROUGH of the sum of squares.
+    """
     first = problem.residual(start)
     if first is None:
         return None
     place, (r, way) = start, first
     J = problem.jacobian(place, way)
-    damping, squares, converged, trip = 1e-4, float(np.vdot(r, r)), False, 0
+    damping, squares, converged, trip = 1e-3, float(np.vdot(r, r)), False, 0
     while trip < TRIPS and not converged:
         trip += 1
         shared, own, errors = step(J, r, place.own.shape[1], damping)
+        if np.max(np.abs(shared), initial=0.0) > FARTHEST:
+            damping = max(4 * damping, 1e-6)
+            continue
         trial = Place(place.shared + shared, place.own + own)
         found = problem.residual(trial)
         better = np.inf if found is None else float(np.vdot(found[0], found[0]))
@@ -72,7 +87,9 @@ def least_squares(problem: Problem, start: Place, accepted: Callable[[Any], None
                 break
             continue
         assert found is not None
-        converged = (small and damping <= 1e-2) or (squares - better <= DROP * squares and damping <= 1e-2)
+        converged = (small and damping <= 1e-2) or (
+            squares - better <= (ROUGH if roughly else DROP) * squares and damping <= 1e-2
+        )
         place, (r, way), squares = trial, found, better
         if accepted is not None:
             accepted(way)

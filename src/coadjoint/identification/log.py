@@ -19,6 +19,7 @@ class Log:
     `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
     `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
+    `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """
 
@@ -27,6 +28,7 @@ class Log:
     inputs: Mapping[str, np.ndarray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    step: float | None = None
 
     def __post_init__(self):
         time = _numbers(self.time, "time")
@@ -74,7 +76,7 @@ class Log:
         """The samples with start ≤ time ≤ end."""
         here = (self.time >= start) & (self.time <= end)
         parts = ({k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs))
-        return Log(self.time[here], *parts, units=self.units, notes=self.notes)
+        return Log(self.time[here], *parts, units=self.units, notes=self.notes, step=self.step)
 
     def __repr__(self) -> str:
         driven = f", driven by {', '.join(self.inputs)}" if self.inputs else ""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.interpreters.partial_eval import dce_jaxpr
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
@@ -22,13 +23,16 @@ from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels import driven
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.function import NativeFunction
+from coadjoint.kernels.interpreter import jaxpr_of
 from coadjoint.kernels.packing import layout, pack
+from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.spaces.named import Named
 
 KEPT = 16
 """How many functions that start segments stay in memory."""
@@ -92,6 +96,11 @@ class Shooting:
         return np.concatenate([np.zeros(0, int), *(np.ravel(leaf).astype(int) for leaf in inputs)])
 
     @cached_property
+    def table(self) -> np.ndarray:
+        """What drives every step, in groups of lanes."""
+        return driven.grouped(self.samples.table)
+
+    @cached_property
     def held(self) -> Any:
         """The internal state with which all segments start as long as nothing better is known."""
         held = (self.template.internal, self.template.internal_time)
@@ -149,7 +158,7 @@ class Shooting:
         starts, slopes = self.begin(np.concatenate([delta, active], axis=1), known)
         if not np.all(np.isfinite(starts)):
             return None
-        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.samples.table)
+        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table)
         if np.any(path.codes) or not np.all(np.isfinite(path.records)):
             return None
         return Prediction(self.samples.taken(path.records), path, slopes)
@@ -189,6 +198,27 @@ def _unpacked(shape: Any, numbers: Any) -> Any:
     parts = jnp.split(numbers, sizes)
     leaves = [part.reshape(s) for part, s in zip(parts, shape.shapes, strict=True)]
     return jax.tree.unflatten(shape.structure, leaves)
+
+
+def followed(system: Any, state: State, name: str) -> bool:
+    """Whether an input acts through the rule of the internal state alone, as the command of an actuator does."""
+
+    def given(value: Any) -> State:
+        return state.replace(inputs=Named(**{**state.inputs.asdict(), name: value}))
+
+    def rule(value: Any) -> Any:
+        return applied(system, given(value), 1.0)
+
+    def direct(value: Any) -> Any:
+        s = given(value)
+        motion = system.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal)
+        return system.body_force(motion), legendre(system, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal)
+
+    def uses(function: Any) -> bool:
+        closed, _ = jaxpr_of(function, getattr(state.inputs, name))
+        return dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1][0]
+
+    return system.internal is not None and uses(rule) and not uses(direct)
 
 
 def require_inputs(system: Any, state: State) -> None:

@@ -35,4 +35,4 @@ def synthetic_log(
     held = evaluate(jax.vmap(run.system.inputs_at), records.t, records.inputs) if run.system.inputs else records.inputs
     inputs = {name: np.asarray(value) for name, value in held.asdict().items()} if isinstance(held, Named) else {}
     units = {name: unit for name in inputs if (unit := dict(run.system.units).get(f"inputs_{name}"))}
-    return Log(np.asarray(records.t), noisy, inputs, {**{name: UNITS[name] for name in columns}, **units})
+    return Log(np.asarray(records.t), noisy, inputs, {**{name: UNITS[name] for name in columns}, **units}, step=run.dt)

@@ -94,32 +94,42 @@ def driven(program: Program, parameters: Any, state: Any, active: Sequence[int])
 
 
 def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.ndarray, table: np.ndarray) -> Path:
-    """len(table) steps of length h of every run from `start` (runs, state), with the same parameters p for all.
+    """Steps of length h of every run from `start` (runs, state), with the same parameters p for all.
 
-    Before step j the entries `places` of the state become table[j] (runs, len(places)).
+    Before step j the entries `places` of the state become those of the table, `grouped` (steps, runs, places).
     """
     runs = len(start)
     state = _groups(start, code.width)
     groups, steps, width = len(state), len(table), code.width
-    drive = np.stack([_groups(row, width) for row in table]) if len(places) else np.zeros((steps, groups, 0, width))
     rows = np.empty((groups, steps, code.forward.record.size, width))
     status = np.zeros((groups, 4, width), np.int64)
     codes = np.zeros((groups, width), np.int64)
     numbers, length = np.repeat(p[:, None], width, axis=1), np.full(width, float(h))
     nothing = np.zeros(1)
     none, given, step = nothing.ctypes.data, numbers.ctypes.data, length.ctypes.data
+    starts = [
+        (state.ctypes.data + i * state.strides[0], rows.ctypes.data + i * rows.strides[0],
+         status.ctypes.data + i * status.strides[0])
+        for i in range(groups)
+    ]  # fmt: skip
+    function, ahead = code.forward.function, rows.strides[1]
     for j in range(steps):
-        state[:, places] = drive[j]
+        state[:, places] = table[j]
         status[:] = 0
-        for group in range(groups):
-            here = state.ctypes.data + group * state.strides[0]
-            out = rows.ctypes.data + group * rows.strides[0] + j * rows.strides[1]
-            code.forward.function(
-                given, step, here, 1, 1, out, none, none, status.ctypes.data + group * status.strides[0]
-            )
-        codes = np.maximum(codes, status[:, 1])
+        for here, out, told in starts:
+            function(given, step, here, 1, 1, out + j * ahead, none, none, told)
+        np.maximum(codes, status[:, 1], out=codes)
     status[:, 1] = codes
     return Path(rows, state, status, code.taped, runs)
+
+
+def grouped(table: np.ndarray) -> np.ndarray:
+    """A table (steps, runs, places) as `run` takes it: (steps, groups, places, lanes)."""
+    steps, runs, places = table.shape
+    width = lanes()
+    if not places:
+        return np.zeros((steps, -(-runs // width), 0, width))
+    return np.stack([_groups(row, width) for row in table])
 
 
 def push(code: Driven, p: np.ndarray, h: float, path: Path, p_dot: np.ndarray, start_dot: np.ndarray) -> np.ndarray:

@@ -1,0 +1,111 @@
+"""What is sought from which log: from it, segments of any length on steps of any size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.identification.channels import POSITION, VELOCITY, Channels
+from coadjoint.identification.log import Log
+from coadjoint.identification.sampling import Between, samples
+from coadjoint.identification.shooting import Reference, Shooting, followed, require_inputs
+from coadjoint.identification.smoothing import poses
+from coadjoint.identification.unknowns import Unknowns
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.methods.method import Method
+from coadjoint.simulation.simulate import simulate
+
+LONGEST_STEP = 0.05
+"""The step, s, from which on it is refined: the longest not above this that leads from sample to sample."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """`start` is a state at the first sample, with the inputs of the log; `step`: dt where it is fixed, s."""
+
+    unknowns: Unknowns
+    log: Log
+    start: State
+    channels: Channels
+    method: Method
+    between: Between
+    step: float | None
+
+    @property
+    def longest(self) -> float:
+        """The step with which the search begins, s."""
+        interval = self.log.interval
+        return interval / np.ceil(interval / LONGEST_STEP - 1e-9) if self.step is None else self.step
+
+    @property
+    def tells_starts(self) -> bool:
+        """Whether the log of a vehicle tells where it heads and how fast."""
+        known = self.channels.vehicle
+        return "heading" in known and any(all(name in known for name in names) for names in (POSITION, VELOCITY))
+
+    @cached_property
+    def early(self) -> np.ndarray:
+        """Which numbers of the inputs actuators follow; none where steps are those of the simulation that is meant."""
+        free, system = self.step is None, self.unknowns.system
+        values = self.start.inputs.asdict() if self.log.inputs else {}
+        flags = (np.full(np.size(v), free and followed(system, self.start, name)) for name, v in values.items())
+        return np.concatenate([np.zeros(0, bool), *flags])
+
+    def shooting(self, h: float, segment: float | None) -> Shooting:
+        """Segments of about `segment` s on steps h."""
+        names, units = self.channels.names, self.log.units
+        turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
+        cut = samples(self.log, turning, self.early, h, segment, self.between)
+        template = self.method.begin(self.unknowns.system, self.start, h)
+        if template.memory is not None or self.method.variable:
+            raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
+        return Shooting(self.unknowns, self.channels, cut, self._reference(cut.starts, h), template, self.method)
+
+    def _reference(self, times: np.ndarray, h: float) -> Reference:
+        """Where segments start: from the log if it tells, else from a run of the system as it is."""
+        system, start = self.unknowns.system, self.start
+        if self.tells_starts:
+            pose = poses(self.log, times)
+            if system.additional.ambient(system.group):
+                return Reference(pose.R, pose.q, pose.omega, pose.v)
+            nothing = np.zeros((len(times), 0))
+            return Reference((pose.R, pose.q), nothing, np.concatenate([pose.omega, pose.v], axis=1), nothing)
+        if len(times) == 1:
+            records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], start)
+            return Reference(records.g, start.q[None], records.xi, records.nu)
+        steps = int(np.ceil((times[-1] - times[0]) / h)) + 1
+        run = simulate(system, start, dt=h, steps=steps, monitors=False, progress=False)
+        records = jax.tree.map(lambda rows: rows[np.rint((times - times[0]) / h).astype(int)], run.records)
+        return Reference(records.g, records.q, records.xi, records.nu)
+
+
+def setting(
+    sought: Unknowns, log: Log, start: State, channels: Channels, method: Method, between: Between, step: float | None
+) -> Setting:
+    """What is sought, checked; raises ArgumentError."""
+    system = sought.system
+    if not isinstance(start, State) or start.places != system.places:
+        raise ArgumentError("Argument `start` must be a state of the system, such as system.state(…).")
+    if step is not None and not (np.isfinite(step) and step > 0):
+        raise ArgumentError(f"Argument `dt` must be positive, but is {step:g}.")
+    needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())
+    if needed < 2 * (2 * system.unknowns + len(sought.each)):
+        raise ArgumentError(
+            f"The log holds {needed} numbers, too few for {len(sought.each)} parameters and a start of "
+            f"{2 * system.unknowns} numbers."
+        )
+    t = np.float64(log.time[0])
+    held = {name: np.zeros(values.shape[1:]) for name, values in log.inputs.items()}
+    begun = start.replace(
+        t=t,
+        inputs=Parameters(**held) if held else start.inputs,
+        internal_time=None if start.internal_time is None else t,
+        t_rest=np.float64(0.0),
+    )
+    require_inputs(system, begun)
+    return Setting(sought, log, begun, channels, method, between, step)
