@@ -117,3 +117,22 @@ def test_what_cannot_be_flown_is_told_in_a_sentence():
         SteadyFlight(replace(BARE, mass=REMUS.mass + 0.1)).at(0.0)
     with pytest.raises(ArgumentError, match="as many values as motions"):
         stability_figure([1.0], [])
+
+
+def test_a_vehicle_with_thrusters_enough_flies_on_an_even_keel_and_its_thrusters_hold_it():
+    rov = load_vehicle("rexrov")
+    flight = SteadyFlight(rov)
+    motion = flight.at(0.5)
+    found = trim(rov, motion)
+    assert abs(found.roll) < 1e-9 and abs(found.pitch) < 1e-9 and not found.beyond
+    run = co.simulate(flight.craft.system, motion.state, dt=0.05, duration=2.0).dataset
+    np.testing.assert_allclose(run.nu.values[-1], [0.5, 0, 0], atol=1e-7)
+
+
+def test_a_glider_glides_where_its_pump_and_its_battery_make_it():
+    glider = load_vehicle("slocum_graver")
+    motion = SteadyFlight(glider, climb=np.radians(-30)).at(0.4)
+    found = trim(glider, motion)
+    assert np.degrees(found.climb) == pytest.approx(-30, abs=1e-8) and found.speed == pytest.approx(0.4)
+    assert float(motion.free["pump"]) < 0 < float(motion.free["battery.position"]) and not found.beyond
+    assert stability(motion).verdict == "stable"

@@ -182,7 +182,8 @@ def _value(actual: Any, part: Any) -> str:
 
 
 def _table(vehicle: Vehicle, found: dict[float, tuple[Trim, Report]]) -> None:
-    single = [part for part in vehicle.commanded if part.units is None and part.command and part.command.shape == ()]
+    plain = [part for part in vehicle.commanded if part.units is None]
+    single = [part for part in plain if part.command is not None and part.command.shape in ((), (1,))]
     rows = []
     for speed, (trimmed, report) in found.items():
         first = report.modes[0] if report.modes else None

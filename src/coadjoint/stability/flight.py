@@ -11,14 +11,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
+from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.vehicles.craft import Craft
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
 from coadjoint.stability.steady import Search, SteadyMotion
 
 STEPS = (2, 6, 15)
 """In so many steps held actuators come to their places, so that a hard turn is reached from a straight course."""
+
+AWAKE, EAGER = 0.1, 5.0
+"""Parts of its range: where an idle actuator starts, and which change of it counts as much as that of 1 rad."""
 
 
 class SteadyFlight:
@@ -30,7 +35,8 @@ class SteadyFlight:
 
     vehicle: its parts are fixed fins and actuators; a pilot takes no part. climb: angle of the path above the horizon,
     rad; π/2 is vertical ascent. hold: actuators by name that stay at a value. free: those that may move to hold the
-    motion, by default all others. turning: whether it may turn, as a held rudder makes it. depth: m.
+    motion, by default all others; where six or more do, first on an even keel. turning: whether it may turn, as a held
+    rudder makes it. depth: m.
     Raises ArgumentError for names that are no actuators.
     """
 
@@ -49,11 +55,12 @@ class SteadyFlight:
         self.climb, self.depth = number(climb, "climb"), number(depth, "depth")
         self.hold = dict(hold or {})
         self.free = tuple(self._movable() if free is None else free)
-        for name in (*self.hold, *self.free):
+        for name in (*self.hold, *(path.partition(".")[0] for path in self.free)):
             if name not in {part.name for part in vehicle.commanded}:
                 known = ", ".join(part.name for part in vehicle.commanded) or "none"
                 raise ArgumentError(f"`{name}` is no actuator of `{vehicle.name}`; its actuators are: {known}.")
-        self._searches: dict[bool, Search] = {}
+        self._searches: dict[str, Search] = {}
+        self._last = "path"
 
     def at(self, speed: float, near: SteadyMotion | None = None) -> SteadyMotion:
         """The steady motion at a speed through the water, m/s, near one that was found at another speed.
@@ -61,37 +68,77 @@ class SteadyFlight:
         Raises ArgumentError where none is found.
         """
         speed = number(speed, "speed", at_least=0.0)
-        if near is not None and speed > 0 and self._searches.get(True) is not None:
+        last = self._searches.get(self._last)
+        if near is not None and speed > 0 and last is not None:
             with suppress(ArgumentError):
-                return self._searches[True].find(near.state, speed)
-        if speed == 0:
-            return self._search(False, self._guess(0.0, 1.0)).find(self._guess(0.0, 1.0), 0.0)
-        *first, last = STEPS if self.turning and self.hold else (1,)
-        for steps in first:
-            with suppress(ArgumentError):
-                return self._reached(speed, steps)
-        return self._reached(speed, last)
+                return last.find(near.state, speed)
+        try:
+            return self._found(speed)
+        except ArgumentError as error:
+            extra = (self.vehicle.mass - self.vehicle.fluid_density * self.vehicle.volume) * self.vehicle.gravity
+            if abs(extra) < 1e-6 * self.vehicle.buoyancy:
+                raise
+            raise ArgumentError(f"{error} Its weight is its buoyancy {extra:+.3g} N.") from error
 
-    def _reached(self, speed: float, steps: int) -> SteadyMotion:
+    def _found(self, speed: float) -> SteadyMotion:
+        if speed == 0:
+            guess = self._guess(0.0, 1.0)
+            return self._search("rest", guess).find(guess, 0.0)
+        kinds = ["upright", "path"] if self._holds_attitude else ["path"]
+        steps = STEPS if self.turning and self.hold else (1,)
+        *first, last = [(kind, n) for kind in kinds for n in steps]
+        for kind, n in first:
+            with suppress(ArgumentError):
+                return self._reached(kind, speed, n)
+        return self._reached(last[0], speed, last[1])
+
+    @property
+    def _holds_attitude(self) -> bool:
+        """Whether there are actuators enough to fly on an even keel."""
+        commands = [self.vehicle.part(path.partition(".")[0]).command for path in self.free]
+        return sum(int(np.prod(command.shape)) for command in commands if command is not None) >= 6
+
+    def _reached(self, kind: str, speed: float, steps: int) -> SteadyMotion:
         """From no deflection of held actuators to all of it, in steps."""
         guess = self._guess(speed, 1.0 / steps)
-        search = self._search(True, guess)
-        found = search.find(self._awake(guess, search.idle(guess, speed)), speed)
+        search = self._search(kind, guess)
+        found = search.find(self._awake(guess, search, speed), speed)
         for k in range(2, steps + 1):
             found = search.find(self._held(found.state, k / steps), speed)
+        self._last = kind
         return found
 
-    def _awake(self, guess: State, idle: Sequence[str]) -> State:
-        """Idle actuators at a part of their limits, so that a small change tells."""
+    def _awake(self, guess: State, search: Search, speed: float) -> State:
+        """Idle actuators where they tell: thrusters with the wrench that is missing, others a part of their range."""
         values = {}
-        for name in idle:
-            limit = getattr(self.vehicle.part(name), "limit", None)
-            values[name] = getattr(guess.internal, name) + 0.3 * (1.0 if limit is None else np.asarray(limit))
+        for name in search.idle(guess, speed):
+            if "." in name:
+                continue
+            part, rest = self.vehicle.part(name), getattr(guess.internal, name)
+            if isinstance(part, Thrusters):
+                rate = search.reduced.slopes(guess).rate
+                values[name] = evaluate(part.allocate, -np.concatenate([rate[6:9], rate[:3]]))
+            else:
+                within = travel(part)
+                values[name] = rest + AWAKE * ((1.0 if within is None else within[1]) - rest)
         return guess.replace(internal=guess.internal.replace(**values)) if values else guess
 
     def _movable(self) -> list[str]:
-        """All actuators that are not held and are one number or an array."""
-        return [p.name for p in self.vehicle.commanded if p.name not in self.hold and p.units is None]
+        """All actuators that are not held: of one whose state is a dictionary, the key that its command sets."""
+        found = []
+        for part in self.vehicle.commanded:
+            if part.name not in self.hold and part.command is not None:
+                at, away = part.at_rest(np.zeros(part.command.shape)), part.at_rest(np.ones(part.command.shape))
+                keys = [key for key in at if np.any(at[key] != away[key])] if isinstance(at, Mapping) else [""]
+                found += [f"{part.name}.{key}".rstrip(".") for key in keys]
+        return found
+
+    def _sizes(self) -> dict[str, float]:
+        """Free actuators with changes that count as one, large beside angles, so that the attitude changes last."""
+        ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
+        return {
+            path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()
+        }
 
     def _guess(self, speed: float, part: float) -> State:
         """On the path's slope, nose ahead, with held actuators a `part` of the way."""
@@ -116,12 +163,18 @@ class SteadyFlight:
             values[name] = _between(rest, wanted, part)
         return state.replace(internal=state.internal.replace(**values))
 
-    def _search(self, moving: bool, near: State) -> Search:
-        if moving not in self._searches:
-            conditions = self._conditions if moving else _at_rest
-            free, names = (self.free, self._names) if moving else ((), ("the velocity",) * 3 + ("a rate",) * 3)
-            self._searches[moving] = Search(self.craft.system, near, conditions, free, names=names)
-        return self._searches[moving]
+    def _search(self, kind: str, near: State) -> Search:
+        if kind not in self._searches:
+            free, names = self._sizes(), self._names
+            if kind == "rest":
+                conditions, free, names = _at_rest, {}, ("the velocity",) * 3 + ("a rate",) * 3
+            elif kind == "upright":
+                down = np.array(near.a[:3])
+                conditions = lambda s, v: jnp.concatenate([self._conditions(s, v), s.a[:3] - down])  # noqa: E731
+            else:
+                conditions = self._conditions
+            self._searches[kind] = Search(self.craft.system, near, conditions, free, names=names)
+        return self._searches[kind]
 
     def _conditions(self, state: State, speed: Any) -> Any:
         down = self.craft.system.advected.view(self.craft.system.group, state.a).down
@@ -199,10 +252,20 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
     )
 
 
-def _is_beyond(part: Any, actual: Any) -> bool:
-    if part.units is not None:
-        return False
+def travel(part: Any) -> tuple[Any, Any] | None:
+    """The range of an actuator, (lowest, highest), None where it has none."""
+    if hasattr(part, "low"):
+        return part.low, part.high
     limit = getattr(part, "limit", None)
-    low, high = getattr(part, "low", None), getattr(part, "high", None)
-    over = limit is not None and bool(np.any(np.abs(actual) > np.asarray(limit) * (1 + 1e-9)))
-    return over or (low is not None and bool(np.any((actual < low) | (actual > high))))
+    if limit is None:
+        return None
+    return (limit[0], limit[1]) if np.ndim(limit) else (-limit, limit)
+
+
+def _is_beyond(part: Any, actual: Any) -> bool:
+    within = travel(part)
+    if within is None:
+        return False
+    place = actual.position if part.units is not None and "position" in actual else actual
+    slack = 1e-9 * (within[1] - within[0])
+    return bool(np.any((place < within[0] - slack) | (place > within[1] + slack)))

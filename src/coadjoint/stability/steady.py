@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +46,7 @@ def steady_motion(
     guess: State,
     *,
     conditions: Callable[[State], Any] | None = None,
-    free: Sequence[str] = (),
+    free: Sequence[str] | Mapping[str, float] = (),
 ) -> SteadyMotion:
     """The steady motion near a guess: Y(y) = 0 for the reduced equations ẏ = Y(y), modulo what they do not depend on.
 
@@ -57,7 +57,8 @@ def steady_motion(
 
     guess: a state of the system, `system.state(…)`. conditions: a function of the state whose values must vanish, as
     `lambda s: s.nu[0] - 1.5`. free: names of constants that may change to meet them, of the internal state or the
-    inputs, such as `("rudder",)`. Raises ArgumentError where no steady motion is found.
+    inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count as one: where many
+    motions do, the one of least change is found. Raises ArgumentError where no steady motion is found.
     """
     asked = None if conditions is None else lambda state, _: conditions(state)
     return Search(system, guess, asked, free).find(guess)
@@ -75,13 +76,14 @@ class Search:
         system: System,
         near: State,
         conditions: Callable[[State, Any], Any] | None = None,
-        free: Sequence[str] = (),
+        free: Sequence[str] | Mapping[str, float] = (),
         aim: Any = 0.0,
         names: Sequence[str] = (),
     ):
         self.reduced = Reduced(system, near)
         self.free, self.names = tuple(free), tuple(names)
         self.sizes = [int(np.size(_held(near, name)[1])) for name in self.free]
+        self.scales = [float(free[name]) if isinstance(free, Mapping) else 1.0 for name in self.free]
         self.charts = self._charts()
         self.width = self.charts.shape[1]
         C = self.reduced.essential
@@ -145,10 +147,10 @@ class Search:
     def _moved(self, guess: State, w: Any) -> State:
         state = self.reduced.moved(guess, self.charts @ w[: self.width])
         parts = jnp.split(w[self.width :], np.cumsum(self.sizes)[:-1]) if self.sizes else []
-        for name, change in zip(self.free, parts, strict=True):
+        for name, scale, change in zip(self.free, self.scales, parts, strict=True):
             field, value = _held(state, name)
-            new = getattr(state, field).replace(**{name: jnp.asarray(value) + change.reshape(np.shape(value))})
-            state = state.replace(**{field: new})
+            changed = jnp.asarray(value) + scale * change.reshape(np.shape(value))
+            state = state.replace(**{field: _replaced(getattr(state, field), name, changed)})
         return state
 
     def _whole(self, w: Any, guess: State) -> State:
@@ -158,7 +160,8 @@ class Search:
     def _relative(self, state: State, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Every equation relative to the sizes of its terms, J times the unknowns."""
         moving = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
-        unknowns = [self.charts.T @ np.concatenate(moving), *(np.ravel(_held(state, name)[1]) for name in self.free)]
+        unknowns = [self.charts.T @ np.concatenate(moving)]
+        unknowns += [np.ravel(_held(state, name)[1]) / s for name, s in zip(self.free, self.scales, strict=True)]
         sizes = np.abs(np.concatenate(unknowns))
         terms = np.abs(slope) @ np.maximum(sizes, 1e-3 * max(float(np.max(sizes, initial=0.0)), 1e-300))
         # An equation that vanishes with all of its terms is met as well as the others.
@@ -221,14 +224,22 @@ def _finite(value: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(value), value, 1e12)
 
 
-def _held(state: State, name: str) -> tuple[str, Any]:
-    """Whether a name is one of the internal state or of the inputs, and its value."""
+def _held(state: State, path: str) -> tuple[str, Any]:
+    """Whether a name, or a path such as `battery.position`, is one of the internal state or the inputs; its value."""
     for field in ("internal", "inputs"):
-        held = getattr(state, field)
-        if isinstance(held, Named) and name in held and not isinstance(held.asdict()[name], Named):
-            return field, held.asdict()[name]
+        value = getattr(state, field)
+        for name in path.split("."):
+            value = value.asdict().get(name) if isinstance(value, Named) else None
+        if value is not None and not isinstance(value, Named):
+            return field, value
     known = [key for held in (state.internal, state.inputs) if isinstance(held, Named) for key in held]
     raise ArgumentError(
-        f"Argument `free` must name numbers of the internal state or the inputs of the guess, but has {name!r}; "
+        f"Argument `free` must name numbers of the internal state or the inputs of the guess, but has {path!r}; "
         f"there is: {', '.join(known) or 'nothing'}."
     )
+
+
+def _replaced(values: Any, path: str, value: Any) -> Any:
+    """The values with one of them replaced."""
+    name, _, rest = path.partition(".")
+    return values.replace(**{name: _replaced(getattr(values, name), rest, value) if rest else value})
