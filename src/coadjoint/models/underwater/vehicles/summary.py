@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.parts.propeller import Propeller
 from coadjoint.models.underwater.parts.thrusters import Thrusters
@@ -46,26 +47,28 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
 
     Fins, masses and ballast stay as they start.
     """
-    commands = np.concatenate([np.zeros(0), *(np.ravel(_ahead(part)) for part in vehicle.commanded)])
+    commands = np.concatenate([np.zeros(0), *(_ahead(part) for part in vehicle.commanded)])
+    surge = tabulate(
+        lambda u: wrench(vehicle, jnp.stack([u, *jnp.zeros(5)]), jnp.asarray(commands))[0], np.float64(1.0)
+    )
 
     def push(u: float) -> float:
-        found = evaluate(lambda nu: wrench(vehicle, nu, commands), np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        return float(found[0])
+        return float(surge(np.float64(u)))
 
     if not push(0.0) > 0 or push(FASTEST) > 0:
         return None
     return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
 
 
-def _ahead(part: Part) -> Any:
-    """The command at which a part does the most that it can to push ahead."""
+def _ahead(part: Part) -> np.ndarray:
+    """The commands of a part at which it pushes ahead as much as it can, in a row."""
     command = part.command
     assert command is not None
-    start = np.full(command.shape, command.start)
+    start = np.full(command.shape, command.start, dtype=float)
     if isinstance(part, Propeller):
-        return np.asarray(part.limit * np.sign(part.axis[0] * part.thrust[0]), dtype=float)
+        return np.array([part.limit * np.sign(part.axis[0] * part.thrust[0])], dtype=float)
     if isinstance(part, Thrusters) and part.limit is not None:
         row = np.asarray(evaluate(part.matrix, own(part)))[0]
         low, high = (np.full(command.shape, limit) for limit in part.limit)
         return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
-    return start
+    return np.ravel(start)
