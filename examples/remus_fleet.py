@@ -1,8 +1,8 @@
 """Ten thousand REMUS missions at once: how far do errors of the model, of the start and of the current lead apart?
 
 Run as: python examples/remus_fleet.py [duration in s] [members]
-Every member has its own drag, fins, weight, start and current. It prints the certificate, statistics over all members at
-the end and how much faster than real time they were, and writes remus_fleet.png.
+Every member has its own drag, fins, weight, start and current. It prints the certificate, statistics over all members
+at the end and how much faster than real time they were, and writes remus_fleet.png.
 """
 
 import sys

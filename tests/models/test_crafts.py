@@ -190,6 +190,11 @@ def steered(pilot, **inputs: Any):
     return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs or None)
 
 
+def towed(**inputs: Any):
+    craft = Craft(remus(parts=(remus().part("hull"),)))
+    return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs or None)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -208,6 +213,8 @@ def steered(pilot, **inputs: Any):
         (lambda: steered(Helmsman()), r"needs the input `heading` \(rad\): give it to co.simulate"),
         (lambda: steered(Helmsman(), heading=STILL, depth=STILL), "knows the input `depth`: .* take heading, stern"),
         (lambda: steered(None, depth=STILL), "knows the input `depth`: .* take stern_planes, rudder, propeller"),
+        (lambda: steered(Helmsman(), heading=STILL, rudder=STILL), "The pilot commands `rudder` already"),
+        (lambda: towed(rudder=STILL), "knows the input `rudder`: pilot and actuators take none"),
         (lambda: steered(None, rudder=co.Held([0.0], [[0.0, 1.0]])), r"`rudder` with shape \(2,\), but it takes one"),
         (lambda: steered(lambda sight, p: {"sail": 0.0}), "The pilot commands `sail`, which is no actuator of `REMUS"),
         (lambda: steered(lambda sight, p: {"rudder": sight.omega}), r"`rudder` with shape \(3,\), but it takes one"),

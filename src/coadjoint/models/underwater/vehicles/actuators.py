@@ -44,11 +44,13 @@ class Rule:
         return {**found, "water": remembered} if remembered else found
 
     def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
-        inputs = self._inputs(motion)
+        inputs = self.inputs(motion)
         after: dict[str, Any] = {}
         commands = {name: value for name, value in inputs.items() if name in self._shapes}
         if self.pilot is not None:
             after["pilot"], steered = self._sample(self.pilot, motion, h, p, Named(**inputs))
+            if twice := [name for name in commands if name in steered]:
+                raise ArgumentError(f"The pilot commands `{twice[0]}` already: leave the input of that name out.")
             commands.update({name: getattr(motion.internal.pilot.value, name) for name in steered})
         for part in self.vehicle.commanded:
             actual = getattr(motion.internal, part.name)
@@ -118,7 +120,7 @@ class Rule:
         if jnp.shape(value) != shapes[name]:
             raise ArgumentError(f"{who} `{name}` with shape {jnp.shape(value)}, but it takes {_shape(shapes[name])}.")
 
-    def _inputs(self, motion: Motion) -> dict[str, Any]:
+    def inputs(self, motion: Motion) -> dict[str, Any]:
         """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
         given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
         if motion.inputs is not None and not isinstance(motion.inputs, Named):
@@ -128,7 +130,7 @@ class Rule:
             if name not in given:
                 raise ArgumentError(
                     f"The pilot of `{self.vehicle.name}` needs the input `{name}` ({unit}): give it to co.simulate, as "
-                    f"in inputs={{'{name}': co.Held([0.0], [value])}}."
+                    f"in inputs={{'{name}': 0.5}}."
                 )
         for name, value in given.items():
             if name in wanted or (isinstance(self.pilot, FunctionPilot) and name not in self._shapes):

@@ -147,6 +147,8 @@ class Craft:
 
     def _push(self, part: Part) -> Callable[..., Force]:
         def push(motion, p):
+            if not self._remembers:
+                self.rule.inputs(motion)
             around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
             own = own_of(p, part.name, part.parameters())
             return part.force(around.flow(motion.xi, motion.nu), actual_of(part, motion.internal), own)
