@@ -293,6 +293,7 @@ def test_surface_and_bottom_end_a_run_where_they_are():
 
 
 TIDE = TidalCurrent(["M2"], [[0.5, 0.0, 0.0]])
+GUSTS = GaussMarkovCurrent((0.1, 0.1, 0), 500.0)
 REFUSED = [
     (lambda: GaussMarkovCurrent((0.1, 0.1, 0), 0.0), "`correlation_time` must be positive"),
     (lambda: GaussMarkovCurrent((0.1, 0.1, 0), -5.0), "`correlation_time` must be positive"),
@@ -332,6 +333,7 @@ REFUSED = [
     (lambda: Sea(tide=3.0), "`tide` must be a Water"),  # type: ignore[arg-type]
     (lambda: Sea(density=1025.0), "must be a Density"),  # type: ignore[arg-type]
     (lambda: Sea(a=Sea(b=TIDE), a_b=TIDE), "have the same name"),
+    (lambda: Sea(slow=GUSTS, fast=GaussMarkovCurrent((0.1, 0.1, 0), 5.0)), "`slow` and `fast` have the same seed"),
     (lambda: at_bottom("deep"), "must be a depth"),
     (lambda: at_bottom(-3.0), "at least 0"),
     (lambda: at_surface("top"), "`depth`"),

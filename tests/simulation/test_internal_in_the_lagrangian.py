@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.mechanics.continuous import reference
 
 H = 0.02
 RULES = {
@@ -206,6 +207,7 @@ def test_an_internal_state_without_a_rule_stays_as_it_starts():
             ),
             "internal states change",
         ),
+        (lambda: reference(turntable(), skater(turntable()), [0.0, 1.0]), "compare with small steps"),
         (lambda: co.System(co.SO2(), lambda xi, p, *, intern: xi @ xi, parameters=PARAMETERS), "must take (xi, p)"),
     ],
 )

@@ -9,6 +9,7 @@ from typing import Any
 from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.units import in_si, unknown
 from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.each import each
 
 _ROOM = "coadjoint.models.underwater.water"
 CURRENTS = {
@@ -29,6 +30,8 @@ PROFILES = {
     "power_law": "profiles:PowerLaw",
     "logarithmic": "profiles:Logarithmic",
 }
+APART = 2**32
+"""Between the seeds of two random currents of one mission."""
 _INNER = {"density": DENSITIES, "profile": PROFILES}
 KINDS = {"velocity": "speed", "reach": "length", "bottom": "length", "correlation_time": "time", "depths": "length"}
 """What some of the fields measure."""
@@ -54,12 +57,11 @@ def water(file: MissionFile, seeds: Any = None) -> Any:
         )
     from coadjoint.models.underwater.water.sea import Sea
 
-    made = {
-        name: _made(
-            file, table, f"water.{name}", _INNER.get(name, CURRENTS), "" if name in _INNER else "uniform", seeds
-        )
-        for name, table in named.items()
-    }
+    made = {}
+    for place, (name, table) in enumerate(named.items()):
+        kinds, default = (_INNER[name], "") if name in _INNER else (CURRENTS, "uniform")
+        own = None if seeds is None else each(seeds.values + place * APART)
+        made[name] = _made(file, table, f"water.{name}", kinds, default, own)
     return Sea(**made)
 
 

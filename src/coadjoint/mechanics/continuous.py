@@ -108,8 +108,14 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
 
     g, n, a, ξ, ν are integrated with relative tolerance `tolerance`; μ, π follow by the Legendre transform.
     The start of a record takes (ξ, ν) from its momenta, because a record's own are those of a step, off by O(h).
-    Raises ArgumentError for a curved Q and for times out of order, StepError where the integration fails.
+    Raises ArgumentError for a curved Q, for times out of order and for a system whose internal state has a rule, which
+    is applied from step to step; StepError where the integration fails.
     """
+    if system.internal is not None:
+        raise ArgumentError(
+            "The reference solution has no steps, but the rule of this system advances its internal state once a step: "
+            "compare with small steps."
+        )
     if not system.additional.flat:
         raise ArgumentError(
             "The reference solution needs a flat space of additional dynamics; compare with small steps."

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.each import Each
 from coadjoint.models.underwater.water.density import Density
 from coadjoint.models.underwater.water.water import Water, nested
 
 DENSITY = "density"
+RANDOM = ".random"
 
 
 class Sea(Water):
@@ -40,6 +44,7 @@ class Sea(Water):
         keys = [key for name, current in currents.items() for key in (f"{name}_{k}" for k in current.parameters())]
         if len(keys) > len(set(keys)):
             raise ArgumentError(f"Two parameters of the sea have the same name: rename one of {', '.join(currents)}.")
+        _require_different_seeds(self.start())
 
     own_density: Density | None
     currents: dict[str, Water]
@@ -91,3 +96,27 @@ class Sea(Water):
     def __repr__(self) -> str:
         parts = [f"{name}={current!r}" for name, current in self.currents.items()]
         return f"Sea({', '.join(parts + ([] if self.own_density is None else [f'density={self.own_density!r}']))})"
+
+
+def _require_different_seeds(start: dict[str, Any]) -> None:
+    """Raise where two random currents begin with the same random numbers: they would go together, not add up."""
+    states = {
+        name.removesuffix(RANDOM): np.atleast_2d(leaf.values if isinstance(leaf, Each) else leaf)
+        for name, leaf in _leaves(start)
+        if name.endswith(RANDOM)
+    }
+    for (one, rows), (other, others) in combinations(states.items(), 2):
+        if 1 not in (len(rows), len(others)) and len(rows) != len(others):
+            raise ArgumentError(f"The random currents `{one}` and `{other}` must have seeds for equally many members.")
+        if np.any(np.all(rows == others, axis=1)):
+            raise ArgumentError(
+                f"The random currents `{one}` and `{other}` have the same seed, and would change together: give each "
+                "another one."
+            )
+
+
+def _leaves(tree: Any, name: str = "") -> list[tuple[str, Any]]:
+    """Everything in nested dictionaries, by names such as `gusts.random`."""
+    if not isinstance(tree, dict):
+        return [(name, tree)]
+    return [leaf for key, part in tree.items() for leaf in _leaves(part, f"{name}.{key}" if name else key)]
