@@ -184,6 +184,9 @@ def test_a_lagging_thruster_follows_exp_of_time_exactly_whatever_the_step():
         run = co.simulate(craft.system, craft.start(), dt=h, steps=6, inputs=inputs)
         expected = np.outer(1 - np.exp(-run.dataset.time.values / tau), [1.0, -2.0, 5.0])
         np.testing.assert_allclose(run.dataset.internal_thrusters, expected, atol=1e-13)
+    narrow = co.simulate(craft.system.replace(thrusters_limit=0.5), craft.start(), dt=0.5, steps=6, inputs=inputs)
+    clipped = np.outer(1 - np.exp(-narrow.dataset.time.values / tau), [0.5, -0.5, 0.5])
+    np.testing.assert_allclose(narrow.dataset.internal_thrusters, clipped, atol=1e-13)
 
 
 def test_the_budgets_line_of_a_thruster_is_force_times_velocity_and_a_bollard_pull_is_its_curve():

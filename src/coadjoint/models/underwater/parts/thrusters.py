@@ -147,19 +147,19 @@ class Thrusters(Part):
         return Force(torque=both[3:], force=both[:3])
 
     def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        wanted = jnp.clip(command, own.limit[0], own.limit[1]) if "limit" in own else command
+        wanted = jnp.clip(command, *_ends(own)) if "limit" in own else command
         return actual + (1 - jnp.exp(-h / own.lag) if "lag" in own else 1.0) * (wanted - actual)
 
     def commands_for(self, thrusts: Array, own: Any) -> Array:
         """The commands whose thrusts are nearest to these, (n,) N."""
-        limit = own.limit if "limit" in own else (-jnp.inf, jnp.inf)
+        limit = _ends(own)
         u, rest = self.curve.command(thrusts, own, limit), self.curve.neutral
         if "dead_band" in own:
             # A little beyond the edge, which rounding must not put inside.
             edge = rest + jnp.sign(thrusts) * own.dead_band * (1 + 1e-12)
             pushes = jnp.abs(thrusts) > 0.5 * jnp.abs(self.curve.force(edge, own))
             u = jnp.where(jnp.abs(u - rest) > own.dead_band, u, jnp.where(pushes, edge, rest))
-        return jnp.clip(u, limit[0], limit[1])
+        return jnp.clip(u, *limit)
 
     def allocate(self, wrench: Any) -> Array:
         """Commands (n,) for a wrench (X, Y, Z, K, M, N), N and N m: the thrusts of least |f|² that give it.
@@ -198,3 +198,10 @@ class Thrusters(Part):
             return -np.inf, np.inf
         low, high = evaluate(self.thrusts, self.limit, self.nominal)
         return float(low), float(high)
+
+
+def _ends(own: Any) -> tuple[Any, Any]:
+    """The lowest and the highest command; one number replaced for both is the largest."""
+    if "limit" not in own:
+        return -jnp.inf, jnp.inf
+    return (own.limit[0], own.limit[1]) if jnp.ndim(own.limit) else (-own.limit, own.limit)
