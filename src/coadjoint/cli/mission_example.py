@@ -7,7 +7,14 @@ from typing import Any
 from coadjoint.cli.toml_text import to_toml
 from coadjoint.models.underwater.log.columns import WRITTEN
 
-_SET_POINTS = {"depth": [0.5, 5.0, 0.5], "heading": [0, 90, 90], "pitch": [0, -10, 10], "altitude": [10.0, 5.0, 10.0]}
+_SET_POINTS: dict[str, Any] = {
+    "depth": [0.5, 5.0, 0.5],
+    "heading": [0, 90, 90],
+    "pitch": [0, -10, 10],
+    "altitude": [10.0, 5.0, 10.0],
+    "shallow": 2.0,
+    "deep": 10.0,
+}
 
 
 def example(name: str) -> str:
