@@ -54,6 +54,7 @@ _HOMES = {
     "pilots.pilot": ("Pilot", "Sight"),
     "pilots.cruise": ("Cruise",),
     "pilots.attitude": ("Attitude",),
+    "pilots.external": ("FunctionPilot",),
     "pilots.hover": ("Hover", "Manoeuvre", "Pose"),
     "pilots.line_of_sight": ("LineOfSight",),
     "pilots.proposed": ("proposed_pilot",),
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.parts.thrusters import Thrusters as Thrusters
     from coadjoint.models.underwater.pilots.attitude import Attitude as Attitude
     from coadjoint.models.underwater.pilots.cruise import Cruise as Cruise
+    from coadjoint.models.underwater.pilots.external import FunctionPilot as FunctionPilot
     from coadjoint.models.underwater.pilots.hover import Hover as Hover
     from coadjoint.models.underwater.pilots.hover import Manoeuvre as Manoeuvre
     from coadjoint.models.underwater.pilots.hover import Pose as Pose

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -68,13 +67,3 @@ class Pilot(ABC):
     @abstractmethod
     def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Commands by the names of the parts, and what it remembers from now on; jax.numpy only."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FunctionPilot(Pilot):
-    """A function (sight, p) → {part: command} as a pilot, p being the parameters of the system."""
-
-    function: Callable[[Sight, Any], dict[str, Any]]
-
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return self.function(sight, own), {}

@@ -13,7 +13,8 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal import sampled, sampling
 from coadjoint.mechanics.state import Motion
-from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot, Sight
+from coadjoint.models.underwater.pilots.external import FunctionPilot
+from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.models.underwater.vehicles.energies import Surroundings, own_of
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
 from coadjoint.models.underwater.water.water import UniformWater, Water

@@ -15,7 +15,8 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.underwater import axes as turned
 from coadjoint.models.underwater.paper_form import UNITS
 from coadjoint.models.underwater.parts.part import Part
-from coadjoint.models.underwater.pilots.pilot import FunctionPilot, Pilot
+from coadjoint.models.underwater.pilots.external import FunctionPilot
+from coadjoint.models.underwater.pilots.pilot import Pilot
 from coadjoint.models.underwater.vehicles import energies
 from coadjoint.models.underwater.vehicles.actuators import Rule, starting_actuators
 from coadjoint.models.underwater.vehicles.energies import Surroundings, actual_of, own_of

@@ -1,0 +1,111 @@
+"""Any Python function as a pilot: traced into the native kernel where it can be, else called from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
+from coadjoint.spaces.named import Named
+
+_NOT_TRACEABLE = (
+    jax.errors.ConcretizationTypeError,
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerBoolConversionError,
+    jax.errors.TracerIntegerConversionError,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FunctionPilot(Pilot):
+    """A function (sight, p) → {part: command} as a pilot, p being the parameters of the system.
+
+    With `remembers`, numbers by name that it starts from, it is (sight, memory, p) → (commands, memory) instead.
+    Written with jax.numpy it becomes part of the native kernel. Where it needs numbers, as with NumPy, `math`, `if` on
+    what it sees, or a library of one's own, it is called from outside at every step: then the run goes by XLA, which a
+    warning tells, is slower, and has no derivatives. What it gives must depend on its arguments only; it is called once
+    on a craft at rest to learn the shapes. A vehicle's inputs of any name reach it as `sight.inputs`.
+    """
+
+    function: Callable[..., Any]
+    remembers: Mapping[str, Any] | None = None
+
+    def memory(self) -> dict[str, Any]:
+        return dict(self.remembers or {})
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        arguments = (sight, own) if self.remembers is None else (sight, memory, own)
+        try:
+            found = self.function(*arguments)
+        except _NOT_TRACEABLE:
+            found = _from_outside(self.function, arguments)
+        if self.remembers is None:
+            return found, {}
+        if not isinstance(found, tuple) or len(found) != 2:
+            raise ArgumentError(
+                f"A pilot that remembers must return (commands, memory), but returned {type(found).__name__}."
+            )
+        return found
+
+
+def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """What a function gives that takes numbers only, with the shapes that it has at rest."""
+    try:
+        example = _numbers(function(*_at_rest(arguments)))
+    except Exception as error:
+        raise ArgumentError(
+            f"The pilot's function failed for a craft at rest and level: {type(error).__name__}: {error}"
+        ) from error
+    leaves, structure = jax.tree.flatten(example)
+    _, given = jax.tree.flatten(arguments)
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(arguments)]
+
+    def call(bits: Any) -> np.ndarray:
+        numbers = given.unflatten(_split(np.ascontiguousarray(bits).view(np.float64).ravel(), shapes))
+        result = jax.tree.leaves(_numbers(function(*numbers)))
+        return np.concatenate([np.ravel(leaf) for leaf in result]).view(np.uint32).reshape(-1, 2)
+
+    # As pairs of 32 bits, since JAX takes callbacks' numbers for float32 on the threads that they run on.
+    all_of = jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(arguments)])
+    size = sum(leaf.size for leaf in leaves)
+    bits = jax.ShapeDtypeStruct((size, 2), np.uint32)
+    found = jax.pure_callback(call, bits, lax.bitcast_convert_type(all_of, jnp.uint32), vmap_method="sequential")
+    return structure.unflatten(_split(lax.bitcast_convert_type(found, jnp.float64), [leaf.shape for leaf in leaves]))
+
+
+def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
+    """Arrays of these shapes from a row of numbers."""
+    ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in shapes])
+    return [
+        numbers[end - int(np.prod(shape, dtype=int)) : end].reshape(shape)
+        for end, shape in zip(ends.tolist(), shapes, strict=True)
+    ]
+
+
+def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The same structure in numbers: level and at rest, and parameters as they are, or 1 where they are traced."""
+    sight, *others = arguments
+    still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), sight)
+    still = still._replace(down=np.array([0.0, 0.0, 1.0]), north=np.array([1.0, 0.0, 0.0]))
+    return still, *(
+        jax.tree.map(lambda leaf: np.ones(np.shape(leaf)) if traced(leaf) else np.asarray(leaf), other)
+        for other in others
+    )
+
+
+def _numbers(found: Any) -> Any:
+    """Dictionaries of float64 arrays, and nothing else that JAX would not know."""
+    if isinstance(found, tuple):
+        return tuple(_numbers(part) for part in found)
+    if isinstance(found, (Mapping, Named)):
+        parts = found.asdict() if isinstance(found, Named) else found
+        return {str(name): _numbers(part) for name, part in parts.items()}
+    return np.asarray(found, dtype=np.float64)

@@ -1,0 +1,116 @@
+"""Any Python function flies, traced where it can be, else from outside; digital effects are what they should be."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_crafts import remus
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.models.underwater import Craft, Cruise, FunctionPilot
+from coadjoint.simulation import store as streaming
+from coadjoint.simulation.progress import Progress
+
+DT, VEHICLE = 0.05, remus()
+
+
+PLAIN = remus(parts=[part for part in VEHICLE.parts if part.name in ("damping", "rudder")])
+
+
+def fly(pilot, duration=10.0, **inputs):
+    craft = Craft(PLAIN, pilot=pilot)
+    return co.simulate(craft.system, craft.start(speed=1.5), dt=DT, duration=duration, inputs=inputs or None)
+
+
+def traceable(sight, p):
+    return {"rudder": jnp.clip(1.2 * (sight.inputs.heading - sight.heading) - sight.omega[2], -0.2, 0.2)}
+
+
+def with_numpy(sight, p):
+    """The same law as only Python can read it."""
+    rudder = 1.2 * float(sight.inputs.heading - sight.heading) - float(np.asarray(sight.omega)[2])
+    if abs(rudder) > 0.2:
+        rudder = math.copysign(0.2, rudder)
+    return {"rudder": rudder}
+
+
+def test_a_plain_python_function_with_numpy_flies_as_the_same_law_in_the_native_kernel():
+    inside = fly(traceable, heading=0.5)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        outside = fly(with_numpy, heading=0.5)
+    assert (inside.plan.backend, outside.plan.backend) == ("native", "xla")
+    assert any("XLA" in str(warning.message) for warning in told)
+    np.testing.assert_allclose(outside.dataset.q, inside.dataset.q, atol=1e-10)
+    np.testing.assert_allclose(outside.dataset.internal_rudder, inside.dataset.internal_rudder, atol=1e-10)
+
+
+def test_a_function_may_remember():
+    """∫ of the heading error by the pilot itself, against the sum over its samples."""
+
+    def steer(sight, memory, p):
+        error = sight.inputs.heading - sight.heading
+        total = memory.total + 0.1 * error
+        return {"rudder": 0.5 * error + 0.1 * total - sight.omega[2]}, {"total": total}
+
+    run = fly(FunctionPilot(function=steer, remembers={"total": 0.0}), heading=0.3)
+    heading = run.dataset.euler_angles.values[:, 0]
+    samples = np.r_[1, 2 : len(heading) : 2]  # At the node after the start, then at multiples of the period.
+    total = run.dataset.internal_pilot_value_memory_total.values
+    assert run.plan.backend == "native"
+    np.testing.assert_allclose(total[samples], np.cumsum(0.1 * (0.3 - heading[samples])), atol=1e-12)
+
+
+def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_samples():
+    """The command is the time of the sample: it stays as it is for a period, and begins `delay` after."""
+    for delay in (0.0, 0.15):
+        pilot = FunctionPilot(function=lambda sight, p: {"rudder": 1e-3 * sight.t}, period=0.2, delay=delay)
+        made = fly(pilot, duration=4.0).dataset
+        t, command = made.time.values, made.internal_pilot_value_rudder.values / 1e-3
+        sampled = np.unique(np.round(command[command > 0], 9))[1:]  # The first is at the node after the start.
+        np.testing.assert_allclose(np.diff(sampled), 0.2, atol=1e-9)
+        for moment in sampled[:-1]:
+            held = t[np.abs(command - moment) < 1e-9]
+            assert held[0] == pytest.approx(moment + delay, abs=1e-9)
+            assert held[-1] == pytest.approx(held[0] + 0.2 - DT, abs=1e-9)
+
+
+def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeypatch):
+    craft = Craft(VEHICLE, pilot=Cruise(delay=0.07, period=0.15))
+    start = craft.start(speed=1.5, actuators={"propeller": 12.0})
+    given = {"dt": DT, "steps": 40_000, "save_every": 100, "inputs": {"depth": 4.0, "heading": 0.5, "speed": 1.5}}
+    whole = co.simulate(craft.system, start, **given)
+    monkeypatch.setattr(streaming, "PERIOD", 0.0)
+    monkeypatch.setattr(streaming, "BURDEN", 0.0)
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        looks = iter(range(3))
+
+        def advance(self, steps, seconds):
+            if next(looks, None) is None:
+                raise KeyboardInterrupt
+
+        patched.setattr(Progress, "advance", advance)
+        co.simulate(craft.system, start, **given, store=tmp_path / "run")
+    assert 0 < len(co.load(tmp_path / "run").dataset.time) < whole.count
+    resumed = co.resume(tmp_path / "run", craft.system, inputs=given["inputs"]).dataset
+    for name in ("R", "q", "xi", "internal_rudder", "internal_pilot_value_memory_depth"):
+        np.testing.assert_array_equal(resumed[name].values, whole.dataset[name].values)
+
+
+@pytest.mark.parametrize(
+    ("function", "sentence"),
+    [
+        (lambda sight, p: {"tail": 0.0}, "no actuator of"),
+        (lambda sight, p: {"rudder": np.asarray(sight.omega)}, "takes one number"),
+        (lambda sight, p: {"rudder": float(sight.heading) / float(sight.depth)}, "failed for a craft at rest"),
+        (lambda sight, p: 0.3, "must return a dictionary"),
+    ],
+)
+def test_functions_that_cannot_steer_are_refused_with_a_sentence(function, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        fly(function, duration=1.0)
