@@ -22,10 +22,8 @@ INPUTS = {
 
 
 def dive(inputs):
-    vehicle = remus_100()
-    start = remus_start(
-        vehicle, position=(5, 7, 2), speed=1.5, revolutions=15.0, euler_zyx=(0.3, 0.2, 0.1), current=(0.1, 0.2, 0)
-    )
+    vehicle = remus_100(current=(0.1, 0.2, 0.0))
+    start = remus_start(vehicle, position=(5, 7, 2), speed=1.5, revolutions=15.0, euler_zyx=(0.3, 0.2, 0.1))
     return co.simulate(vehicle, start, dt=0.05, duration=10, inputs=inputs, save_every=2)
 
 
@@ -49,7 +47,7 @@ def test_a_log_tells_place_attitude_and_velocities_of_the_run(run, tmp_path):
     for name, component in (("heading_deg", 0), ("pitch_deg", 1), ("roll_deg", 2)):
         assert np.allclose(found[name], np.degrees(data.euler_angles[:, component]), atol=1e-8)
     assert np.allclose(found["rudder_deg"], np.degrees(data.internal_rudder), atol=1e-9)
-    assert np.allclose(found["command_revolutions_per_s"], data.internal_pilot_value_revolutions, atol=1e-9)
+    assert np.allclose(found["command_propeller_per_s"], data.internal_pilot_value_propeller, atol=1e-9)
     assert np.allclose(found["set_heading_deg"], np.degrees(data.inputs_heading), atol=1e-9)
     assert np.allclose(found["current_east_m_s"], 0.2, atol=1e-9)
 
@@ -133,6 +131,25 @@ def test_a_table_without_the_wanted_input_or_too_long_is_refused(tmp_path):
         inputs_from_csv(path, names=["heading"])
     with pytest.raises(FileError, match="no file"):
         read_csv(tmp_path / "nothing.csv")
+
+
+def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
+    from coadjoint.identification.csv_files import read_log
+
+    for axes_of_log in ("NED/FRD", "ENU/FLU"):
+        path = tmp_path / f"{axes_of_log[:3]}.csv"
+        log = read_log(run.save(path, axes=axes_of_log), axes=axes_of_log)
+        data = run.dataset
+        for name, values in (
+            ("north", data.q[:, 0]),
+            ("depth", data.q[:, 2]),
+            ("w", data.nu[:, 2]),
+            ("r", data.xi[:, 2]),
+        ):
+            assert np.allclose(log.columns[name], values, atol=1e-8), name
+        assert np.allclose(np.sin(log.columns["heading"]), np.sin(data.euler_angles[:, 0]), atol=1e-8)
+        assert np.allclose(log.inputs["rudder"], data.internal_pilot_value_rudder, atol=1e-9)
+        assert np.allclose(log.inputs["propeller"], data.internal_pilot_value_propeller, atol=1e-8)
 
 
 def test_what_is_no_vehicle_has_no_log(tmp_path):

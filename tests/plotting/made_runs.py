@@ -38,7 +38,7 @@ def dataset(nodes: int = 200, group: str = "SO3()", method: str = "Midpoint(Cayl
         "n": waves,
         "a_down": np.broadcast_to([0.0, 0.0, 1.0], waves.shape),
         "a_north": np.broadcast_to([1.0, 0.0, 0.0], waves.shape),
-        "a_current": np.broadcast_to([0.0, 0.2, 0.0], waves.shape),
+        "current": np.broadcast_to([0.0, 0.2, 0.0], waves.shape),
         "inputs_depth": np.where(time < 5, 0.5, 1.0),
         "inputs_heading": np.where(time < 5, 0.0, 1.0),
         "internal_rudder": 0.2 * np.sin(time),

@@ -71,7 +71,7 @@ def test_a_run_of_no_vehicle_has_none_of_these():
 
 
 def test_a_vehicle_without_actuators_or_current_is_told_so():
-    run = dataset(a_current=None, internal_rudder=None, internal_thrusters=None, internal_pilot_value_rudder=None)
+    run = dataset(current=None, internal_rudder=None, internal_thrusters=None, internal_pilot_value_rudder=None)
     assert available(run)[-4:] == ["mission", "track", "depth", "speeds"]
     with pytest.raises(ArgumentError, match="no actuators"):
         Plots(run).actuators()

@@ -11,6 +11,7 @@ import tyro
 
 import coadjoint
 from coadjoint.cli import commands, terminal
+from coadjoint.cli.comparing import Compare
 from coadjoint.cli.stability import Stability
 from coadjoint.errors import CoadjointError, StepError
 
@@ -22,6 +23,7 @@ Command = (
     | Annotated[commands.Resume, tyro.conf.subcommand("resume")]
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
     | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]

@@ -87,11 +87,9 @@ class Log:
         """Roll, pitch and yaw rates, body axes, (nodes, 3), rad/s."""
         return self._values("xi")
 
-    @cached_property
+    @property
     def current(self) -> np.ndarray | None:
         """The velocity of the water, space axes, (nodes, 3), m/s; None where the run has none."""
-        if "a_current" in self.dataset:
-            return np.einsum("kij,kj->ki", self.directions, self._values("a_current"))
         return self._values("current") if "current" in self.dataset else None
 
     @cached_property

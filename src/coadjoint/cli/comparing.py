@@ -1,0 +1,90 @@
+"""`coadjoint compare DIR DIR`: two results folders side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.report.comparison import Comparison
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare two runs: their settings, what they conserve, how far apart they are; figures of both with --out."""
+
+    first: tyro.conf.Positional[Path]
+    """A folder that `run` wrote, or a file of a run."""
+    second: tyro.conf.Positional[Path]
+    """Another one."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """A folder for comparison.json and figures of both runs."""
+    json: bool = False
+    """Print the comparison as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.stored import recordings
+        from coadjoint.plotting.plots import save_figures
+        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.report.comparison import compare
+        from coadjoint.report.summary import to_json
+
+        datasets = [_one(recordings(source), source).dataset for source in (self.first, self.second)]
+        names = _names(self.first, self.second)
+        found = compare(*datasets, names)
+        if self.json:
+            print(to_json(found.summary()), end="")
+        else:
+            show(found)
+        if self.out is not None:
+            self.out.mkdir(parents=True, exist_ok=True)
+            write_text(self.out / "comparison.json", to_json(found.summary()))
+            written = save_figures(datasets, self.out, labels=list(names))
+            if not self.json:
+                terminal.line(f"Written: {', '.join([f'{self.out}/comparison.json', *written])}.")
+        return 0
+
+
+def _one(found: dict[str, Any], source: Path) -> Any:
+    if len(found) > 1:
+        raise ArgumentError(f"The folder {source} holds {len(found)} runs: name one of its files, {', '.join(found)}.")
+    return next(iter(found.values()))
+
+
+def _names(first: Path, second: Path) -> tuple[str, str]:
+    """What tells the two apart: the names of the folders or files, or their whole paths."""
+    names = first.stem or str(first), second.stem or str(second)
+    return names if names[0] != names[1] else (str(first), str(second))
+
+
+def show(found: Comparison) -> None:
+    """The comparison as three tables."""
+    terminal.table(("", *found.names), [(key, *map(_text, pair)) for key, pair in found.setting.items()])
+    terminal.line("")
+    rows = [(key.replace("_", " "), *map(_text, pair)) for key, pair in found.conserved.items()]
+    terminal.table(("kept", *found.names), rows)
+    terminal.line("")
+    rows = [
+        (name, f"{found.final[name]:.3e}", f"{found.largest[name]:.3e}", found.units[name])
+        for name in sorted(found.largest, key=_order)
+    ]
+    terminal.table((f"apart, {found.common:,} times", f"at {found.last:g} s", "at most", "unit"), rows)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+_FIRST = ("q", "euler_angles", "xi", "nu", "mu", "pi")
+
+
+def _order(name: str) -> tuple[int, str]:
+    return (_FIRST.index(name) if name in _FIRST else len(_FIRST), name)

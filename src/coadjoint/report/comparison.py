@@ -1,0 +1,134 @@
+"""Two runs side by side: what was set, what was conserved, and how far apart they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+
+CONSERVED = (
+    "energy_error_max",
+    "discrete_energy_error_max",
+    "kelvin_noether_error_max",
+    "energy_budget_error_max",
+    "kelvin_noether_budget_error_max",
+    "balance_max",
+    "newton_residual_max",
+    "group_defect_max",
+)
+"""Numbers of the certificate that tell how well a run keeps what the mechanics keep."""
+SET = ("system", "group", "method", "dt", "steps")
+LEFT_OUT = ("internal_pilot_sample", "internal_pilot_release", "internal_pilot_pending")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs: `setting` and `conserved` numbers of both, and the differences of variables.
+
+    `final`, `largest`: |x_a − x_b| at the last common time, and over all common times, of every variable that both
+    have, with its unit; `common`: how many times are common, `last` the latest of them (s).
+    """
+
+    names: tuple[str, str]
+    setting: dict[str, tuple[Any, Any]]
+    conserved: dict[str, tuple[float | None, float | None]]
+    final: dict[str, float]
+    largest: dict[str, float]
+    units: dict[str, str]
+    common: int
+    last: float
+
+    def summary(self) -> dict[str, Any]:
+        """All of it as plain numbers."""
+        a, b = self.names
+        return {
+            "runs": [a, b],
+            "setting": {key: list(pair) for key, pair in self.setting.items()},
+            "conserved": {key: list(pair) for key, pair in self.conserved.items()},
+            "common_times": self.common,
+            "last_common_time": self.last,
+            "difference_final": self.final,
+            "difference_max": self.largest,
+            "units": self.units,
+        }
+
+
+def compare(first: Any, second: Any, names: tuple[str, str] = ("first", "second")) -> Comparison:
+    """Compare the datasets of two runs; raises ArgumentError where they do not fit.
+
+    They fit if they are of one group with states of one shape, and have times in common.
+    """
+    for dataset, name in zip((first, second), names, strict=True):
+        if "member" in dataset.dims:
+            raise ArgumentError(f"{name} holds an ensemble: choose a member of each with dataset.isel(member=0).")
+    _require_one_system(first, second, names)
+    here, there = _common_times(first, second, names)
+    a, b = first.isel(time=here), second.isel(time=there)
+    final, largest, units = {}, {}, {}
+    for name in map(str, first.data_vars):
+        if name not in second or "time" not in first[name].dims or name.startswith(LEFT_OUT):
+            continue
+        if first[name].shape[1:] != second[name].shape[1:]:
+            raise ArgumentError(f"Variable `{name}` has shape {first[name].shape[1:]} in {names[0]}, but "
+                f"{second[name].shape[1:]} in {names[1]}: the runs are not of one system.")
+        gap = _gap(name, np.asarray(a[name], dtype=float), np.asarray(b[name], dtype=float))
+        final[name], largest[name] = float(gap[-1]), float(np.max(gap))
+        units[name] = str(first[name].attrs.get("units", ""))
+    return Comparison(
+        names,
+        {key: (_plain(first.attrs.get(key)), _plain(second.attrs.get(key))) for key in SET},
+        {
+            key: (_plain(first.attrs.get(key)), _plain(second.attrs.get(key)))
+            for key in CONSERVED
+            if key in first.attrs or key in second.attrs
+        },
+        final,
+        largest,
+        units,
+        len(here),
+        float(a["time"][-1]),
+    )
+
+
+def _require_one_system(first: Any, second: Any, names: tuple[str, str]) -> None:
+    groups = [str(dataset.attrs.get("group", "")) for dataset in (first, second)]
+    if groups[0] != groups[1]:
+        raise ArgumentError(f"{names[0]} is on {groups[0]}, but {names[1]} on {groups[1]}: they cannot be compared.")
+    shared = [name for name in ("mu", "q", "n", "x") if name in first and name in second]
+    if not shared:
+        raise ArgumentError(f"{names[0]} and {names[1]} have no state in common: they cannot be compared.")
+
+
+def _common_times(first: Any, second: Any, names: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    """The indices of times that both have, up to round-off; raises ArgumentError where there are none but the start."""
+    s, t = np.asarray(first["time"]), np.asarray(second["time"])
+    near = np.clip(np.searchsorted(t, s), 1, max(len(t) - 1, 1))
+    left = near - 1
+    best = np.where(np.abs(t[left] - s) <= np.abs(t[np.minimum(near, len(t) - 1)] - s), left, np.minimum(near, len(t) - 1))
+    same = np.abs(t[best] - s) <= 1e-9 * max(np.max(np.abs(s)), 1e-300)
+    here = np.flatnonzero(same)
+    if len(here) < 2:
+        raise ArgumentError(
+            f"{names[0]} (saved every {_spacing(s)} up to {s[-1]:g} s) and {names[1]} (every {_spacing(t)} up to "
+            f"{t[-1]:g} s) have no saved times in common but {len(here)}: choose dt and save_every so that they have."
+        )
+    return here, best[here]
+
+
+def _spacing(times: np.ndarray) -> str:
+    return f"{np.median(np.diff(times)):g} s" if len(times) > 1 else "no time"
+
+
+def _gap(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """|a − b| at each time; angles within half a turn."""
+    difference = a - b
+    if name == "euler_angles":
+        difference = np.angle(np.exp(1j * difference))
+    return np.linalg.norm(difference.reshape(len(difference), -1), axis=1)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
