@@ -37,7 +37,7 @@ class Compare:
 
         datasets = [_one(recordings(source), source).dataset for source in (self.first, self.second)]
         names = _names(self.first, self.second)
-        found = compare(*datasets, names)
+        found = compare(datasets[0], datasets[1], names)
         if self.json:
             print(to_json(found.summary()), end="")
         else:
@@ -73,6 +73,7 @@ def show(found: Comparison) -> None:
     rows = [
         (name, f"{found.final[name]:.3e}", f"{found.largest[name]:.3e}", found.units[name])
         for name in sorted(found.largest, key=_order)
+        if not name.startswith(_DETAILS)
     ]
     terminal.table((f"apart, {found.common:,} times", f"at {found.last:g} s", "at most", "unit"), rows)
 
@@ -83,6 +84,8 @@ def _text(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
+_DETAILS = ("inputs_", "internal_pilot", "a_", "work_")
+"""Variables that only the JSON tells of."""
 _FIRST = ("q", "euler_angles", "xi", "nu", "mu", "pi")
 
 

@@ -72,8 +72,10 @@ def compare(first: Any, second: Any, names: tuple[str, str] = ("first", "second"
         if name not in second or "time" not in first[name].dims or name.startswith(LEFT_OUT):
             continue
         if first[name].shape[1:] != second[name].shape[1:]:
-            raise ArgumentError(f"Variable `{name}` has shape {first[name].shape[1:]} in {names[0]}, but "
-                f"{second[name].shape[1:]} in {names[1]}: the runs are not of one system.")
+            raise ArgumentError(
+                f"Variable `{name}` has shape {first[name].shape[1:]} in {names[0]}, but "
+                f"{second[name].shape[1:]} in {names[1]}: the runs are not of one system."
+            )
         gap = _gap(name, np.asarray(a[name], dtype=float), np.asarray(b[name], dtype=float))
         final[name], largest[name] = float(gap[-1]), float(np.max(gap))
         units[name] = str(first[name].attrs.get("units", ""))
@@ -107,13 +109,15 @@ def _common_times(first: Any, second: Any, names: tuple[str, str]) -> tuple[np.n
     s, t = np.asarray(first["time"]), np.asarray(second["time"])
     near = np.clip(np.searchsorted(t, s), 1, max(len(t) - 1, 1))
     left = near - 1
-    best = np.where(np.abs(t[left] - s) <= np.abs(t[np.minimum(near, len(t) - 1)] - s), left, np.minimum(near, len(t) - 1))
+    best = np.where(
+        np.abs(t[left] - s) <= np.abs(t[np.minimum(near, len(t) - 1)] - s), left, np.minimum(near, len(t) - 1)
+    )
     same = np.abs(t[best] - s) <= 1e-9 * max(np.max(np.abs(s)), 1e-300)
     here = np.flatnonzero(same)
     if len(here) < 2:
         raise ArgumentError(
             f"{names[0]} (saved every {_spacing(s)} up to {s[-1]:g} s) and {names[1]} (every {_spacing(t)} up to "
-            f"{t[-1]:g} s) have no saved times in common but {len(here)}: choose dt and save_every so that they have."
+            f"{t[-1]:g} s) have {len(here)} saved times in common, too few: choose dt and save_every so that they have."
         )
     return here, best[here]
 

@@ -1,0 +1,89 @@
+"""Two runs side by side: the differences are those of the states at common times, and what does not fit is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.cli.main import main
+from coadjoint.errors import ArgumentError
+from coadjoint.report.comparison import compare
+
+
+def body(omega=(0.3, 0.0, 1.0), dt=0.1, method=None, duration=2.0, save_every=1, group=None):
+    system = co.System(
+        group or co.SO3(),
+        lambda xi: 0.5 * xi @ (np.arange(1.0, 4.0) * xi) if group is None else 0.5 * xi @ xi,
+        name="free body",
+    )
+    xi = omega if group is None else (*omega, 0.0, 0.0, 0.0)
+    start = system.state(xi=list(xi))
+    return co.simulate(system, start, dt=dt, duration=duration, method=method or co.Midpoint(), save_every=save_every)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return body()
+
+
+def test_a_run_is_not_apart_from_itself(coarse):
+    found = compare(coarse.dataset, coarse.dataset)
+    assert found.common == 21
+    assert set(found.largest.values()) == {0.0}
+
+
+def test_runs_of_two_steps_are_compared_at_their_common_times(coarse):
+    fine = body(dt=0.05)
+    found = compare(coarse.dataset, fine.dataset, ("h", "h/2"))
+    assert (found.common, found.last) == (21, pytest.approx(2.0))
+    gap = np.linalg.norm(coarse.dataset.mu.values - fine.dataset.mu.values[::2], axis=1)
+    assert found.final["mu"] == pytest.approx(gap[-1])
+    assert found.largest["mu"] == pytest.approx(gap.max())
+    assert found.setting["dt"] == (0.1, 0.05)
+    energies = found.conserved["energy_error_max"]
+    assert energies == (coarse.relative_change("energy"), fine.relative_change("energy"))
+    assert energies[0] > 3 * energies[1] > 0
+
+
+def test_a_shorter_run_is_compared_as_far_as_it_goes(coarse):
+    found = compare(coarse.dataset, body(duration=1.0).dataset)
+    assert (found.common, found.last) == (11, pytest.approx(1.0))
+    assert found.largest["mu"] == 0.0
+
+
+def test_angles_are_compared_within_half_a_turn(coarse):
+    turned = coarse.dataset.copy(deep=True)
+    turned["euler_angles"] = turned.euler_angles + 2 * np.pi
+    assert compare(coarse.dataset, turned).largest["euler_angles"] < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (lambda: body(group=co.SE3()), r"is on SO3\(\), but second on SE3\(\)"),
+        (lambda: body(dt=0.07, duration=0.63), "have 1 saved times in common"),
+    ],
+)
+def test_runs_that_do_not_fit_are_refused(coarse, other, words):
+    with pytest.raises(ArgumentError, match=words) as caught:
+        compare(coarse.dataset, other().dataset)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_command_compares_folders_and_draws_both(coarse, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    coarse.save("coarse.nc")
+    body(dt=0.05).save("fine.nc")
+    assert main(["compare", "coarse.nc", "fine.nc", "--out", "both"]) == 0
+    assert "free body" in capsys.readouterr().out
+    assert (tmp_path / "both" / "energy.png").exists()
+    told = json.loads(Path("both/comparison.json").read_text())
+    assert main(["compare", "coarse.nc", "fine.nc", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == told
+    assert told["difference_final"]["mu"] > 0
+    assert main(["compare", "coarse.nc", "nothing.nc"]) == 2
+    assert "nothing.nc" in capsys.readouterr().err
