@@ -5,11 +5,14 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import coadjoint as co
+from coadjoint.kernels.evaluate import tabulate
 from coadjoint.models.underwater import (
     Craft,
     CurrentField,
@@ -152,6 +155,30 @@ def field(q, t):
             0.1 * jnp.sin(0.3 * x - 0.4 * t),
         ]
     )
+
+
+def test_a_sphere_in_any_smooth_current_moves_by_the_equation_of_auton_hunt_and_prudhomme():
+    """(m + C_M ρV) v̇ = ρV[(1 + C_M) Dc/Dt + C_L (c − v) × (∇ × c)], integrated by DOP853; C_L = C_M = ½."""
+    heaviness, duration = 0.6, 6.0
+    craft = Craft(sphere(heaviness), water=CurrentField(field))
+    start = craft.start(position=(0.5, -0.3, 2.0), velocity=(0.4, 0.3, -0.2))
+    parts = tabulate(
+        lambda q, t: (field(q, t), jax.jacfwd(field)(q, t), jax.jacfwd(field, argnums=1)(q, t)), start.q, np.float64(0)
+    )
+
+    def rate(t, y):
+        q, v = np.split(y, 2)
+        c, J, slope = parts(q, np.float64(t))
+        vorticity = np.array([J[2, 1] - J[1, 2], J[0, 2] - J[2, 0], J[1, 0] - J[0, 1]])
+        lift = 0.5 * np.cross(c - v, vorticity)
+        return np.concatenate([v, ((1 + C_M) * (slope + J @ c) + lift) / (heaviness + C_M)])
+
+    exact = solve_ivp(
+        rate, (0.0, duration), np.concatenate([start.q, start.qdot]), method="DOP853", rtol=1e-11, atol=1e-11
+    ).y[:3, -1]
+    gaps = [np.max(np.abs(moved(craft, start, dt, duration).final.q - exact)) for dt in (0.1, 0.05)]
+    assert gaps[1] < 1e-4
+    assert np.log2(gaps[0] / gaps[1]) == pytest.approx(2, abs=0.1)
 
 
 @pytest.mark.parametrize(

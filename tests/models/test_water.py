@@ -313,6 +313,7 @@ REFUSED = [
     (lambda: TidalCurrent(["M2"], [0.5, 0, 0]), "must have shape (1, 3)"),
     (lambda: TidalCurrent("M2", [[0.5, 0, 0]]), "must be a list"),
     (lambda: TimeCurrent(3.0), "must be a function of time"),  # type: ignore[arg-type]
+    (lambda: TimeCurrent(co.Held([0.0, 1.0], np.zeros((2, 3)))), "must not jump"),
     (lambda: TimeCurrent(lambda t: jnp.sin(t)), "shape (3,), but returned shape ()"),
     (lambda: TimeCurrent(lambda t: jnp.ones(3) / t), "must be finite"),
     (lambda: CurrentField(lambda: 0.0), "function of (position)"),

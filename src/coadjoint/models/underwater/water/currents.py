@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import vector
 from coadjoint.models.underwater.water.water import Water
 from coadjoint.spaces.numbers import float64
@@ -42,7 +43,8 @@ def _require_finite(velocity: Any, what: str) -> None:
 class TimeCurrent(Water):
     """The current function(t), (3,) m/s, the same everywhere: a function of time, t in s, in terms of jax.numpy.
 
-    co.Linear(times, velocities) and co.Signal are such functions. Raises ArgumentError for what is none.
+    co.Linear(times, velocities) and co.Signal are such functions; not co.Held, because a current that jumps pushes
+    infinitely hard. Raises ArgumentError for what is none.
     """
 
     function: Callable[[Any], Any]
@@ -52,6 +54,10 @@ class TimeCurrent(Water):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise ArgumentError(f"Argument `function` must be a function of time, but is {self.function!r}.")
+        if isinstance(self.function, Held):
+            raise ArgumentError(
+                "A current must not jump, as co.Held does: take co.Linear, with a short time in between."
+            )
         _require_finite(evaluate(lambda t: self.current(jnp.zeros(3), t, None, None), np.float64(0.0)), "The current")
 
     def parameters(self) -> dict[str, Any]:
