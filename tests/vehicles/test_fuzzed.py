@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from coadjoint.cli.toml_text import _value
 from coadjoint.errors import CoadjointError
+from coadjoint.models.underwater import Craft
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
 from coadjoint.models.underwater.vehicles.shelf import vehicle_names, vehicle_text
 
@@ -87,6 +88,10 @@ def test_a_changed_file_is_a_vehicle_or_one_sentence(text: str) -> None:
         said = str(error)
         assert "fuzzed.toml" in said and "\n" not in said and said.endswith((".", "?")), said
         return
+    try:
+        assert Craft(vehicle).parameters is not None
+    except CoadjointError as error:
+        assert "\n" not in str(error)
     numbers = [vehicle.mass, vehicle.volume, *np.ravel(vehicle.inertia), *np.ravel(vehicle.added_mass)]
     assert np.all(np.isfinite(np.array(numbers, dtype=float)))
     assert np.linalg.eigvalsh(vehicle.inertia)[0] > 0

@@ -76,6 +76,7 @@ REFUSED = {
     "a unit for several things": (
         REMUS, '3.4262], unit = "SI"', '3.4262], unit = "kg"', r'unit = "SI" or "prime"'),
     "a pilot that is none": (REMUS, 'kind = "cruise"', 'kind = "cruiser"', r"Did you mean 'cruise'\?"),
+    "a pilot without what it needs": (REMUS, 'kind = "cruise"', 'kind = "sawtooth"', r"\[pilot\] needs volume = "),
     "a pilot's misspelt key": (
         REMUS, 'kind = "cruise"', 'kind = "cruise"\nperiode = { value = 1, unit = "s" }', r"did you mean `period`"),
     "a derivative that is none": (NPS, "X_pp = 0.007", "X_pz = 0.007", r"'X_pz' of the derivatives `manoeuvring`"),

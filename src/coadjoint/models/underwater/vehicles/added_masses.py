@@ -41,13 +41,14 @@ def read_added_mass(
         about = border.body_vector(section.vector("about", u.LENGTH), axes)
     if form == "matrix":
         found = border.twist_matrix(_matrix(section, density, length), axes)
-    elif form == "semi_axes":
-        found = _ellipsoid(section, density)
-    elif form == "stations":
-        found = _strips(section, density)
-    else:
+    elif form in ("wamit", "capytaine"):
         found = _file(section, form, density, folder)
+    else:
+        with np.errstate(all="ignore"):
+            found = _ellipsoid(section, density) if form == "semi_axes" else _strips(section, density)
     section.done()
+    if not np.all(np.isfinite(found)):
+        raise section.fail(f"{form} give no finite added mass: check that the sizes are those of one body.")
     return added_mass_about(found, -about) if np.any(about) else found
 
 

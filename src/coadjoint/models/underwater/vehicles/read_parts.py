@@ -50,6 +50,8 @@ def read_pilot(section: Section, parts: set[str]) -> Any:
     values: dict[str, Any] = {}
     for field in fields(cls):
         if field.name not in section:
+            if field.default is MISSING:
+                section.quantity(field.name, PILOT_FIELDS.get(field.name))  # says what is missing
             continue
         given = section.given[field.name]
         if isinstance(given, str) or (isinstance(given, list) and all(isinstance(name, str) for name in given)):

@@ -177,10 +177,10 @@ class Section:
     def _numbers(self, value: Any, what: str) -> Any:
         """Finite numbers in rectangular lists; raises ArgumentError."""
         if isinstance(value, list):
-            shapes = {len(inner) if isinstance(inner, list) else -1 for inner in value}
-            if not value or len(shapes) != 1:
+            found = [self._numbers(inner, what) for inner in value]
+            if not value or len({_shape(inner) for inner in found}) != 1:
                 raise self.book.fail(f"{what} must hold numbers in rows of one length, but is {_shown(value)}.")
-            return [self._numbers(inner, what) for inner in value]
+            return found
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.book.fail(f"{what} must be a number, but is {_shown(value)}.")
         if not math.isfinite(value):
@@ -209,6 +209,11 @@ class Section:
 def axes_of(section: Section, otherwise: Axes) -> Axes:
     """The body axes of a section: its key `axes`, or those of the file."""
     return BODY_AXES[section.text("axes", None, tuple(BODY_AXES))] if "axes" in section else otherwise
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    """The shape of rectangular lists."""
+    return (len(value), *_shape(value[0])) if isinstance(value, list) else ()
 
 
 def _shown(value: Any) -> str:
