@@ -21,7 +21,9 @@ from coadjoint.models.underwater import (
     UniformWater,
     Vehicle,
     craft_of,
+    general_vehicle,
     load_vehicle,
+    paper_form,
 )
 
 CURRENT = (0.1, 0.2, -0.05)
@@ -91,6 +93,21 @@ def test_a_craft_in_a_steady_current_moves_as_in_still_water_carried_along_on_th
     np.testing.assert_allclose(carried.R, still.R, atol=1e-12)
 
 
+def test_a_craft_without_parts_is_the_vehicle_of_kirchhoff():
+    vehicle = odd(parts=())
+    same = ("mass", "inertia", "added_mass", "buoyancy", "center_of_mass", "center_of_buoyancy", "gravity")
+    general = general_vehicle(**{key: getattr(vehicle, key) for key in same})
+    craft = Craft(vehicle)
+    begun = {"position": (1.0, 2.0, 3.0), "euler_zyx": (0.3, 0.2, 0.1), "angular_velocity": (0.1, -0.2, 0.3)}
+    R = co.attitude.zyx(0.3, 0.2, 0.1)
+    one = co.simulate(craft.system, craft.start(**begun, velocity=(1.2, 0.1, -0.2)), dt=0.05, duration=10.0)
+    there = paper_form.start(general, **begun, velocity=R @ [1.2, 0.1, -0.2])
+    other = co.simulate(general, there, dt=0.05, duration=10.0)
+    np.testing.assert_allclose(one.dataset.q, other.dataset.q, atol=1e-11)
+    np.testing.assert_allclose(one.dataset.R, other.dataset.R, atol=1e-11)
+    assert "energy_budget" not in one.dataset and one.relative_change("energy") < 1e-2
+
+
 def test_the_energy_budget_of_a_craft_with_a_part_of_every_kind_closes_to_second_order():
     craft = Craft(odd())
     start = craft.start(velocity=(1.2, 0.1, -0.2), actuators=MOVED)
@@ -120,18 +137,23 @@ def test_port_and_starboard_are_mirrored():
 
 
 def test_every_member_of_a_fleet_has_its_own_rudder_its_own_start_and_its_own_current():
-    areas, speeds = np.array([0.01, 0.014, 0.02]), np.array([1.0, 1.5, 2.0])
     places, currents = np.arange(9.0).reshape(3, 3), 0.1 * np.arange(9.0)[::-1].reshape(3, 3)
-    moved = {"rudder": 0.1, "propeller": 12.0}
+    own = {
+        "area": np.array([0.01, 0.014, 0.02]),
+        "speed": np.array([1.0, 1.5, 2.0]),
+        "place": places,
+        "current": currents,
+        "angle": np.array([0.1, -0.05, 0.02]),
+    }
 
-    def gone(area, speed, place, current):
+    def gone(area, speed, place, current, angle):
         craft = Craft(remus(), water=UniformWater()).replace(rudder_area=area, water_velocity=current)
-        start = craft.start(position=place, speed=speed, actuators=moved)
+        start = craft.start(position=place, speed=speed, actuators={"rudder": angle, "propeller": 12.0})
         return co.simulate(craft.system, start, dt=0.05, duration=10.0).dataset
 
-    fleet = gone(*(co.each(values) for values in (areas, speeds, places, currents)))
+    fleet = gone(**{name: co.each(values) for name, values in own.items()})
     for k in range(3):
-        alone = gone(areas[k], speeds[k], places[k], currents[k])
+        alone = gone(**{name: values[k] for name, values in own.items()})
         np.testing.assert_allclose(fleet.q[k], alone.q, atol=1e-12)
         np.testing.assert_allclose(fleet.work_rudder[k], alone.work_rudder, atol=1e-12)
 
@@ -208,6 +230,7 @@ def towed(**inputs: Any):
         (lambda: Craft(remus()).start(actuators={"rudder": [0.1, 0.2]}), r"`rudder` .* must be one number, .* \(2,\)"),
         (lambda: Craft(remus()).start(speed=1.0, velocity=(1, 0, 0)), "one of `speed` and `velocity`, not both"),
         (lambda: Craft(remus()).start(velocity=1.0), r"`velocity` must have shape \(3,\)"),
+        (lambda: Craft(remus()).start(actuators={"rudder": co.each([[0.1], [0.2]])}), r"one number, .* \(1,\)"),
         (lambda: Craft(remus()).start(speed=co.each([[1.0], [2.0]])), "Each `speed` must be one number"),
         (lambda: Craft(remus()).start(position=co.each([1.0, 2.0])), r"Each `position` must have shape \(3,\)"),
         (lambda: steered(Helmsman()), r"needs the input `heading` \(rad\): give it to co.simulate"),

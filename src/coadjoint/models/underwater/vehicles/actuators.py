@@ -188,8 +188,7 @@ def starting_actuators(vehicle: Vehicle, given: Any) -> dict[str, Any]:
                 f"`{name}` in `actuators` is no actuator of `{vehicle.name}`; its actuators are: "
                 f"{', '.join(known) or 'none'}."
             )
-        if np.shape(value) != known[name].shape:
-            raise ArgumentError(
-                f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {np.shape(value)}."
-            )
+        shape = np.shape(value.values)[1:] if isinstance(value, Each) else np.shape(value)
+        if shape != known[name].shape:
+            raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
     return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}

@@ -113,7 +113,7 @@ class Craft:
 
         velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
         axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
-        co.each may stand for position, speed, velocity, euler_zyx and angular_velocity.
+        co.each may stand for any of them but axes and t.
         Raises ArgumentError for wrong shapes and for actuators that the vehicle does not have.
         """
         internal = self.rule.start(starting_actuators(self.vehicle, actuators), t)
