@@ -112,16 +112,17 @@ def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
 
 
 def _between(base: np.ndarray, change: np.ndarray) -> list[float]:
-    """A t in each interval on which base − t change keeps its signature: between its generalised eigenvalues."""
+    """Many t, one at least in each interval on which base − t change keeps its signature.
+
+    These lie between its generalised eigenvalues, of which round-off makes some huge ones where `change` is singular.
+    """
     with np.errstate(all="ignore"):
         found: Any = scipy.linalg.eigvals(base, change)
     real = np.isfinite(found) & (np.abs(found.imag) <= 1e-9 * np.abs(found))
     roots = np.sort(found[real].real)
-    if not len(roots):
-        return [0.0]
-    far = 1.0 + abs(roots[0]) + abs(roots[-1])
-    outside = [side for k in (0.1, 1.0, 10.0) for side in (roots[0] - k * far, roots[-1] + k * far)]
-    return [*outside, *(0.5 * (roots[1:] + roots[:-1]))]
+    size = float(np.max(np.abs(base))) / max(float(np.max(np.abs(change))), 1e-300)
+    spread = size * np.geomspace(1e-4, 1e4, 25)
+    return [0.0, *spread, *-spread, *(0.5 * (roots[1:] + roots[:-1]))]
 
 
 def _undecided(reason: str) -> EnergyCasimir:
