@@ -16,6 +16,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
 from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.vehicles.craft import Craft
+from coadjoint.models.underwater.vehicles.loads import total_mass, total_volume
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
 from coadjoint.stability.steady import Search, SteadyMotion
 
@@ -75,7 +76,8 @@ class SteadyFlight:
         try:
             return self._found(speed)
         except ArgumentError as error:
-            extra = (self.vehicle.mass - self.vehicle.fluid_density * self.vehicle.volume) * self.vehicle.gravity
+            displaced = total_volume(self.vehicle) * self.vehicle.fluid_density
+            extra = (total_mass(self.vehicle) - displaced) * self.vehicle.gravity
             if abs(extra) < 1e-6 * self.vehicle.buoyancy:
                 raise
             raise ArgumentError(f"{error} Its weight is its buoyancy {extra:+.3g} N.") from error
