@@ -62,6 +62,7 @@ _HOMES = {
     "vehicles.craft": ("Craft", "craft_of"),
     "vehicles.file": ("read_vehicle",),
     "vehicles.shelf": ("load_vehicle", "vehicle_names"),
+    "vehicles.writing": ("vehicle_to_toml",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -124,6 +125,7 @@ if TYPE_CHECKING:
     from coadjoint.models.underwater.vehicles.shelf import vehicle_names as vehicle_names
     from coadjoint.models.underwater.vehicles.vehicle import Quantity as Quantity
     from coadjoint.models.underwater.vehicles.vehicle import Vehicle as Vehicle
+    from coadjoint.models.underwater.vehicles.writing import vehicle_to_toml as vehicle_to_toml
     from coadjoint.models.underwater.wamit import wamit_added_mass as wamit_added_mass
     from coadjoint.models.underwater.water.borders import altitude as altitude
     from coadjoint.models.underwater.water.borders import at_bottom as at_bottom
