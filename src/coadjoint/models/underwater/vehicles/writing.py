@@ -16,6 +16,7 @@ from coadjoint.models.underwater.parts.published_curves import PUBLISHED
 from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.vehicles import units as u
 from coadjoint.models.underwater.vehicles.kinds import PARTS, PILOT_FIELDS, kind_of
+from coadjoint.models.underwater.vehicles.loads import held_mass, held_volume
 from coadjoint.models.underwater.vehicles.units import Dimension
 from coadjoint.models.underwater.vehicles.vehicle import Quantity, Vehicle
 
@@ -43,7 +44,7 @@ GEOMETRY: dict[str, Dimension | None] = {
 
 
 def vehicle_to_toml(vehicle: Vehicle) -> str:
-    """The text of a vehicle file that reads as this vehicle: SI units, forward, starboard, down, volume as a number.
+    """The text of a vehicle file that reads as this vehicle, in SI units and forward, starboard, down.
 
     Sources and notes are those of the provenance, by key; a number that has none there has none in the file. Added mass
     is written as a matrix about the origin, derivatives without what the added mass says already.
@@ -62,9 +63,13 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
         yield "\n[sources]"
         yield from (f"{_key(key)} = {_text(citation)}" for key, citation in vehicle.sources.items())
     yield "\n[body]"
+    neutral = (vehicle.mass + held_mass(vehicle.parts)[0]) / vehicle.fluid_density - held_volume(vehicle.parts)[0]
     for key, dimension in BODY.items():
-        if getattr(vehicle, key) is not None:
-            yield _line(key, _diagonal(getattr(vehicle, key)), dimension, told.get(f"body.{key}"))
+        given = told.get(f"body.{key}", told.get("body.buoyancy") if key == "volume" else None)
+        if key == "volume" and given is None and vehicle.volume == neutral:
+            yield "neutral = true"
+        elif getattr(vehicle, key) is not None:
+            yield _line(key, _diagonal(getattr(vehicle, key)), dimension, given)
     yield "\n[added_mass]"
     forms = [name for name in told if name.startswith("added_mass.") and name != "added_mass.about"]
     yield _line("matrix", _diagonal(vehicle.added_mass), None, told.get(forms[0]) if forms else None)
@@ -82,10 +87,11 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
     elif isinstance(part, Thrusters):
         yield from _thrusters(part, vehicle)
     else:
+        defaults: dict[str, Any] = {field.name: field.default for field in fields(part)}
         for key, found in PARTS[kind_of(part)][1].items():
-            value = getattr(part, key)
-            if value is not None:
-                yield _line(key, value, found.dimension, vehicle.provenance.get(f"{part.name}.{key}"))
+            value, told = getattr(part, key), vehicle.provenance.get(f"{part.name}.{key}")
+            if told is not None or not (value is None or np.array_equal(value, defaults[key])):
+                yield _line(key, value, found.dimension, told)
 
 
 def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
@@ -93,9 +99,9 @@ def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
     for key, dimension in (
         ("length", u.LENGTH), ("limit", u.ANGLE), ("lag", u.TIME), ("rate", u.ANGULAR_VELOCITY)
     ):  # fmt: skip
-        value = getattr(part, key)
-        if value is not None:
-            yield _line(key, value, dimension, told.get(f"{part.name}.{key}"))
+        value, given = getattr(part, key), told.get(f"{part.name}.{key}")
+        if value is not None and (given is not None or key != "length" or value != vehicle.length):
+            yield _line(key, value, dimension, given)
     first = next((told[f"{part.name}.{key}"] for key in part.coefficients if f"{part.name}.{key}" in told), None)
     yield f"\n[part.coefficients]\nunit = {_text('SI' if part.length is None else 'prime')}"
     if first is not None:
@@ -111,9 +117,10 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
         yield f"curve = {_text(published)}"
     yield f"command_unit = {_text(part.unit)}"
     for key, dimension in GEOMETRY.items():
-        value = getattr(part, key)
-        if value is not None:
-            yield _line(key, value, dimension, told.get(f"{part.name}.{key}"))
+        value, given = getattr(part, key), told.get(f"{part.name}.{key}")
+        ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
+        if value is not None and not ends:
+            yield _line(key, value, dimension, given)
     if published is None:
         curve = part.curve
         if isinstance(curve, Linear):
