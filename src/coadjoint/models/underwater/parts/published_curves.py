@@ -31,10 +31,11 @@ _T200 = [
     (1900, 5.25),
 ]
 T200 = Table([float(u) for u, _ in _T200], [KGF * F for _, F in _T200])
-"""Blue Robotics T200 at 16 V in fresh water at bollard: pulse width, µs, to N.
+"""Blue Robotics T200 at 16 V, at bollard: pulse width, µs, to N.
 
-15 of the 201 rows (µs, kgf) of Blue Robotics, *T200 Public Performance Data 10–20 V*, September 2019, as public in
-uf-mil/mil2, subjugator_thruster_manager/lut.h; straight lines between them miss none of the others by more than 0.5 N.
+15 of the 201 rows (µs, kgf) in uf-mil/mil2, subjugator_thruster_manager/lut.h, measured by Blue Robotics (*T200 Public
+Performance Data 10–20 V*, September 2019); that they are those of 16 V is by ten of them, the ends 5.25 and −4.07 kgf
+among them, which other public code names so. Straight lines between the 15 miss none of the others by more than 0.5 N.
 """
 
 PUBLISHED = {"T200": T200}
