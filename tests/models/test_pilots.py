@@ -10,10 +10,15 @@ import pytest
 from test_crafts import remus
 
 import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import Craft, Fin, UniformWater, Vehicle
 from coadjoint.models.underwater.pilots import design
 from coadjoint.models.underwater.pilots.cruise import Cruise
+from coadjoint.models.underwater.pilots.pid import pid
 from coadjoint.models.underwater.pilots.under_way import under_way
+from coadjoint.models.underwater.vehicles.file import vehicle_from_text
+from coadjoint.models.underwater.vehicles.shelf import vehicle_text
 
 DT = 0.05
 KEPT = ("depth", "heading", "speed")
@@ -83,3 +88,68 @@ def test_pitch_and_heading_have_the_poles_that_their_gains_are_placed_for():
     poles = np.roots([1, 3.0 * k_d + 0.5, 3.0 * k_p - 0.4])
     np.testing.assert_allclose(np.abs(poles), 0.8, rtol=1e-12)
     np.testing.assert_allclose(-poles.real / np.abs(poles), design.DAMPING_RATIO, rtol=1e-12)
+
+
+def test_an_integral_does_not_wind_up_while_its_controller_is_saturated():
+    """Half a minute of the largest pitch: an integral that wound up would take the vehicle 9.5 m too deep."""
+    made = fly(VEHICLES["cross"], PILOTS["cross"], 200.0, depth=60.0, heading=0.0, speed=1.5).dataset
+    assert 60.0 < made.q.values[:, 2].max() < 60.4 and abs(made.q.values[-1, 2] - 60.0) < 0.1
+
+
+def test_pid_saturates_about_what_is_known_beforehand_and_between_its_own_limits():
+    u, I = evaluate(lambda e: pid((2.0, 1.0, 0.0), e, 0.0, 0.5, 0.1, 1.0, base=0.4, low=0.0), np.float64(-0.1))
+    assert (u, I) == (pytest.approx(0.4 - 0.2 + 0.49), pytest.approx(0.49))
+    u, I = evaluate(lambda e: pid((2.0, 1.0, 0.0), e, 0.0, 0.5, 0.1, 1.0, base=0.4, low=0.0), np.float64(-2.0))
+    assert (u, I) == (0.0, 0.5)
+
+
+def test_an_altitude_is_kept_over_a_flat_bottom():
+    pilot = dataclasses.replace(PILOTS["cross"], vertical="altitude", bottom=20.0)
+    made = fly(VEHICLES["cross"], pilot, 80.0, altitude=14.0, heading=0.0, speed=1.5).dataset
+    assert made.q.values[-1, 2] == pytest.approx(6.0, abs=0.1)
+
+
+def test_a_longer_period_and_delay_take_damping_away():
+    """The same gains by a slower computer: the heading swings further beyond its set point."""
+    beyond = []
+    for period, delay in ((0.1, 0.0), (0.6, 0.6)):
+        pilot = dataclasses.replace(PILOTS["cross"], period=period, delay=delay)
+        made = fly(VEHICLES["cross"], pilot, 40.0, depth=0.0, heading=0.3, speed=1.5).dataset
+        beyond.append(float(made.euler_angles.values[:, 0].max()) - 0.3)
+    assert beyond[1] > beyond[0] + 0.01
+
+
+FILE = """
+[pilot]
+kind = "cruise"
+vertical = "altitude"
+bottom = { value = 20, unit = "m" }
+period = { value = 200, unit = "ms" }
+heading_gains = { value = [0.9, 0.01, 0.4], unit = "SI" }
+heading_reach = { value = 10, unit = "deg" }
+"""
+
+
+def test_a_pilot_in_a_vehicle_file_has_the_gains_that_it_gives_and_proposes_the_others():
+    text = vehicle_text("remus_100")
+    vehicle = vehicle_from_text(text[: text.index("[pilot]")] + FILE, "mine.toml")
+    pilot: Any = Craft(vehicle, pilot=vehicle.pilot).pilot
+    assert (pilot.vertical, float(pilot.period), float(pilot.bottom)) == ("altitude", 0.2, 20.0)
+    np.testing.assert_allclose(pilot.heading_gains, [0.9, 0.01, 0.4])
+    assert pilot.heading_reach == pytest.approx(np.radians(10)) and pilot.pitch_gains[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"depth_gains": (1.0, 2.0)}, "depth_gains"),
+        ({"period": 0.0}, "period"),
+        ({"delay": 0.3}, "at most the period"),
+        ({"vertical": "up"}, "vertical"),
+        ({"vertical": "altitude"}, "bottom"),
+        ({"speed": 9.0}, "cannot go 9 m/s"),
+    ],
+)
+def test_pilots_that_cannot_be_are_refused_with_a_sentence(fields, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        Cruise(**fields).fitted(VEHICLES["cross"])

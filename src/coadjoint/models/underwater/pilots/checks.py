@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
 from coadjoint.models.quantities import number, positive, vector
 
 
@@ -20,6 +22,11 @@ def require_positive(pilot: Any, names: tuple[str, ...]) -> None:
         if getattr(pilot, name) is not None:
             _set(pilot, name, positive(getattr(pilot, name), _of(pilot, name)))
     _set(pilot, "delay", number(pilot.delay, _of(pilot, "delay"), at_least=0.0))
+    if not traced(pilot.delay, pilot.period) and pilot.delay > pilot.period:
+        raise ArgumentError(
+            f"Argument `{_of(pilot, 'delay')}` must be at most the period, {pilot.period:g} s, but is "
+            f"{pilot.delay:g} s."
+        )
 
 
 def _of(pilot: Any, name: str) -> str:

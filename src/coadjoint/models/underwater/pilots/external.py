@@ -13,6 +13,7 @@ from jax import lax
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import traced
+from coadjoint.models.underwater.pilots.checks import require_positive
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.spaces.named import Named
 
@@ -37,6 +38,9 @@ class FunctionPilot(Pilot):
 
     function: Callable[..., Any]
     remembers: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        require_positive(self, ("period",))
 
     def memory(self) -> dict[str, Any]:
         return dict(self.remembers or {})

@@ -137,12 +137,16 @@ PILOT_FIELDS: dict[str, Dimension] = {
     "delay": u.TIME,
     "speed": u.SPEED,
     "bottom": u.LENGTH,
-    **dict.fromkeys(("pitch_limit", "fin_limit", "roll_limit"), u.ANGLE),
+    **dict.fromkeys(("pitch_limit", "fin_limit", "roll_limit", "pitch_reach", "heading_reach"), u.ANGLE),
     **dict.fromkeys(("look_ahead", "acceptance", "reach", "middle", "shift"), u.LENGTH),
     **dict.fromkeys(("volume", "neutral"), u.VOLUME),
     "pitch": u.ANGLE,
 }
 """What fields of pilots measure; the others, such as gains, measure several things and have the unit "SI"."""
+
+
+PILOT_WORDS: dict[str, tuple[str, ...]] = {"vertical": ("depth", "altitude", "pitch")}
+"""Fields of pilots that hold a word, and which."""
 
 
 def pilot_class(kind: str) -> type:

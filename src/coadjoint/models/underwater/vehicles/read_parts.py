@@ -12,7 +12,15 @@ from coadjoint.errors import ArgumentError
 from coadjoint.models.underwater import axes as border
 from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.vehicles import units as u
-from coadjoint.models.underwater.vehicles.kinds import PARTS, PILOT_FIELDS, PILOTS, Field, part_class, pilot_class
+from coadjoint.models.underwater.vehicles.kinds import (
+    PARTS,
+    PILOT_FIELDS,
+    PILOT_WORDS,
+    PILOTS,
+    Field,
+    part_class,
+    pilot_class,
+)
 from coadjoint.models.underwater.vehicles.table import Section, axes_of
 from coadjoint.models.underwater.vehicles.vehicle import Quantity
 
@@ -52,6 +60,9 @@ def read_pilot(section: Section, parts: set[str]) -> Any:
         if field.name not in section:
             if field.default is MISSING:
                 section.quantity(field.name, PILOT_FIELDS.get(field.name))  # says what is missing
+            continue
+        if field.name in PILOT_WORDS:
+            values[field.name] = section.text(field.name, None, PILOT_WORDS[field.name])
             continue
         given = section.given[field.name]
         if isinstance(given, str) or (isinstance(given, list) and all(isinstance(name, str) for name in given)):
