@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import (
     Craft,
     Damping,
     Derivatives,
     Fin,
     Hull,
+    LinearShear,
     Pilot,
     Propeller,
     UniformWater,
@@ -91,6 +93,34 @@ def test_a_craft_in_a_steady_current_moves_as_in_still_water_carried_along_on_th
     still, carried = gone((0.0, 0.0, 0.0)), gone(CURRENT)
     np.testing.assert_allclose(carried.q, still.q + np.outer(still.time, CURRENT), atol=1e-11)
     np.testing.assert_allclose(carried.R, still.R, atol=1e-12)
+
+
+def pushed(craft: Craft, name: str, start: co.State) -> Any:
+    """The force and torque of a part at a start."""
+    motion = craft.system.motion(start.xi, start.n, start.nu, start.a, start.t, None, start.internal)
+    return evaluate(lambda motion, p: dict(craft.system.forces or ())[name](motion, p), motion, craft.parameters)
+
+
+def test_a_fin_meets_the_current_where_it_is():
+    """In c_N = 0.3/s · depth, 0.5 m deeper is 0.15 m/s more; a start has its speed through the water at O."""
+    shape = {"area": 0.01, "lift_slope": 3.0, "stall": 0.35, "position": (-0.8, 0.0, 0.5)}
+    vehicle = remus(parts=(Fin("keel", normal=(0, 1, 0), **shape),))
+    east = {"euler_zyx": (np.pi / 2, 0.0, 0.0), "position": (0.0, 0.0, 20.0)}
+    sheared, still = Craft(vehicle, water=LinearShear((0, 0, 0), (0.3, 0, 0))), Craft(vehicle)
+    one = pushed(sheared, "keel", sheared.start(velocity=(1.5, 0.0, 0.0), **east))
+    other = pushed(still, "keel", still.start(velocity=(1.5, 0.15, 0.0), **east))  # north is to port
+    np.testing.assert_allclose(one.force, other.force, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(one.torque, other.torque, rtol=1e-12, atol=1e-12)
+    assert abs(one.force[1]) > 0.1
+
+
+def test_a_hull_that_stands_upright_in_a_shear_is_turned_as_one_that_turns_in_still_water():
+    """Nose down, back to the north: the shear s pushes the nose, which is deeper, to its back, M = ½ρ C d s²L⁴/32."""
+    sheared = Craft(remus(parts=(remus().part("hull"),)), water=LinearShear((0, 0, 0), (0.3, 0, 0)))
+    found = pushed(sheared, "hull", sheared.start(euler_zyx=(0.0, -np.pi / 2, 0.0)))
+    expected = 0.5 * 1026 * 1.1 * 0.19 * 0.3**2 * 1.6**4 / 32
+    np.testing.assert_allclose(found.torque, [0, expected, 0], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.force, 0, atol=1e-12)
 
 
 def test_a_craft_without_parts_is_the_vehicle_of_kirchhoff():

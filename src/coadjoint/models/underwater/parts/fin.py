@@ -13,9 +13,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import traced
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import direction, number, positive, vector
-from coadjoint.models.underwater.parts.part import Command, Flow, Part, acting_at, speed_of
-
-AHEAD = np.array([1.0, 0.0, 0.0])
+from coadjoint.models.underwater.parts.part import AHEAD, Command, Flow, Part, acting_at, speed_of
 
 
 @dataclass(frozen=True, eq=False)

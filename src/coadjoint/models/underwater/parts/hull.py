@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import number
-from coadjoint.models.underwater.parts.part import Flow, Part, speed_of
+from coadjoint.models.underwater.parts.part import AHEAD, Flow, Part, speed_of
 from coadjoint.spaces.numbers import float64
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -60,6 +60,8 @@ class Hull(Part):
         for station, weight in STRIPS:
             x = own.center + 0.5 * own.length * station
             w = jnp.stack([v[1] + omega[2] * x, v[2] - omega[1] * x])
+            if flow.elsewhere is not None:
+                w = w - flow.elsewhere(x * AHEAD)[1:]
             speed = speed_of(w)
             inverse = jnp.where(speed > 0, 1 / jnp.where(speed > 0, speed, 1.0), 0.0)
             push = -0.5 * own.length * weight * half * (sideways @ w**2) * inverse * w

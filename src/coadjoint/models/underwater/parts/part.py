@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -14,12 +15,16 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import Force
 
+AHEAD = np.array([1.0, 0.0, 0.0])
+"""The direction of the hull, body axes."""
+
 
 class Flow(NamedTuple):
     """The water as a part meets it; body axes forward, starboard, down, about the body origin O.
 
     velocity: v = ν − R⁻¹c, of O through the water, (3,) m/s. omega: ω, (3,) rad/s. density: ρ, kg/m³. down: direction
-    of down. depth: of O, m. t: s.
+    of down. depth: of O, m. t: s. elsewhere: r ↦ R⁻¹(c(r) − c(O)), how the current at the point r of the body differs
+    from that at O; None where it does not.
     """
 
     velocity: Array
@@ -28,10 +33,12 @@ class Flow(NamedTuple):
     down: Array
     depth: Array
     t: Array
+    elsewhere: Callable[[Array], Array] | None = None
 
     def at(self, position: Any) -> Array:
-        """v + ω × r, the velocity through the water of the point r of the body."""
-        return self.velocity + jnp.cross(self.omega, position)
+        """v + ω × r less what the current is more at r: the velocity of the point r of the body through the water."""
+        moving = self.velocity + jnp.cross(self.omega, position)
+        return moving if self.elsewhere is None else moving - self.elsewhere(position)
 
 
 @dataclass(frozen=True)

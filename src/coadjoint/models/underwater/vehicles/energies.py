@@ -52,7 +52,9 @@ class Surroundings:
         """The water as the parts meet it."""
         depth = self.depth()
         density = self.water.density(depth, self.own)
-        return Flow(nu - self.current(), omega, density, self.down, depth, self.t)
+        here = self.current()
+        elsewhere = None if self.water.uniform else lambda position: self.current(position) - here
+        return Flow(nu - here, omega, density, self.down, depth, self.t, elsewhere)
 
 
 def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array, Array | float]]:
