@@ -27,6 +27,7 @@ from coadjoint.models.underwater import (
     load_vehicle,
     paper_form,
 )
+from coadjoint.models.underwater.vehicles.actuators import seen
 
 CURRENT = (0.1, 0.2, -0.05)
 
@@ -43,6 +44,24 @@ def test_inputs_of_the_names_of_parts_command_them_and_other_parts_stay():
     limit = np.radians(15)
     np.testing.assert_allclose(run.dataset.internal_stern_planes, limit * (1 - np.exp(-t / 0.1)), atol=1e-13)
     assert np.all(run.dataset.internal_rudder == 0.03) and np.all(run.dataset.internal_propeller == 15.0)
+
+
+def test_a_pilot_sees_where_the_craft_is_and_how_it_moves():
+    craft = Craft(remus(), water=UniformWater(CURRENT))
+    angles, place, v, omega = (2.0, -0.4, 0.3), (3.0, 5.0, 10.0), (1.2, 0.1, -0.2), (0.1, 0.2, 0.3)
+    start = craft.start(
+        position=place, velocity=v, euler_zyx=angles, angular_velocity=omega, actuators={"rudder": 0.1}, t=2.0
+    )
+    motion = craft.system.motion(start.xi, start.n, start.nu, start.a, start.t, None, start.internal)
+    sight = evaluate(lambda m, p: seen(craft.water, craft.vehicle, m, p, co.Parameters()), motion, craft.parameters)
+    qdot = co.attitude.zyx(*angles) @ v + CURRENT
+    np.testing.assert_allclose([sight.heading, sight.pitch, sight.roll], angles, rtol=1e-13)
+    np.testing.assert_allclose(sight.position, place, rtol=1e-13)
+    np.testing.assert_allclose(sight.velocity, v, rtol=1e-13)
+    np.testing.assert_allclose(sight.ground_velocity, co.attitude.zyx(*angles).T @ qdot, rtol=1e-13)
+    np.testing.assert_allclose([sight.depth, sight.sink, sight.t], [10.0, qdot[2], 2.0], rtol=1e-13)
+    np.testing.assert_allclose(sight.omega, omega, rtol=1e-13)
+    assert sight.actual.rudder == 0.1
 
 
 def test_a_function_of_what_a_pilot_sees_steers():

@@ -12,6 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import Damping, Derivatives, Fin, Flow, Hull, Part, Propeller
+from coadjoint.models.underwater.parts.fin import lift_and_drag
 
 RHO = 1026.0
 
@@ -71,6 +72,18 @@ def test_a_fin_pushes_against_its_normal_by_its_lift_and_turns_the_craft_by_its_
     expected = half * np.array([-drag, -lift, 0.0])
     np.testing.assert_allclose(found[:3], expected, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(found[3:], np.cross(place, found[:3]), rtol=1e-12, atol=1e-13)
+
+
+def test_a_fin_lifts_by_its_slope_stalls_and_is_a_plate_across_the_flow():
+    def at(angle, drag=0.0):
+        return evaluate(lift_and_drag, np.cos(angle), np.sin(angle), 3.12, np.radians(20), drag)
+
+    lift, drag = at(1e-3)
+    assert lift == pytest.approx(3.12e-3, rel=2e-3) and drag == pytest.approx(0.0, abs=1e-5)
+    assert at(0.0, 0.02)[1] == pytest.approx(0.02, rel=1e-4)
+    assert at(np.radians(16))[0] > at(np.radians(30))[0]
+    np.testing.assert_allclose(at(np.pi / 2, 0.02), [0, 2], atol=1e-9)
+    np.testing.assert_allclose(at(-0.2), np.array(at(0.2)) * [-1, 1], rtol=1e-12)
 
 
 def test_a_fin_and_its_flow_that_are_rolled_together_feel_the_force_rolled():
