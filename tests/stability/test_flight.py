@@ -69,6 +69,7 @@ def test_a_turning_circle_is_the_one_that_a_simulation_goes_round():
     found = trim(REMUS, motion)
     assert found.speed == pytest.approx(1.5, rel=1e-10) and abs(found.climb) < 1e-10 and found.turn_rate > 0
     assert stability(motion).verdict == "stable"
+    np.testing.assert_allclose(motion.state.g.T @ [0, 0, 1], motion.state.a[:3], atol=1e-12)
     period = 2 * np.pi / found.turn_rate
     run = co.simulate(flight.craft.system, motion.state, dt=period / 400, duration=period).dataset
     q = run.q.values

@@ -5,6 +5,7 @@ print(co.stability.stability(motion))
 """
 
 from coadjoint.stability.analysis import Stability, stability
+from coadjoint.stability.multipliers import StepModes, step_modes
 from coadjoint.stability.reduced import Reduced
 from coadjoint.stability.second_variation import EnergyCasimir, energy_casimir
 from coadjoint.stability.spectrum import Linearisation, Mode, linearised
@@ -18,8 +19,10 @@ __all__ = [
     "Search",
     "Stability",
     "SteadyMotion",
+    "StepModes",
     "energy_casimir",
     "linearised",
     "stability",
     "steady_motion",
+    "step_modes",
 ]

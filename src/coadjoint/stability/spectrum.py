@@ -74,11 +74,13 @@ class Linearisation:
     """ẋ = Lx for perturbations of a steady motion, in coordinates x of the reduced space: δy = `directions` x.
 
     `zero_modes`: how many zero eigenvalues L has, counted with their multiplicity and left out of `modes`: a steady
-    motion changes into its neighbours with other momenta, or along a symmetry. `charts`: z = `charts` x.
+    motion changes into its neighbours with other momenta, or along a symmetry. `charts`: z = `charts` x, and
+    x = `rows` δy.
     """
 
     matrix: np.ndarray
     directions: np.ndarray
+    rows: np.ndarray
     charts: np.ndarray
     eigenvalues: np.ndarray
     zero_modes: int
@@ -108,7 +110,8 @@ def linearised(motion: SteadyMotion) -> Linearisation:
     L = U[:, :rank].T @ moving @ charts
     eigenvalues, zeros = _without_zeros(L)
     modes = _modes(motion.system, L, charts, eigenvalues, slopes.y_z)
-    return Linearisation(L, np.linalg.pinv(C) @ U[:, :rank], charts, eigenvalues, zeros, modes)
+    rows = U[:, :rank].T @ C
+    return Linearisation(L, np.linalg.pinv(C) @ U[:, :rank], rows, charts, eigenvalues, zeros, modes)
 
 
 def velocity_names(system: System) -> list[str]:

@@ -1,0 +1,47 @@
+"""Modes of steady motions under the steps of a method: kept on the unit circle, and right to the method's order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.models import rigid_body
+from coadjoint.models.underwater import ellipsoid, load_vehicle, start
+from coadjoint.stability import steady_motion, step_modes
+from coadjoint.stability.flight import SteadyFlight
+
+
+def test_symplectic_steps_keep_the_modes_of_a_stable_conservative_motion_on_the_unit_circle():
+    body = ellipsoid(semi_axes=(0.3, 0.5, 1.0), center_of_mass=(0, 0, 0.02))
+    motion = steady_motion(body, start(body, velocity=(0, 0, 0.4)))
+    found = step_modes(motion, 0.2)
+    np.testing.assert_allclose(np.abs(found.multipliers), 1, atol=1e-9)
+    assert np.max(np.abs(found.effective - found.eigenvalues)) < 0.01
+
+
+@pytest.fixture(scope="module")
+def remus():
+    return SteadyFlight(load_vehicle("remus_100")).at(1.5)
+
+
+@pytest.mark.parametrize(("method", "order"), [(co.Midpoint(), 2), (co.LeftRectangle(), 1)])
+def test_frequencies_under_steps_are_right_to_the_order_of_the_method(method, order, remus):
+    """On a free body the left rectangle keeps |m| = 1 too; both change the frequency by O(h²)."""
+    body = rigid_body.make(inertia=(1.0, 2.0, 3.0))
+    motion = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
+    coarse, fine = (np.abs(step_modes(motion, h, method).effective.imag[0]) - 1.0 for h in (0.2, 0.1))
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
+    off = [step_modes(remus, h, method) for h in (0.04, 0.02)]
+    first, last = (np.max(np.abs(one.effective - one.eigenvalues)) for one in off)
+    assert np.log2(first / last) == pytest.approx(order, abs=0.2)
+    # The midpoint rule damps roll less than the equations do; the left rectangle damps every mode less.
+    assert off[0].excitation > 0.01
+
+
+def test_a_step_size_must_be_positive():
+    body = rigid_body.make(inertia=(1.0, 2.0, 3.0))
+    motion = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
+    with pytest.raises(ArgumentError, match="dt"):
+        step_modes(motion, -0.1)
