@@ -99,6 +99,7 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = {
     "attitude": "coadjoint.groups.attitude",
+    "identification": "coadjoint.identification",
     "models": "coadjoint.models",
     "stability": "coadjoint.stability",
     "theory": "coadjoint.theory",

@@ -87,6 +87,8 @@ def test_commands_count_and_not_what_the_actuators_did(tmp_path):
     assert sorted(log.inputs) == ["rudder", "screw", "thrusters"]
     assert np.allclose(log.inputs["rudder"], [np.pi / 2, np.pi]) and np.allclose(log.inputs["screw"], [5, 6])
     assert np.allclose(log.inputs["thrusters"], [[1500, 1600], [1700, 1800]])
+    assert np.allclose(log.actual["rudder"], np.radians([10, 20])) and log.first("rudder") == np.radians(10)
+    assert log.first("screw") == 5 and log.first("sail") is None
 
 
 def test_missing_inputs_keep_their_last_value_and_are_told(tmp_path):

@@ -12,6 +12,7 @@ import tyro
 import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
+from coadjoint.cli.identify import Identify
 from coadjoint.cli.stability import Stability
 from coadjoint.errors import CoadjointError, StepError
 
@@ -28,6 +29,7 @@ Command = (
     | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Stability, tyro.conf.subcommand("stability")]
+    | Annotated[Identify, tyro.conf.subcommand("identify")]
 )
 
 

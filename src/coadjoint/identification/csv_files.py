@@ -57,7 +57,9 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
     time = _time(file, rows, found.pop("time")[1])
     columns = _vehicle(file, found, axes)
-    inputs, units, notes = _inputs(file, rows, _driving(found))
+    driving, did = _driving(found)
+    inputs, units, notes = _inputs(file, rows, driving)
+    actual, *_ = _inputs(file, rows, did)
     notes += [
         f"{int(gaps)} of {len(time)} values of {name} are missing."
         for name, values in columns.items()
@@ -67,7 +69,7 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     if gaps.max() > IRREGULAR * np.median(gaps):
         notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
     try:
-        return Log(time, columns, inputs, units, tuple(notes), step)
+        return Log(time, columns, inputs, units, tuple(notes), step, actual)
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
 
@@ -75,8 +77,9 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     """The log as a CSV file that `read_log` reads: angles in degrees, inputs as `command_…`, missing cells empty."""
     columns: list[tuple[str, np.ndarray]] = [("time_s", log.time)]
+    plain = {name: (name, values) for name, values in {**log.columns, **log.actual}.items()}
     inputs = {f"command_{name}": (name, values) for name, values in log.inputs.items()}
-    for header, (name, values) in {**{name: (name, values) for name, values in log.columns.items()}, **inputs}.items():
+    for header, (name, values) in {**plain, **inputs}.items():
         unit = log.units.get(name, "1")
         shown, end = np.degrees(values) if unit == "rad" else values, ending(unit)
         parts = [("", shown)] if shown.ndim == 1 else [(f"[{i + 1}]", shown[:, i]) for i in range(shown.shape[1])]
@@ -193,11 +196,16 @@ def _attitude(file: str, given: dict[str, np.ndarray], axes: Axes) -> dict[str, 
     return found
 
 
-def _driving(found: dict[str, tuple[Column, np.ndarray]]) -> dict[str, tuple[Column, np.ndarray]]:
-    """The inputs: commands under their own names, and what else was given and never commanded."""
+_Found = dict[str, tuple[Column, np.ndarray]]
+
+
+def _driving(found: _Found) -> tuple[_Found, _Found]:
+    """Inputs, which are the commands where there are any and else what was given, and what actuators did."""
     rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
     commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}
-    return commands | {n: pair for n, pair in rest.items() if n not in commands and not n.startswith("command_")}
+    plain = {name: pair for name, pair in rest.items() if not name.startswith("command_")}
+    did = {name: pair for name, pair in plain.items() if name in commands}
+    return commands | {name: pair for name, pair in plain.items() if name not in commands}, did
 
 
 def _inputs(

@@ -35,6 +35,7 @@ def identify(
     segment: float | None = 10.0,
     dt: float | None = None,
     between: Between = "held",
+    settle: float = 0.0,
     positive: Sequence[str] = (),
     level: float = 0.95,
     method: Method | None = None,
@@ -51,7 +52,8 @@ def identify(
     estimated from the residuals. measured: functions of the state for columns that are not those of a vehicle.
     segment: s; None takes the log as one run from one start. dt: s, by default that of the simulation which wrote
     the log, and of a measured log one that shifts no parameter by more than about a tenth of its standard error.
-    between: whether inputs are held between samples or run linearly. positive: parameters that must stay positive,
+    between: whether inputs are held between samples or run linearly. settle: for how long, s, the log is not
+    fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
     sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
     level: of the intervals.
     Raises ArgumentError for what does not fit, and where nothing is found.
@@ -62,7 +64,7 @@ def identify(
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
-    asked = setting(sought, log, start, channels, method, between, log.step if dt is None else float(dt))
+    asked = setting(sought, log, start, channels, method, between, log.step if dt is None else float(dt), settle)
     return judged(fitted(asked, segment, given), level)
 
 

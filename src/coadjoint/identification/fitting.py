@@ -53,7 +53,7 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
-    fit = Fit(asked.shooting(h, segment), log, sigma)
+    fit = Fit(asked.shooting(h, segment), log, sigma, asked.settle)
     place, trips = fit.at(_begun(asked, h, segment, sigma)), 0
     if asked.step is None:
         parts = _parts(_shift(fit, place, asked, segment), left)
@@ -80,7 +80,7 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray) -
     whole = asked.log.duration if segment is None else segment
     lengths = [length for length in SHORT if length >= 8 * asked.log.interval and 2 * length <= whole]
     for length in lengths if asked.tells_starts else ():
-        fit = Fit(asked.shooting(h, length), asked.log, sigma)
+        fit = Fit(asked.shooting(h, length), asked.log, sigma, asked.settle)
         place = fit.at(shared)
         fit.settle(place)
         solution = least_squares(fit, place, fit.accepted, roughly=True)
@@ -112,11 +112,12 @@ def _shift(fit: Fit, place: Place, asked: Setting, segment: float | None) -> np.
 class Fit:
     """Residuals of all samples over their noise."""
 
-    def __init__(self, shooting: Shooting, log: Log, sigma: np.ndarray):
+    def __init__(self, shooting: Shooting, log: Log, sigma: np.ndarray, settle: float):
         self.shooting, self.log, self.sigma = shooting, log, sigma
         rows = shooting.samples.rows
         values = np.stack([log.columns[name] for name in shooting.channels.names], axis=1)[rows]
-        self.there = (rows >= 0)[..., None] & np.isfinite(values)
+        settled = log.time[rows] >= log.time[0] + settle
+        self.there = (settled & (rows >= 0))[..., None] & np.isfinite(values)
         self.values = np.where(self.there, values, 0.0)
         self.internal: Any = None
 
@@ -135,7 +136,7 @@ class Fit:
         """The same segments on steps that are `parts` times shorter."""
         if parts == 1:
             return self
-        found = Fit(asked.shooting(self.shooting.samples.h / parts, segment), self.log, self.sigma)
+        found = Fit(asked.shooting(self.shooting.samples.h / parts, segment), self.log, self.sigma, asked.settle)
         found.internal = self.internal
         return found
 

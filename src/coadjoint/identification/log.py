@@ -19,6 +19,7 @@ class Log:
     `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
     `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
+    `actual`: what actuators did, where that was logged beside their commands; it is not fitted.
     `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """
@@ -29,6 +30,7 @@ class Log:
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     step: float | None = None
+    actual: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self):
         time = _numbers(self.time, "time")
@@ -75,8 +77,14 @@ class Log:
     def between(self, start: float, end: float) -> Log:
         """The samples with start ≤ time ≤ end."""
         here = (self.time >= start) & (self.time <= end)
-        parts = ({k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs))
-        return Log(self.time[here], *parts, units=self.units, notes=self.notes, step=self.step)
+        parts = [{k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs, self.actual)]
+        columns, inputs, actual = parts
+        return Log(self.time[here], columns, inputs, self.units, self.notes, self.step, actual)
+
+    def first(self, name: str) -> np.ndarray | None:
+        """Where an actuator started: what it did, or else its first command; None where neither was logged."""
+        known = self.actual.get(name, self.inputs.get(name))
+        return None if known is None else known[0]
 
     def __repr__(self) -> str:
         driven = f", driven by {', '.join(self.inputs)}" if self.inputs else ""

@@ -26,7 +26,10 @@ LONGEST_STEP = 0.05
 
 @dataclass(frozen=True)
 class Setting:
-    """`start` is a state at the first sample, with the inputs of the log; `step`: dt where it is fixed, s."""
+    """`start` is a state at the first sample, with the inputs of the log; `step`: dt where it is fixed, s.
+
+    `settle`: for how long actuators find where they are, s; what sensors say until then does not count.
+    """
 
     unknowns: Unknowns
     log: Log
@@ -35,6 +38,7 @@ class Setting:
     method: Method
     between: Between
     step: float | None
+    settle: float
 
     @property
     def longest(self) -> float:
@@ -85,7 +89,14 @@ class Setting:
 
 
 def setting(
-    sought: Unknowns, log: Log, start: State, channels: Channels, method: Method, between: Between, step: float | None
+    sought: Unknowns,
+    log: Log,
+    start: State,
+    channels: Channels,
+    method: Method,
+    between: Between,
+    step: float | None,
+    settle: float,
 ) -> Setting:
     """What is sought, checked; raises ArgumentError."""
     system = sought.system
@@ -93,6 +104,8 @@ def setting(
         raise ArgumentError("Argument `start` must be a state of the system, such as system.state(…).")
     if step is not None and not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"Argument `dt` must be positive, but is {step:g}.")
+    if not 0 <= settle < log.duration:
+        raise ArgumentError(f"Argument `settle` must be shorter than the log, but is {settle:g} s.")
     needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())
     if needed < 2 * (2 * system.unknowns + len(sought.each)):
         raise ArgumentError(
@@ -108,4 +121,4 @@ def setting(
         t_rest=np.float64(0.0),
     )
     require_inputs(system, begun)
-    return Setting(sought, log, begun, channels, method, between, step)
+    return Setting(sought, log, begun, channels, method, between, step, settle)

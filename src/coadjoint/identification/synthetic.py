@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jax
 import numpy as np
@@ -35,4 +36,17 @@ def synthetic_log(
     held = evaluate(jax.vmap(run.system.inputs_at), records.t, records.inputs) if run.system.inputs else records.inputs
     inputs = {name: np.asarray(value) for name, value in held.asdict().items()} if isinstance(held, Named) else {}
     units = {name: unit for name in inputs if (unit := dict(run.system.units).get(f"inputs_{name}"))}
-    return Log(np.asarray(records.t), noisy, inputs, {**{name: UNITS[name] for name in columns}, **units}, step=run.dt)
+    return Log(
+        np.asarray(records.t),
+        noisy,
+        inputs,
+        {**{name: UNITS[name] for name in columns}, **units},
+        step=run.dt,
+        actual=_actual(records.internal, inputs),
+    )
+
+
+def _actual(internal: Any, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What actuators did whose commands are inputs."""
+    found = internal.asdict() if isinstance(internal, Named) else {}
+    return {name: value for name, value in found.items() if name in inputs and isinstance(value, np.ndarray)}

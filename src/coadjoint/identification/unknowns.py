@@ -92,8 +92,9 @@ class Unknowns:
 def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str]) -> Unknowns:
     """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`.
 
-    Of a whole array those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by
-    their logarithms are those named in `positive` and the diagonals of positive definite matrices.
+    The name of a part of a craft stands for all its parameters: `"hull"` for `hull_axial_drag`, … Of a whole array
+    those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
+    those named in `positive` and the diagonals of positive definite matrices.
     Raises ArgumentError, with the nearest name there is.
     """
     if system.parameters is None:
@@ -103,7 +104,7 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     known = _arrays(system.parameters)
     chosen: dict[tuple[int, ...], Unknown] = {}
     matrices: dict[int, int] = {}
-    for text in parameters:
+    for text in _expanded(parameters, known):
         name, index = _parsed(text, known)
         first, array = known[name]
         paired = array.ndim == 2 and array.shape[0] == array.shape[1] and bool(np.allclose(array, array.T, rtol=1e-9))
@@ -136,6 +137,16 @@ def _arrays(parameters: Parameters) -> dict[str, tuple[int, np.ndarray]]:
         array = np.asarray(leaf, float)
         found[jax.tree_util.keystr(path).lstrip(".")] = (start, array)
         start += array.size
+    return found
+
+
+def _expanded(parameters: Sequence[str], known: dict[str, tuple[int, np.ndarray]]) -> list[str]:
+    """The names, with that of a part replaced by those of its parameters that are not all zero."""
+    found: list[str] = []
+    for text in parameters:
+        begins = f"{text}_"
+        whole = [name for name, (_, array) in known.items() if name.startswith(begins) and np.any(array)]
+        found += whole if text not in known and whole else [text]
     return found
 
 

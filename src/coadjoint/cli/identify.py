@@ -1,0 +1,104 @@
+"""The command `coadjoint identify`: parameters of a vehicle from a logged trajectory."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.identification import Identification
+
+
+@dataclass(frozen=True)
+class Identify:
+    """Find parameters of a vehicle from a log: `coadjoint identify remus_100 log.csv --parameters hull added_mass`."""
+
+    vehicle: tyro.conf.Positional[str]
+    """A vehicle that is shipped, or the TOML file of one's own."""
+    log: tyro.conf.Positional[Path]
+    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg."""
+    parameters: tuple[str, ...]
+    """What to find: parameters, entries such as `added_mass[0,0]`, or parts for all their parameters."""
+    axes: Literal["NED/FRD", "ENU/FLU"] = "NED/FRD"
+    """Axes of the log."""
+    noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    """A standard deviation that is known, SI units and rad; repeatable. The others are estimated."""
+    segment: float = 10.0
+    """Length of the segments, s; 0 takes the log as one run."""
+    dt: float | None = None
+    """Step, s; by default one that shifts no parameter by much."""
+    between: Literal["held", "linear"] = "held"
+    """How inputs run between samples."""
+    settle: float | None = None
+    """For how long the log is not fitted, s; by default 2 unless it tells where actuators start."""
+    ignore: tuple[str, ...] = ()
+    """Columns to leave out."""
+    positive: tuple[str, ...] = ()
+    """Parameters that must stay positive."""
+    out: Path | None = None
+    """A figure of what was measured and simulated."""
+    json: bool = False
+    """Print JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.identification import identify, read_log
+        from coadjoint.models.underwater import Craft, load_vehicle
+
+        craft = Craft(load_vehicle(self.vehicle))
+        log = read_log(self.log, axes=self.axes, ignore=self.ignore)
+        begun = {part.name: log.first(part.name) for part in craft.vehicle.commanded}
+        actuators = {name: value for name, value in begun.items() if value is not None}
+        found = identify(
+            craft.system,
+            log,
+            start=craft.start(actuators=actuators),
+            parameters=self.parameters,
+            noise=dict(map(_given, self.noise)),
+            segment=self.segment or None,
+            dt=self.dt,
+            between=self.between,
+            settle=self.settle if self.settle is not None else 0.0 if set(actuators) <= set(log.actual) else 2.0,
+            positive=self.positive,
+        )
+        if self.json:
+            print(json_text.dumps(_summary(found), indent=2, ensure_ascii=False))
+        else:
+            terminal.line(str(found))
+        if self.out is not None:
+            from coadjoint.plotting.style import save
+
+            path = save(found.plot(), self.out, dpi=160)
+            if not self.json:
+                terminal.line(f"Figure: {path}.")
+        return 0
+
+
+def _given(text: str | tuple[str, ...]) -> tuple[str, float]:
+    text = text if isinstance(text, str) else text[0]
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise ArgumentError(f"--noise must be NAME=VALUE with a number, as in depth=0.02, but is {text!r}.") from None
+
+
+def _summary(found: Identification) -> dict[str, Any]:
+    keys = ("value", "low", "high", "standard_error", "prior")
+    return {
+        "system": found.system.name,
+        "dt": found.dt,
+        "segments": found.segments,
+        "level": found.level,
+        "parameters": {n: {key: float(getattr(e, key)) for key in keys} for n, e in found.estimates.items()},
+        "correlation": found.correlation.tolist(),
+        "noise": found.noise,
+        "lag_one_correlation": found.whiteness,
+        "doubts": list(found.doubts),
+    }
