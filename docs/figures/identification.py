@@ -6,6 +6,7 @@ docs/figures/identification.png, in some minutes.
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def torpedo():
     start = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 18.0})
     inputs = {name: co.Held(t, values) for name, values in commands.items()}
     run = co.simulate(craft.system, start, dt=0.05, duration=199.9, inputs=inputs, save_every=2, monitors=False)
-    p = craft.system.parameters
+    p: Any = craft.system.parameters
     guess = craft.system.replace(
         hull_axial_drag=0.6,
         hull_crossflow_drag=0.8,
@@ -53,7 +54,7 @@ def torpedo():
 def hovering():
     """BlueROV2 Heavy: random thrusts along and about all axes for 150 s."""
     craft = Craft(load_vehicle("bluerov2_heavy_von_benzon"))
-    p = craft.system.parameters
+    p: Any = craft.system.parameters
     random = np.random.default_rng(3)
     t = np.arange(0.0, 150.0, 1.5)
     wanted = random.uniform(-1, 1, (len(t), 6)) * [1, 1, 1, 0.5, 0.5, 0.6]
@@ -99,7 +100,8 @@ def draw(found, system, path):
     names = ["hull_axial_drag", "hull_crossflow_drag", "damping_linear[4]", "added_mass[1,1]", "added_mass[5,5]"]
     with style.style():
         figure = style.canvas(style.PAGE, 4.2)
-        left, right = figure.subfigures(1, 2, width_ratios=[1, 1.15])
+        subfigures: Any = figure.subfigures(1, 2, width_ratios=[1, 1.15])
+        left, right = subfigures
         panels = left.subplots(3, 1, sharex=True)
         log, simulated = found[0].log, found[0].simulated
         rows = log.time < 40
@@ -109,7 +111,7 @@ def draw(found, system, path):
             axes.plot(log.time[rows], factor * log.columns[name][rows], ".", ms=2, color=style.COLOURS[5])
             axes.plot(log.time[rows], factor * simulated[name][rows], lw=0.8, color=style.COLOURS[6])
             axes.set_ylabel(f"{name} ({unit})")
-        panels[0].set_title("REMUS 100: measured, and simulated with what was found")
+        panels[0].set_title("REMUS 100: measured (dots) and simulated (line)", fontsize=7.5)
         style.time_axis(panels, [log.time[rows]])
         columns = right.subplots(1, len(names), sharey=True)
         for axes, name in zip(columns, names, strict=True):
@@ -120,8 +122,10 @@ def draw(found, system, path):
                 axes.plot([100 * (e.low / true - 1), 100 * (e.high / true - 1)], [seed, seed], lw=0.8, color=colour)
             axes.axvline(0, color=style.COLOURS[6], lw=0.6)
             axes.set_title(name.replace("_", "\n", 1), fontsize=6.5)
+            axes.locator_params(axis="x", nbins=3)
             axes.set_xlabel("off by %")
-        columns[0].set_ylabel("log")
+        columns[0].set_ylabel("number of the log")
+        right.suptitle("95 % intervals about the truth; those that miss it in orange", fontsize=7.5)
     style.save(figure, path, dpi=150)
 
 

@@ -34,6 +34,8 @@ def measured_and_simulated(found: Identification, columns: Sequence[str] | None 
             measured, simulated = found.log.columns[name], found.simulated[name]
             if unit == "rad":
                 simulated = measured + (simulated - measured + np.pi) % (2 * np.pi) - np.pi
+                # The pen is lifted where an angle goes round.
+                simulated = np.where(np.abs(np.diff(simulated, append=simulated[-1:])) > np.pi, np.nan, simulated)
             axes.plot(found.log.time, factor * measured, ".", ms=1.6, color=COLOURS[5], label="measured")
             axes.plot(found.log.time, factor * simulated, "-", lw=0.8, color=COLOURS[6], label="simulated")
             shown = unit.replace("rad", "°") if angle else unit

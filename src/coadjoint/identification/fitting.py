@@ -105,7 +105,7 @@ def _shift(fit: Fit, place: Place, asked: Setting, segment: float | None) -> np.
     if there is None or here is None:
         return np.full(len(place.shared), np.nan)
     moved, _, errors = step(fit.jacobian(place, here[1]), there[0] - here[0], fit.shooting.size, 0.0)
-    share = 1 - 0.5**fit.shooting.method.order
+    share = 1 - 0.5**asked.method.order
     return np.abs(moved) / np.where(errors > 0, errors, np.inf) / share
 
 

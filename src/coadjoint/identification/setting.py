@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import jax
 import numpy as np
@@ -11,13 +12,17 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
+from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Between, samples
 from coadjoint.identification.shooting import Reference, Shooting, followed, require_inputs
 from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
+from coadjoint.methods.program import StepProgram
 from coadjoint.simulation.simulate import simulate
 
 LONGEST_STEP = 0.05
@@ -60,15 +65,26 @@ class Setting:
         flags = (np.full(np.size(v), free and followed(system, self.start, name)) for name, v in values.items())
         return np.concatenate([np.zeros(0, bool), *flags])
 
+    @cached_property
+    def program(self) -> Any:
+        """A step with what the sensors say."""
+        system, functions = self.unknowns.system, [function for _, function in self.channels.own]
+        digest = version(system, self.method.begin(system, self.start, self.longest), *functions)
+        return Observed(StepProgram(replace_parameters(system, None), self.method, version=digest), self.channels)
+
     def shooting(self, h: float, segment: float | None) -> Shooting:
         """Segments of about `segment` s on steps h."""
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
         cut = samples(self.log, turning, self.early, h, segment, self.between)
-        template = self.method.begin(self.unknowns.system, self.start, h)
+        start = self.start
+        if np.any(self.early) and start.internal_time is not None:
+            # In the middle of their first step actuators have moved for half of it.
+            start = start.replace(internal_time=start.internal_time - 0.5 * h)
+        template = self.method.begin(self.unknowns.system, start, h)
         if template.memory is not None or self.method.variable:
             raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
-        return Shooting(self.unknowns, self.channels, cut, self._reference(cut.starts, h), template, self.method)
+        return Shooting(self.unknowns, self.channels, cut, self._reference(cut.starts, h), template, self.program)
 
     def _reference(self, times: np.ndarray, h: float) -> Reference:
         """Where segments start: from the log if it tells, else from a run of the system as it is."""

@@ -17,7 +17,6 @@ from jax.interpreters.partial_eval import dce_jaxpr
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
-from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Samples
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels import driven
@@ -29,9 +28,7 @@ from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import replace_parameters
-from coadjoint.mechanics.version import version
-from coadjoint.methods.method import Method
-from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.program import Constants
 from coadjoint.spaces.named import Named
 
 KEPT = 16
@@ -66,7 +63,7 @@ class Shooting:
     samples: Samples
     reference: Reference
     template: State
-    method: Method
+    program: Any
 
     @property
     def size(self) -> int:
@@ -76,12 +73,6 @@ class Shooting:
     @property
     def runs(self) -> int:
         return len(self.samples.starts)
-
-    @cached_property
-    def program(self) -> Any:
-        system = self.unknowns.system
-        digest = version(system, self.template, *(function for _, function in self.channels.own))
-        return Observed(StepProgram(replace_parameters(system, None), self.method, version=digest), self.channels)
 
     @cached_property
     def code(self) -> driven.Driven:
@@ -119,10 +110,13 @@ class Shooting:
 
     def _known(self, internal: Any) -> tuple[Any, ...]:
         """Of every segment: reference, time, internal state, parameters and a₀ where they start."""
+        return (self.reference, self.samples.starts, internal, *self._same)
+
+    @cached_property
+    def _same(self) -> list[np.ndarray]:
         group, _, V = self.unknowns.system.places
         a0 = evaluate(lambda s: V.act(group, s.g, s.a), self.template)
-        same = [np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0) for leaf in (self.unknowns.numbers, a0)]
-        return (self.reference, self.samples.starts, internal, *same)
+        return [np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0) for leaf in (self.unknowns.numbers, a0)]
 
     def _starting(self, like: Any) -> Any:
         system, template, size = replace_parameters(self.unknowns.system, None), self.template, self.size

@@ -1,0 +1,114 @@
+"""Shipped vehicles from their own logs, as on the page: by commands, with actuators that lag."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.cli.main import main
+from coadjoint.identification import identify, synthetic_log, write_log
+from coadjoint.identification.channels import VEHICLE, Channels
+from coadjoint.identification.setting import setting
+from coadjoint.identification.unknowns import unknowns
+
+PAGE = Path(__file__).parents[2] / "docs" / "figures" / "identification.py"
+spec = importlib.util.spec_from_file_location("identification_page", PAGE)
+assert spec is not None and spec.loader is not None
+page = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(page)
+
+
+@pytest.fixture(scope="module")
+def remus():
+    return page.torpedo()
+
+
+@pytest.mark.parametrize("vehicle", ["torpedo", "hovering"])
+def test_intervals_of_a_vehicle_hold_the_truth(vehicle):
+    """Three logs; misses are binomial, 5 % of the intervals."""
+    system, start, run, guess, names = getattr(page, vehicle)()
+    scores = []
+    for seed in range(3):
+        found = identify(guess, synthetic_log(run, noise=page.NOISE, seed=seed), start=start, parameters=names)
+        assert not found.doubts
+        scores += [(e.value - page.truth(system, n)) / e.standard_error for n, e in found.estimates.items()]
+    print(np.round(scores, 1))
+    assert np.sum(np.abs(scores) > 1.96) <= 8
+    assert 0.6 < np.std(scores) < 1.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("vehicle", ["torpedo", "hovering"])
+def test_each_interval_of_a_vehicle_covers_the_truth_in_at_least_90_of_100_logs(vehicle):
+    made = getattr(page, vehicle)()
+    found = page.coverage(made, 100)
+    for name in found[0].estimates:
+        assert sum(one[name].covers(page.truth(made[0], name)) for one in found) >= 90, name
+
+
+@pytest.mark.parametrize(("step", "order"), [(None, 2), (0.05, 1)])
+def test_commands_that_are_taken_half_a_step_early_move_actuators_to_second_order(remus, step, order):
+    """What the sensors would say, with the true parameters, on dt = 0.05, 0.025 and 0.0125 s.
+
+    On the steps of a given simulation they are, over a step, where they arrive at its end: first order.
+    """
+    system, start, run, _, _ = remus
+    log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 30.0)
+    asked = setting(
+        unknowns(system, ["added_mass[5,5]"], []), log, start, Channels(VEHICLE), co.Midpoint(), "held", step, 0.0
+    )
+    said: list[Any] = []
+    for h in (0.05, 0.025, 0.0125):
+        shooting = asked.shooting(h, 10.0)
+        found = shooting.predict(np.zeros(1), np.zeros((3, shooting.size)))
+        assert found is not None
+        said.append(shooting.predict(np.zeros(1), np.zeros((3, shooting.size)), shooting.internal(found)))
+    yaw = [found.values[..., VEHICLE.index("r")] for found in said]
+    ratio = np.linalg.norm(yaw[0] - yaw[1]) / np.linalg.norm(yaw[1] - yaw[2])
+    assert abs(np.log2(ratio) - order) < 0.3
+
+
+def test_a_measured_log_of_a_craft_is_fitted_on_steps_that_are_fine_enough(remus):
+    system, start, run, _, _ = remus
+    log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
+    names = ["hull_axial_drag", "added_mass[1,1]"]
+    assert identify(system, log, start=start, parameters=names).dt == 0.05
+    assert identify(system, replace(log, step=None), start=start, parameters=names).dt < 0.05
+
+
+def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_log(synthetic_log(remus[2], noise=page.NOISE, seed=1).between(0.0, 40.0), "log.csv")
+    asked = ["identify", "remus_100", "log.csv", "--parameters", "hull_axial_drag", "added_mass[5,5]"]
+    assert main([*asked, "--out", "fit.png"]) == 0
+    shown = capsys.readouterr().out
+    assert "95% interval" in shown and "added_mass[5,5]" in shown and shown.splitlines()[-1] == "Figure: fit.png."
+    assert (tmp_path / "fit.png").read_bytes()[:4] == b"\x89PNG"
+    assert main([*asked, "--noise", "u=0.01", "--settle", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    drag = found["parameters"]["hull_axial_drag"]
+    assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["remus_10", "log.csv", "--parameters", "hull"], "No vehicle `remus_10`"),
+        (["remus_100", "none.csv", "--parameters", "hull"], "none.csv cannot be read"),
+        (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull_axial_drag`"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--noise", "u"], "--noise must be NAME=VALUE"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "must be shorter than the log"),
+    ],
+)  # fmt: skip
+def test_the_command_refuses_in_a_sentence(remus, tmp_path, capsys, monkeypatch, arguments, sentence):
+    monkeypatch.chdir(tmp_path)
+    write_log(synthetic_log(remus[2], noise=page.NOISE).between(0.0, 20.0), "log.csv")
+    assert main(["identify", *arguments]) == 2
+    assert sentence in capsys.readouterr().err
