@@ -140,7 +140,7 @@ TOLD = {
     "thrusters that push nowhere ahead": (
         NPS, "directions = { value = [[1, 0, 0]]", "directions = { value = [[0, 0, 1]]", r"span no forward force"),
     "a number without a source": (REMUS, 'value = 1.0, unit = "s", source = "PVS"', 'value = 1.0, unit = "s"',
-        r"nobody knows where propeller\.lag are from"),
+        r"no source is given for propeller\.lag"),
     "a source that nobody names": (REMUS, "[sources]", '[sources]\nME = "a book that nobody reads"', r"has ME, which no number"),
 }  # fmt: skip
 

@@ -180,7 +180,7 @@ def _tell_sources(book: Notebook) -> None:
     if book.without_source:
         shown = ", ".join(book.without_source[:4])
         more = f" and {len(book.without_source) - 4} more" if len(book.without_source) > 4 else ""
-        book.warn(f'nobody knows where {shown}{more} are from: add source = "…", a key of [sources].')
+        book.warn(f'no source is given for {shown}{more}: add source = "…", a key of [sources].')
     notes = " ".join(told.note for told in book.provenance.values())
     unused = [key for key in book.sources if key not in book.used and key not in notes]
     if unused:
