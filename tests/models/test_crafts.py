@@ -253,6 +253,26 @@ class Helmsman(Pilot):
         return {"rudder": sight.inputs.heading - sight.heading}, {}
 
 
+class ByHand(Pilot):
+    """A person's rudder, damped."""
+
+    @property
+    def inputs(self):
+        return {"rudder": "rad"}
+
+    def steer(self, sight, memory, own, vehicle):
+        return {"rudder": sight.inputs.rudder - 0.5 * sight.omega[2]}, {}
+
+
+def test_a_set_point_of_a_pilot_may_have_the_name_of_the_part_that_it_steers():
+    craft = Craft(remus(), pilot=ByHand())
+    start = craft.start(speed=1.5, actuators={"propeller": 15.0})
+    run = co.simulate(craft.system, start, dt=0.05, duration=20.0, inputs={"rudder": 0.05, "stern_planes": 0.02})
+    made = run.dataset
+    assert made.internal_rudder[-1] == pytest.approx(0.05 - 0.5 * made.xi[-1, 2].item(), abs=1e-5)
+    assert made.internal_stern_planes[-1] == pytest.approx(0.02, rel=1e-12)
+
+
 STILL = co.Held([0.0], [0.0])
 
 

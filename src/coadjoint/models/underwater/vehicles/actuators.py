@@ -47,7 +47,8 @@ class Rule:
     def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
         inputs = self.inputs(motion)
         after: dict[str, Any] = {}
-        commands = {name: value for name, value in inputs.items() if name in self._shapes}
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        commands = {name: value for name, value in inputs.items() if name in self._shapes and name not in wanted}
         if self.pilot is not None:
             after["pilot"], steered = self._sample(self.pilot, motion, h, p, Named(**inputs))
             if twice := [name for name in commands if name in steered]:
