@@ -129,6 +129,10 @@ def test_a_start_in_east_north_up_is_the_same_start():
         ({"mission": {"depth_m": [3, 4], "heading": 0, "speed": 1}}, "needs `time_s`"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "surfaces"}}, "did you mean `surface`"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": ["bottom"]}}, "needs `bottom`"),
+        ({"mission": {"way_points_m": [[1, 2]], "speed": 1}}, "must hold \\[north, east, depth\\]"),
+        ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "depth": 3}}, "no set point `depth`"),
+        ({"mission": {"look_ahead_m": 3, "depth": 3, "heading": 0, "speed": 1}}, "belongs to `way_points_m`"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": "last way point"}}, "needs `way_points`"),
         ({"initial": {"position_m": [0, 0]}}, "position"),
         ({"initial": {"axes": "ENU/FLU", "heading_deg": 3}}, "belongs to NED/FRD"),
         ({"initial": {"actuators": {"ruder_deg": 3}}}, "no actuator"),
@@ -187,6 +191,24 @@ def test_a_mission_that_surfaces_ends_there(tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert 5 < told["event"] < 60
     assert abs(told["mission"]["position_final"][2]) < 0.2
+
+
+def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys):
+    square = Path(__file__).parents[2] / "examples" / "square.toml"
+    assert main(["run", str(square), "--out", "square", "--set", "output.figures=false", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    data = co.load("square/trajectory.nc").dataset
+    points = np.reshape(data.attrs["way_points"], (-1, 3))
+    assert points.tolist() == [[60, 0, 3], [60, 60, 6], [0, 60, 3], [0, 0, 1]]
+    gaps = np.linalg.norm(data.q.values[:, None, :2] - points[None, :, :2], axis=2)
+    legs = data.internal_pilot_value_memory_leg.values
+    assert np.all(np.isin(np.diff(legs), (0, 1)))
+    assert legs[-1] == 3
+    for leg in range(3):
+        assert gaps[np.argmax(legs > leg), leg] < 3.1
+    assert told["event"] == pytest.approx(float(data.time[-1]))
+    assert gaps[-1, -1] == pytest.approx(3.0, abs=1e-6)
+    assert told["mission"]["tracking"]["path"]["error_rms"] < 2.5
 
 
 def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys):

@@ -24,11 +24,18 @@ START = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actu
 
 def set_up(file: MissionFile) -> Setup:
     """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
+    from coadjoint.models.quantities import vector
     from coadjoint.models.underwater import Craft
+    from coadjoint.models.underwater import axes as border
 
     vehicle = _vehicle(file)
-    craft = Craft(vehicle, pilot=_pilot(file, vehicle), water=water(file, seeds(file)))
-    start = craft.start(**_start(file))
+    begun = _start(file)
+    place = border.space_vector(
+        vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun.get("axes", "NED/FRD")
+    )
+    pilot = mission_legs.following(file, _pilot(file, vehicle), place)
+    craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
+    start = craft.start(**begun)
     require_room(file, start)
     system = _changed(file, craft.system)
     if file.run.members > 1:
@@ -39,7 +46,10 @@ def set_up(file: MissionFile) -> Setup:
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
     if lacking:
         raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
-    return Setup(system, start, inputs or None, mission_legs.until(file))
+    points = mission_legs.way_points(file)
+    arrived = mission_legs.arrival(craft.pilot) if len(points) else None
+    told = {"way_points": points.ravel().tolist()} if len(points) else {}
+    return Setup(system, start, inputs or None, mission_legs.until(file, arrived), told)
 
 
 def _vehicle(file: MissionFile) -> Any:

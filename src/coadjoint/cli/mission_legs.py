@@ -72,6 +72,7 @@ def _plain(file: MissionFile) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in file.mission.items():
         name, _, factor = (key, "", 1.0) if key in OTHERS else split(key)
+        name = name.removesuffix("_radius")
         if name in found:
             raise ArgumentError(f"Section [mission] gives `{name}` twice: once as `{key}`, once in another unit.")
         found[name] = value if factor == 1.0 else (factor * _numbers(key, value)).tolist()
@@ -88,10 +89,54 @@ def _numbers(name: str, value: Any) -> np.ndarray:
     return found
 
 
-def way_points(file: MissionFile) -> dict[str, Any]:
-    """The fields of a pilot that follows way points, as far as [mission] gives them."""
+def following(file: MissionFile, pilot: Any, start: Any) -> Any:
+    """The pilot as the helm of one that follows the way points of [mission], from where the vehicle starts.
+
+    start: (3,) m, north, east, depth. Raises ArgumentError for points that are none, and for set points beside them
+    that they decide. Without way points it is the pilot itself.
+    """
     given = _plain(file)
-    return {name: given[name] for name in ("way_points", "acceptance", "look_ahead") if name in given}
+    if "way_points" not in given:
+        for key in ("acceptance", "look_ahead"):
+            if key in given:
+                raise ArgumentError(f"[mission] {key} belongs to `way_points_m`, which are not given.")
+        return pilot
+    if pilot is None:
+        raise ArgumentError('[mission] way_points_m need a pilot at the helm, but [pilot] has kind = "none".')
+    from coadjoint.models.underwater.pilots.line_of_sight import LineOfSight
+
+    points = way_points(file)
+    if np.linalg.norm(points[0, :2] - np.asarray(start)[:2]) > 0:
+        points = np.concatenate([np.asarray(start, dtype=float)[None], points])
+    more = {key: float(_numbers(key, given[key])) for key in ("acceptance", "look_ahead") if key in given}
+    return LineOfSight(way_points=points, helm=pilot, period=pilot.period, delay=pilot.delay, **more)
+
+
+def way_points(file: MissionFile) -> np.ndarray:
+    """The way points of [mission], (k, 3): north, east, depth, m; none where it has none."""
+    given = _plain(file).get("way_points")
+    points = np.zeros((0, 3)) if given is None else _numbers("way_points_m", given)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ArgumentError(f"[mission] way_points_m must hold [north, east, depth] of each point, but is {given!r}.")
+    return points
+
+
+def arrival(pilot: Any) -> Any:
+    """The event that a pilot who follows way points comes to the last one, within its acceptance or beside it."""
+    import jax.numpy as jnp
+
+    from coadjoint.models.underwater.pilots.line_of_sight import leg
+
+    points, acceptance = np.asarray(pilot.way_points), float(pilot.acceptance)
+    last = len(points) - 2
+
+    def gap(state: Any) -> Any:
+        here = leg(state.q, jnp.asarray(points[-2]), jnp.asarray(points[-1]))
+        off = state.q[:2] - points[-1, :2]
+        left = jnp.minimum(jnp.sqrt(off @ off + 1e-300) - acceptance, here.length - here.along)
+        return jnp.where(state.internal.pilot.value.memory.leg < last, acceptance + 1.0, left)
+
+    return gap
 
 
 def until(file: MissionFile, arrived: Any = None) -> Any:

@@ -17,7 +17,7 @@ from coadjoint.plotting.navigation import WANTED
 from coadjoint.plotting.style import COLUMN, canvas
 
 _LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
-_NEAR = 0.5
+_NEAR = 0.4
 """A limit is drawn where an actuator comes nearer to it than this part of it."""
 
 

@@ -118,7 +118,7 @@ class _Vehicle:
         if self.number == 0:
             speed = float(np.linalg.norm(log.velocity[k]))
             self.text.set_text(
-                f"t = {t:6.1f} s   depth {depth[-1]:6.2f} m   speed {speed:4.2f} m/s   "
+                f"t = {t:6.1f} s   depth {depth[-1]:6.2f} m   {speed:4.2f} m/s over ground   "
                 f"heading {np.degrees(heading) % 360:5.1f}°   pitch {np.degrees(pitch):5.1f}°"
             )
             self.figure.draw_artist(self.text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def mission_summary(dataset: Any) -> dict[str, Any]:
         "position_final": log.position[-1],
         "energy_put_in": work,
         "energy_of_actuators": sum(value for name, value in work.items() if value > 0 and name in log.actuators),
-        "tracking": tracking(log),
+        "tracking": {**tracking(log), **across(log)},
         "saturated": saturation(log),
     }
 
@@ -56,6 +57,23 @@ def tracking(log: Log) -> dict[str, dict[str, float]]:
         error = np.linalg.norm(error, axis=1) if error.ndim > 1 else error
         found[name] = {"error_rms": float(np.sqrt(np.mean(error**2))), "error_final": float(error[-1])}
     return found
+
+
+def across(log: Log) -> dict[str, dict[str, float]]:
+    """The distance over ground from the legs between way points: root mean square, and the last value."""
+    if not len(log.way_points):
+        return {}
+    places = np.concatenate([log.position[:1], log.way_points])[:, :2]
+    gaps = [_distance(log.position[:, :2], a, b) for a, b in pairwise(places)]
+    gap = np.min(gaps, axis=0)
+    return {"path": {"error_rms": float(np.sqrt(np.mean(gap**2))), "error_final": float(gap[-1])}}
+
+
+def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Of points from the straight line between two others."""
+    way = end - start
+    part = np.clip((points - start) @ way / max(way @ way, 1e-300), 0.0, 1.0)
+    return np.linalg.norm(points - start - part[:, None] * way, axis=1)
 
 
 def saturation(log: Log) -> dict[str, float]:
