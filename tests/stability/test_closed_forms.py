@@ -67,6 +67,8 @@ def test_without_the_axial_momentum_the_energy_of_a_sleeping_top_says_nothing():
         return state.mu[2]
 
     assert stability(motion, [axial_momentum]).verdict == "stable"
+    asleep = steady_motion(top, motion.state, symmetries=[axial_momentum])
+    assert stability(asleep).verdict == "stable"
 
 
 def test_a_hanging_top_is_stable_and_one_that_stands_still_falls():
@@ -183,3 +185,30 @@ def test_a_bottom_heavy_ellipsoid_at_rest_swings_with_its_closed_form_periods():
     expected = np.sqrt(righting / (J - (p.mass * LEVER) ** 2 / M[[1, 0]]))
     np.testing.assert_allclose([mode.frequency for mode in found.modes], sorted(expected, reverse=True), rtol=1e-9)
     assert found.verdict == "stable"
+
+
+def test_regular_precession_of_a_lagrange_top_nutates_as_its_effective_potential_says():
+    """V(θ) = (p_φ − p₃ cos θ)²/(2I₁ sin²θ) + Mgl cos θ: V'(θ) = 0, nutation ω² = V''(θ)/I₁, and stable."""
+    M, l, I1, I3, theta, spin = 1.2, 0.5, 1.0, 0.4, 0.9, 15.0
+    weight, p3 = M * 9.81 * l, I3 * spin
+    slow = np.min(np.roots([I1 * np.cos(theta), -p3, weight]))
+    top = integrable_tops.lagrange(mass=M, lever=l, transverse=I1, axial=I3)
+    a = np.array([np.sin(theta), 0, np.cos(theta)])
+    omega = np.array([slow * a[0] * 1.02, 0.01, spin])
+    guess = integrable_tops.start(top, euler_zyx=(0, -theta, 0), angular_velocity=omega)
+    np.testing.assert_allclose(guess.a, a, atol=1e-12)
+    motion = steady_motion(top, guess, symmetries=[integrable_tops.axial_momentum])
+    found, up = stability(motion), motion.state.a
+    tilt = np.arccos(up[2])
+    vertical, axial = motion.state.mu @ up, motion.state.mu[2]
+    assert tilt == pytest.approx(theta, abs=0.1) and axial == pytest.approx(p3, rel=1e-9)
+
+    def potential(angle):
+        return (vertical - axial * np.cos(angle)) ** 2 / (2 * I1 * np.sin(angle) ** 2) + weight * np.cos(angle)
+
+    step = 1e-3
+    left, middle, right = (potential(tilt + k * step) for k in (-1, 0, 1))
+    assert abs(right - left) / (2 * step) < 1e-4 * weight
+    nutation = np.sqrt((left - 2 * middle + right) / step**2 / I1)
+    assert [mode.frequency for mode in found.modes] == [pytest.approx(nutation, rel=1e-5)]
+    assert found.verdict == "stable" and found.linear.zero_modes == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import rates
 from coadjoint.mechanics.discrete import Point, node
+from coadjoint.mechanics.poisson import vector_field
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 
@@ -40,13 +42,17 @@ class Reduced:
     equilibrium there: ignorable variables go on growing or turning.
 
     system: without explicit time, on a flat space of additional dynamics. near: a state around which K is looked for,
-    at random motions; its inputs and internal state are held. Raises ArgumentError for another system.
+    at random motions; its inputs and internal state are held. symmetries: integrals C_i, functions of a state, along
+    whose flows a steady motion may go: Y − Σ λ_i X_{C_i} takes the place of Y, with λ = `rates`.
+    Raises ArgumentError for another system.
     """
 
-    def __init__(self, system: System, near: State):
+    def __init__(self, system: System, near: State, symmetries: Sequence[Callable] = (), rates: Any = None):
         _require_autonomous(system)
         self.system = system
         self.near = near
+        self.symmetries = tuple(symmetries)
+        self.rates = np.zeros(len(self.symmetries)) if rates is None else rates
         self.sizes = _sizes(system)
         self._require_steady_forces()
 
@@ -65,10 +71,19 @@ class Reduced:
         """E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ."""
         return node(self.system, state, Point(state.xi, state.n, state.nu, state.a, state.t)).energy
 
-    def phase(self, state: State) -> tuple[Any, Any]:
-        """y and Y as flat arrays."""
-        y, rate = rates(self.system, state)
-        return jnp.concatenate(y), jnp.concatenate(rate)
+    def phase(self, state: State, along: Any = None) -> tuple[Any, Any]:
+        """y and Y as flat arrays, Y less what goes along the symmetries at `along`, by default at `rates`."""
+        y, moving = rates(self.system, state)
+        rate = jnp.concatenate(moving)
+        if self.symmetries:
+            rate = rate - jnp.asarray(self.rates if along is None else along) @ self.flows(
+                state.replace(mu=y.mu, pi=y.pi)
+            )
+        return jnp.concatenate(y), rate
+
+    def flows(self, state: State) -> Any:
+        """X_{C_i} of the symmetries, a row each, at a state with momenta."""
+        return jnp.stack([jnp.concatenate(vector_field(symmetry, state)) for symmetry in self.symmetries])
 
     def with_momenta(self, state: State) -> State:
         """The state with μ, π of its velocities."""

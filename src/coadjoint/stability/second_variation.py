@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from scipy.optimize import minimize
 
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.stability.integrals import casimirs, conserved
 from coadjoint.stability.reduced import Reduced
@@ -48,13 +48,13 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     vehicle P·P and P·Γ), the conserved ones among the system's `quantities`, and `integrals`, functions of a state.
     Where dC_i depend on one another, λ is not unique and one that makes the form definite is looked for. Then
     E − Σ λ_i C_i + c Σ(C_i − C_i⁰)² has a strict extremum for some c: nonlinear stability in the reduced space, up to
-    what is ignorable. Forces take that away, and the verdict is "undecided".
+    what is ignorable and to symmetries that carry the motion. Forces take that away, and the verdict is "undecided".
     Source: Holm, Marsden, Ratiu and Weinstein (1985); Leonard (1997).
     """
     reduced = motion.reduced
     if reduced.system.forces is not None:
         return _undecided("forces act")
-    names, derivatives = _derivatives(reduced, tuple(integrals))
+    names, derivatives = _derivatives(reduced, (*reduced.symmetries, *integrals))
     first, second = derivatives(motion.state)
     if not _energy_is_reduced(reduced, motion.state, first[0]):
         return _undecided("the energy depends on what is ignorable")
@@ -67,12 +67,18 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     multipliers = np.linalg.lstsq(dC.T, dE, rcond=1e-9)[0] if len(dC) else np.zeros(0)
     if np.linalg.norm(dE - dC.T @ multipliers) > CRITICAL * scale:
         return _undecided("the energy is not critical on the level of the known integrals")
-    return _definite(names, dC, forms, multipliers)
+    return _definite(names, dC, forms, multipliers, _flows(reduced, motion.state, linear))
 
 
-def _definite(names: list[str], dC: np.ndarray, forms: np.ndarray, multipliers: np.ndarray) -> EnergyCasimir:
-    """Look for λ = multipliers + t, t with Σ t_i dC_i = 0, that makes the form definite on the kernel of dC."""
+def _definite(
+    names: list[str], dC: np.ndarray, forms: np.ndarray, multipliers: np.ndarray, flows: np.ndarray
+) -> EnergyCasimir:
+    """Look for λ = multipliers + t, t with Σ t_i dC_i = 0, that makes the form definite on the kernel of dC.
+
+    Along the flows of symmetries, columns, the form is zero: they are left out.
+    """
     kernel, freedom = _kernel(dC, forms.shape[1]), _kernel(dC.T, len(dC))
+    kernel = kernel @ _kernel((kernel.T @ flows).T, kernel.shape[1])
     forms = np.einsum("kij,ia,jb->kab", forms, kernel, kernel)
     base = forms[0] - np.tensordot(multipliers, forms[1:], 1)
     changes = np.tensordot(freedom.T, forms[1:], 1)
@@ -91,6 +97,14 @@ def _definite(names: list[str], dC: np.ndarray, forms: np.ndarray, multipliers: 
     if not _sign(best) and np.min(np.abs(best)) <= DEFINITE * np.max(np.abs(best)):
         reason = "degenerate"
     return EnergyCasimir(verdict, reason, best, dict(zip(names, map(float, multipliers + freedom @ t), strict=True)))
+
+
+def _flows(reduced: Reduced, state: State, linear: Linearisation) -> np.ndarray:
+    """The flows of symmetries at the motion, columns, in the coordinates of the linearisation, but for fixed points."""
+    if not reduced.symmetries:
+        return np.zeros((len(linear.matrix), 0))
+    found = linear.rows @ evaluate(reduced.flows, state).T
+    return found[:, np.linalg.norm(found, axis=0) > 1e-9 * np.max(np.abs(found), initial=1.0)]
 
 
 def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import jax
@@ -31,7 +32,8 @@ class SteadyMotion:
     """A motion whose velocities and advected parameters stay as they are, but for what is ignorable.
 
     `state`: one state of it, a start for co.simulate. `residual`: the largest rate that is left, relative to its terms.
-    `free`: the values found for what was free. `reduced`: the equations around it.
+    `free`: the values found for what was free. `reduced`: the equations around it, whose `rates` say how fast it goes
+    along the symmetries that were given.
     """
 
     system: System
@@ -47,6 +49,7 @@ def steady_motion(
     *,
     conditions: Callable[[State], Any] | None = None,
     free: Sequence[str] | Mapping[str, float] = (),
+    symmetries: Sequence[Callable[[State], Any]] = (),
 ) -> SteadyMotion:
     """The steady motion near a guess: Y(y) = 0 for the reduced equations ẏ = Y(y), modulo what they do not depend on.
 
@@ -58,10 +61,12 @@ def steady_motion(
     guess: a state of the system, `system.state(…)`. conditions: a function of the state whose values must vanish, as
     `lambda s: s.nu[0] - 1.5`. free: names of constants that may change to meet them, of the internal state or the
     inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count as one: where many
-    motions do, the one of least change is found. Raises ArgumentError where no steady motion is found.
+    motions do, the one of least change is found. symmetries: integrals C_i, functions of a state, whose flows may
+    carry the motion, Y = Σ λ_i X_{C_i}: a critical point of ℋ − Σ λ_i C_i. With the axial momentum of a symmetric top,
+    regular precession is steady. Raises ArgumentError where no steady motion is found.
     """
     asked = None if conditions is None else lambda state, _: conditions(state)
-    return Search(system, guess, asked, free).find(guess)
+    return Search(system, guess, asked, free, symmetries=symmetries).find(guess)
 
 
 class Search:
@@ -79,25 +84,27 @@ class Search:
         free: Sequence[str] | Mapping[str, float] = (),
         aim: Any = 0.0,
         names: Sequence[str] = (),
+        symmetries: Sequence[Callable[[State], Any]] = (),
     ):
-        self.reduced = Reduced(system, near)
+        self.reduced = Reduced(system, near, symmetries)
         self.free, self.names = tuple(free), tuple(names)
         self.sizes = [int(np.size(_held(near, name)[1])) for name in self.free]
         self.scales = [float(free[name]) if isinstance(free, Mapping) else 1.0 for name in self.free]
         self.charts = self._charts()
         self.width = self.charts.shape[1]
-        C = self.reduced.essential
+        C, carried = self.reduced.essential, len(self.reduced.symmetries)
         conditions = conditions or self._on_the_orbit_of(near)
 
         def equations(w: Any, guess: State, aim: Any) -> Any:
             state = self._moved(guess, w)
             wanted = conditions(self.reduced.with_momenta(state), aim)
-            return jnp.concatenate([C @ self.reduced.phase(state)[1], jnp.ravel(jnp.asarray(wanted, dtype=float))])
+            rate = self.reduced.phase(state, w[len(w) - carried :])[1]
+            return jnp.concatenate([C @ rate, jnp.ravel(jnp.asarray(wanted, dtype=float))])
 
         def both(w: Any, guess: State, aim: Any) -> Any:
             return equations(w, guess, aim), jax.jacfwd(equations)(w, guess, aim)
 
-        self._zero = np.zeros(self.width + sum(self.sizes))
+        self._zero = np.zeros(self.width + sum(self.sizes) + carried)
         given = self._zero, near, np.asarray(aim, dtype=float)
         self._both, self._state = tabulate(both, *given), tabulate(self._whole, *given[:2])
 
@@ -117,7 +124,10 @@ class Search:
                 "other conditions, or free an actuator that can hold it."
             )
         found = {name: np.asarray(_held(state, name)[1]) for name in self.free}
-        return SteadyMotion(self.reduced.system, state, residual, found, self.reduced)
+        reduced = self.reduced
+        if reduced.symmetries:
+            reduced = Reduced(reduced.system, guess, reduced.symmetries, w[-len(reduced.symmetries) :])
+        return SteadyMotion(reduced.system, state, residual, found, reduced)
 
     def _charts(self) -> np.ndarray:
         """z of w: all but ignorable changes of n, which nothing would hold."""
@@ -130,13 +140,15 @@ class Search:
 
     def idle(self, guess: State, aim: Any = 0.0) -> list[str]:
         """Those of `free` that change nothing where the guess has them, such as a propeller that stands."""
-        slope = self._both(self._zero, guess, np.asarray(aim, dtype=float))[1][:, self.width :]
-        columns = np.split(np.abs(slope), np.cumsum(self.sizes)[:-1], axis=1) if self.sizes else []
+        slope = self._both(self._zero, guess, np.asarray(aim, dtype=float))[1]
+        ends = self.width + np.cumsum([0, *self.sizes])
+        columns = [slope[:, first:last] for first, last in pairwise(ends)]
         return [name for name, part in zip(self.free, columns, strict=True) if not np.any(part)]
 
     def _on_the_orbit_of(self, near: State) -> Callable[[State, Any], Any]:
         """Without forces: the Casimir functions are those of the guess. Without that, Newton halves all velocities."""
         functions = () if self.reduced.system.forces is not None else tuple(casimirs(self.reduced).values())
+        functions = (*functions, *self.reduced.symmetries)
         if not functions:
             return lambda state, aim: jnp.zeros(0)
         wanted, slopes = evaluate(lambda s: _values_and_slopes(functions, self.reduced.with_momenta(s)), near)
@@ -146,7 +158,8 @@ class Search:
 
     def _moved(self, guess: State, w: Any) -> State:
         state = self.reduced.moved(guess, self.charts @ w[: self.width])
-        parts = jnp.split(w[self.width :], np.cumsum(self.sizes)[:-1]) if self.sizes else []
+        ends = self.width + np.cumsum([0, *self.sizes])
+        parts = [w[first:last] for first, last in pairwise(ends)]
         for name, scale, change in zip(self.free, self.scales, parts, strict=True):
             field, value = _held(state, name)
             changed = jnp.asarray(value) + scale * change.reshape(np.shape(value))
@@ -162,6 +175,7 @@ class Search:
         moving = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
         unknowns = [self.charts.T @ np.concatenate(moving)]
         unknowns += [np.ravel(_held(state, name)[1]) / s for name, s in zip(self.free, self.scales, strict=True)]
+        unknowns += [np.ones(len(self.reduced.symmetries))]
         sizes = np.abs(np.concatenate(unknowns))
         terms = np.abs(slope) @ np.maximum(sizes, 1e-3 * max(float(np.max(sizes, initial=0.0)), 1e-300))
         # An equation that vanishes with all of its terms is met as well as the others.
