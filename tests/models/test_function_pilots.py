@@ -68,9 +68,10 @@ def test_a_function_may_remember():
 
 def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_samples():
     """The command is the time of the sample: it stays as it is for a period, and begins `delay` after."""
+    craft = Craft(PLAIN, pilot=FunctionPilot(function=lambda sight, p: {"rudder": 1e-3 * sight.t}, period=0.2))
+    start = craft.start(speed=1.5)
     for delay in (0.0, 0.15):
-        pilot = FunctionPilot(function=lambda sight, p: {"rudder": 1e-3 * sight.t}, period=0.2, delay=delay)
-        made = fly(pilot, duration=4.0).dataset
+        made = co.simulate(craft.system.replace(pilot_delay=delay), start, dt=DT, duration=4.0).dataset
         t, command = made.time.values, made.internal_pilot_value_rudder.values / 1e-3
         sampled = np.unique(np.round(command[command > 0], 9))[1:]  # The first is at the node after the start.
         np.testing.assert_allclose(np.diff(sampled), 0.2, atol=1e-9)
@@ -83,7 +84,7 @@ def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_sampl
 def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeypatch):
     craft = Craft(VEHICLE, pilot=Cruise(delay=0.07, period=0.15))
     start = craft.start(speed=1.5, actuators={"propeller": 12.0})
-    given = {"dt": DT, "steps": 40_000, "save_every": 100, "inputs": {"depth": 4.0, "heading": 0.5, "speed": 1.5}}
+    given = {"dt": DT, "steps": 10_000, "save_every": 25, "inputs": {"depth": 4.0, "heading": 0.5, "speed": 1.5}}
     whole = co.simulate(craft.system, start, **given)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)

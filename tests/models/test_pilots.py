@@ -111,11 +111,12 @@ def test_an_altitude_is_kept_over_a_flat_bottom():
 
 def test_a_longer_period_and_delay_take_damping_away():
     """The same gains by a slower computer: the heading swings further beyond its set point."""
-    beyond = []
+    craft = Craft(VEHICLES["cross"], pilot=PILOTS["cross"])
+    start, beyond = craft.start(speed=1.5, actuators={"propeller": 15.0}), []
     for period, delay in ((0.1, 0.0), (0.6, 0.6)):
-        pilot = dataclasses.replace(PILOTS["cross"], period=period, delay=delay)
-        made = fly(VEHICLES["cross"], pilot, 40.0, depth=0.0, heading=0.3, speed=1.5).dataset
-        beyond.append(float(made.euler_angles.values[:, 0].max()) - 0.3)
+        slower = craft.system.replace(pilot_period=period, pilot_delay=delay)
+        made = co.simulate(slower, start, dt=DT, duration=40.0, inputs={"depth": 0.0, "heading": 0.3, "speed": 1.5})
+        beyond.append(float(made.dataset.euler_angles.values[:, 0].max()) - 0.3)
     assert beyond[1] > beyond[0] + 0.01
 
 
