@@ -19,14 +19,18 @@ if TYPE_CHECKING:
 LOG, MEMBERS = "trajectory.csv", "members.csv"
 DRAWN = (*OF_VEHICLES, "attitude", "budget")
 """The figures of a mission unless [output] names others; of many members only the first."""
+MOST_DRAWN = 200
+"""The most members in a figure."""
 MOST_BYTES = 1e9
 """What the trajectories of all members may take."""
 
 
 def figures(file: MissionFile, folder: Path, dataset: Any) -> list[str]:
-    """Draw what [output] asks for."""
+    """Draw what [output] asks for; of very many members some, evenly chosen, in a reasonable time."""
     if file.output.figures is False:
         return []
+    if file.run.members > MOST_DRAWN:
+        dataset = dataset.isel(member=np.linspace(0, file.run.members - 1, MOST_DRAWN).astype(int))
     chosen = file.output.figures
     wanted = DRAWN[:1] if file.run.members > 1 else DRAWN
     names = [name for name in wanted if name in available(dataset)] if chosen is True else chosen
