@@ -10,7 +10,7 @@ from coadjoint.report.mission import mission_summary, spread
 
 
 def circle(radius=10.0, turns=1.0, nodes=4001):
-    """A vehicle on a level circle to starboard at 2 m depth, its nose along its path, at 1 m/s, told to head 1° more."""
+    """A vehicle on a level circle to starboard at 2 m depth and 1 m/s, told to head 1° more."""
     duration = 2 * np.pi * radius * turns
     time = np.linspace(0, duration, nodes)
     heading = time / radius
