@@ -15,6 +15,7 @@ from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import Craft, Fin, UniformWater, Vehicle
 from coadjoint.models.underwater.pilots import design
 from coadjoint.models.underwater.pilots.cruise import Cruise
+from coadjoint.models.underwater.pilots.mixing import mixing
 from coadjoint.models.underwater.pilots.pid import pid
 from coadjoint.models.underwater.pilots.under_way import under_way
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
@@ -88,6 +89,20 @@ def test_pitch_and_heading_have_the_poles_that_their_gains_are_placed_for():
     poles = np.roots([1, 3.0 * k_d + 0.5, 3.0 * k_p - 0.4])
     np.testing.assert_allclose(np.abs(poles), 0.8, rtol=1e-12)
     np.testing.assert_allclose(-poles.real / np.abs(poles), design.DAMPING_RATIO, rtol=1e-12)
+
+
+def test_a_round_hull_turns_alike_in_pitch_and_heading_and_the_munk_moment_turns_it_away():
+    """Without its weight's righting torque; and without fins the torque by slip is Munk's, (Y_v̇ − X_u̇) U w."""
+    plain = remus()
+    round_hull = remus(center_of_mass=(0, 0, 0), parts=[part for part in plain.parts if part.name != "damping"])
+    motion = under_way(round_hull, 1.5)
+    pitch, heading = (design.turning(motion, mixing(motion), axis) for axis in ("pitch", "heading"))
+    np.testing.assert_allclose(pitch, heading, rtol=1e-9)
+    bare = remus(center_of_mass=(0, 0, 0), parts=[part for part in plain.parts if part.name in ("hull", "propeller")])
+    motion = under_way(bare, 1.5)
+    M = motion.mass
+    assert motion.damping[4, 2] == pytest.approx((M[2, 2] - M[0, 0]) * 1.5, rel=1e-9)
+    assert motion.damping[5, 1] == pytest.approx(-(M[1, 1] - M[0, 0]) * 1.5, rel=1e-9)
 
 
 def test_an_integral_does_not_wind_up_while_its_controller_is_saturated():
