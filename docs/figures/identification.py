@@ -123,6 +123,7 @@ def draw(found, system, path):
             axes.axvline(0, color=style.COLOURS[6], lw=0.6)
             axes.set_title(name.replace("_", "\n", 1), fontsize=6.5)
             axes.locator_params(axis="x", nbins=3)
+            axes.tick_params(axis="x", labelsize=6)
             axes.set_xlabel("off by %")
         columns[0].set_ylabel("number of the log")
         right.suptitle("95 % intervals about the truth; those that miss it in orange", fontsize=7.5)
