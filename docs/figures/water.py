@@ -1,6 +1,6 @@
 """The figure of the page on water: REMUS 100 goes to and fro in a tidal current over a bottom, for six hours.
 
-Run as: python docs/figures/water.py; it writes docs/figures/water.png in seconds.
+Run as: python docs/figures/water.py; it writes docs/figures/water.png, in about a minute.
 """
 
 from pathlib import Path
