@@ -11,11 +11,12 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import number
-from coadjoint.models.underwater.parts.part import AHEAD, Flow, Part, speed_of
+from coadjoint.models.underwater.parts.part import AHEAD, Flow, Part
 from coadjoint.spaces.numbers import float64
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-STRIPS = tuple((side * (1 + x) / 2, w / 2) for side in (-1.0, 1.0) for x, w in zip(_NODES, _WEIGHTS, strict=True))
+STATIONS = np.concatenate([(_NODES - 1) / 2, (_NODES + 1) / 2])
+WEIGHTS = np.tile(_WEIGHTS / 2, 2)
 """Gauss's nodes and weights for strips on both halves of (−1, 1): exact up to degree 5 in |x|, so for pure turning."""
 
 
@@ -55,20 +56,18 @@ class Hull(Part):
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         v, omega = flow.velocity, flow.omega
         half = 0.5 * flow.density
-        sideways = jnp.broadcast_to(own.crossflow_drag, (2,)) * jnp.stack([own.height, own.width])
-        total = jnp.zeros(4)
-        for station, weight in STRIPS:
-            x = own.center + 0.5 * own.length * station
-            w = jnp.stack([v[1] + omega[2] * x, v[2] - omega[1] * x])
-            if flow.elsewhere is not None:
-                w = w - flow.elsewhere(x * AHEAD)[1:]
-            speed = speed_of(w)
-            inverse = jnp.where(speed > 0, 1 / jnp.where(speed > 0, speed, 1.0), 0.0)
-            push = -0.5 * own.length * weight * half * (sideways @ w**2) * inverse * w
-            total = total + jnp.stack([push[0], push[1], -x * push[1], x * push[0]])
+        x = own.center + 0.5 * own.length * STATIONS
+        w = v[1:] + jnp.outer(x, jnp.stack([omega[2], -omega[1]]))
+        if flow.elsewhere is not None:
+            w = w - jnp.stack([flow.elsewhere(x[i] * AHEAD)[1:] for i in range(len(STATIONS))])
+        areas = jnp.broadcast_to(own.crossflow_drag, (2,)) * jnp.stack([own.height, own.width])
+        square = jnp.sum(w**2, axis=1)
+        moving = square > 0
+        inverse = jnp.where(moving, 1 / jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
+        push = -0.5 * own.length * half * (WEIGHTS * (w**2 @ areas) * inverse)[:, None] * w
+        sideways, moments = jnp.sum(push, axis=0), x @ push
         along = -half * own.axial_drag * own.axial_area * jnp.abs(v[0]) * v[0]
-        zero = jnp.zeros(())
         return Force(
-            torque=jnp.stack([zero, total[2], total[3]]),
-            force=jnp.stack([along, total[0], total[1]]),
+            torque=jnp.stack([jnp.zeros(()), -moments[1], moments[0]]),
+            force=jnp.stack([along, sideways[0], sideways[1]]),
         )
