@@ -8,7 +8,7 @@ from free_rigid_body import FREE_RIGID_BODIES
 from gyrostats import GYROSTATS
 from heavy_tops import HEAVY_TOPS
 from problem import Problem
-from vehicles import VEHICLES
+from sinking_bodies import VEHICLES
 
 import coadjoint as co
 from coadjoint.kernels.evaluate import evaluate
