@@ -294,6 +294,18 @@ def test_surface_and_bottom_end_a_run_where_they_are():
 
 TIDE = TidalCurrent(["M2"], [[0.5, 0.0, 0.0]])
 GUSTS = GaussMarkovCurrent((0.1, 0.1, 0), 500.0)
+
+
+def test_an_argument_of_a_current_field_that_has_a_default_is_not_the_time():
+    """The function has a speed of its own, 0.3 m/s, which no time may take the place of; `t` by name is the time."""
+    at = np.zeros(3), np.float64(7.0)
+    field = CurrentField(lambda q, speed=0.3: speed * jnp.array([1.0, 0, 0]))
+    np.testing.assert_array_equal(evaluate(lambda q, t: field.current(q, t, None, None), *at), [0.3, 0, 0])
+    assert field.steady
+    timed = CurrentField(lambda q, t=0.0: t * jnp.array([1.0, 0, 0]))
+    np.testing.assert_array_equal(evaluate(lambda q, t: timed.current(q, t, None, None), *at), [7.0, 0, 0])
+
+
 REFUSED = [
     (lambda: GaussMarkovCurrent((0.1, 0.1, 0), 0.0), "`correlation_time` must be positive"),
     (lambda: GaussMarkovCurrent((0.1, 0.1, 0), -5.0), "`correlation_time` must be positive"),
@@ -306,6 +318,8 @@ REFUSED = [
     (lambda: LinearShear((0, 0, 0), (0.1, 0, 0.1)), "water keeps its volume"),
     (lambda: Sheared((0.1, 0, 0), 0.5), "must be a Profile"),
     (lambda: Sheared(LinearShear((0, 0, 0), (0.1, 0, 0)), PowerLaw(40.0)), "the same everywhere"),
+    (lambda: Sheared(Sea(density=LinearDensity(1000.0), a=TIDE), PowerLaw(40.0)), "has a density of its own"),
+    (lambda: Sea(a=Sea(density=LinearDensity(1000.0), b=TIDE)), "`a` has a density of its own"),
     (lambda: PowerLaw(-40.0), "`bottom` must be positive"),
     (lambda: Logarithmic(40.0, 0.0), "`roughness` must be positive"),
     (lambda: TidalCurrent(["M7"], [[0, 0, 0]]), "'M7' is not known"),

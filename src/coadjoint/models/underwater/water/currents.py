@@ -34,6 +34,12 @@ def _checked(value: Any, what: str) -> Array:
     return velocity
 
 
+def _arguments(function: Callable[..., Any]) -> int:
+    """How many arguments a function takes that it must be given, or that are the time."""
+    known = inspect.signature(function).parameters.values()
+    return sum(given.default is given.empty or given.name == "t" for given in known)
+
+
 def _require_finite(velocity: Any, what: str) -> None:
     if not np.all(np.isfinite(velocity)):
         raise ArgumentError(f"{what} must be finite, but is {np.asarray(velocity).tolist()} at the origin at t = 0.")
@@ -71,8 +77,8 @@ class TimeCurrent(Water):
 class CurrentField(Water):
     """The current function(position) or function(position, t), (3,) m/s, in terms of jax.numpy.
 
-    position: (3,) m, north, east, down. t: s. Its derivatives in position and time are taken by differentiation. Raises
-    ArgumentError for what is no such function.
+    position: (3,) m, north, east, down. t: s. Its derivatives in position and time are taken by differentiation. An
+    argument with a default is not t, unless that is its name. Raises ArgumentError for what is no such function.
     """
 
     function: Callable[..., Any]
@@ -80,7 +86,7 @@ class CurrentField(Water):
     uniform = False
 
     def __post_init__(self) -> None:
-        if not callable(self.function) or len(inspect.signature(self.function).parameters) not in (1, 2):
+        if not callable(self.function) or _arguments(self.function) not in (1, 2):
             raise ArgumentError(
                 f"Argument `function` must be a function of (position) or (position, t), but is {self.function!r}."
             )
@@ -89,7 +95,7 @@ class CurrentField(Water):
 
     @property
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return len(inspect.signature(self.function).parameters) == 1
+        return _arguments(self.function) == 1
 
     def parameters(self) -> dict[str, Any]:
         return {}

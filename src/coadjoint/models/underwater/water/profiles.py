@@ -123,6 +123,10 @@ class Sheared(Water):
             raise ArgumentError(
                 f"Argument `surface` must be a current that is the same everywhere, but is {surface!r}."
             )
+        if surface.stratified:
+            raise ArgumentError(
+                "Argument `surface` has a density of its own, which a profile of currents has not: give both to a Sea."
+            )
         if not isinstance(profile, Profile):
             raise ArgumentError(f"Argument `profile` must be a Profile such as PowerLaw(40.0), but is {profile!r}.")
         object.__setattr__(self, "surface", surface)

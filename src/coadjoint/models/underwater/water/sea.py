@@ -37,6 +37,10 @@ class Sea(Water):
                 raise ArgumentError(
                     f"The current `{name}` must be a Water such as UniformWater(…), but is {current!r}."
                 )
+            if current.stratified:
+                raise ArgumentError(
+                    f"The current `{name}` has a density of its own, and a sea has one: give it as Sea(density=…)."
+                )
         if density is None and not currents:
             raise ArgumentError("A sea needs at least one current or a density; without both it is StillWater().")
         object.__setattr__(self, "own_density", density)
@@ -56,6 +60,10 @@ class Sea(Water):
     @property
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return all(current.steady for current in self.currents.values())
+
+    @property
+    def stratified(self) -> bool:
+        return self.own_density is not None
 
     @property
     def timed(self) -> bool:

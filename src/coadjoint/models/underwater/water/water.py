@@ -31,6 +31,11 @@ class Water(ABC):
         """Whether the current depends on t itself, beyond what it remembers from step to step."""
         return not self.steady and not self.start()
 
+    @property
+    def stratified(self) -> bool:
+        """Whether its density is its own, and not that of the vehicle."""
+        return type(self).density is not Water.density
+
     def parameters(self) -> dict[str, Any]:
         """The numbers that can be replaced and varied: by default all fields that are set."""
         given = {field.name: getattr(self, field.name) for field in fields(self)}
