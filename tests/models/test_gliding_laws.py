@@ -90,6 +90,15 @@ def test_at_rest_a_lifting_body_feels_nothing_and_its_force_has_no_slope():
     assert np.all(evaluate(jax.jacfwd(force), np.zeros(3)) == 0.0)
 
 
+def test_a_flow_from_abeam_is_the_limit_of_flows_from_nearly_abeam():
+    def force(v: Any) -> Any:
+        found = evaluate(WINGS.force, through(v), None, own(WINGS))
+        return np.concatenate([found.force, found.torque])
+
+    for side in (0.4, -0.4):
+        np.testing.assert_allclose(force([0.0, side, 0.0]), force([1e-9, side, 0.0]), rtol=1e-7, atol=1e-8)
+
+
 @pytest.mark.parametrize("path", [-70.0, -40.0, -17.0, 12.0, 30.0, 75.0])
 def test_in_a_steady_glide_lift_drag_and_net_weight_are_in_balance(path):
     glide = steady_glide(WINGS, np.radians(path), 0.4)
@@ -108,6 +117,9 @@ def test_the_flattest_glide_has_the_best_ratio_of_lift_and_drag_and_flatter_ones
     assert np.tan(down) == pytest.approx(-1 / ratio.max(), rel=1e-8)
     assert np.tan(up) == pytest.approx(-1 / ratio.min(), rel=1e-8)
     steady_glide(WINGS, 1.001 * down, 0.4)
+    for path, speed, word in ((np.nan, 0.4, "`path` must be finite"), (2 * down, -0.4, "`speed` must be positive")):
+        with pytest.raises(co.ArgumentError, match=word):
+            steady_glide(WINGS, path, speed)
     for path in (0.999 * down, 0.0, 0.999 * up, np.pi / 2):
         with pytest.raises(co.ArgumentError, match="`wings` has no steady glide"):
             steady_glide(WINGS, path, 0.4)

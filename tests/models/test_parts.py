@@ -13,6 +13,7 @@ import coadjoint as co
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import Damping, Derivatives, Fin, Flow, Hull, Part, Propeller
 from coadjoint.models.underwater.parts.fin import lift_and_drag
+from coadjoint.spaces.named import Named
 
 RHO = 1026.0
 
@@ -206,6 +207,17 @@ def test_an_actuator_saturates_lags_and_never_moves_faster_than_its_rate():
     both = np.diff(followed(fin((0, 1, 0), lag=0.1, rate=0.5), 1.0, 0.05, 40))
     np.testing.assert_allclose(both[:6], 0.5 * 0.05, rtol=1e-12)
     assert 0 < both[-1] < both[20] < both[10] < 0.5 * 0.05
+
+
+def test_a_fin_may_be_made_inside_of_a_derivative():
+    def pushed(area: Any) -> Any:
+        part = fin((0, 1, 0), area=area)
+        flow = Flow(*np.array([[1.5, 0.1, 0.0], [0, 0, 0]]), np.float64(RHO), jnp.ones(3), jnp.zeros(()), jnp.zeros(()))
+        return part.force(flow, jnp.zeros(()), Named(**part.parameters())).force[1]
+
+    with co.float64():
+        value, slope = jax.value_and_grad(pushed)(0.02)
+    assert value < 0 and slope == pytest.approx(float(value) / 0.02, rel=1e-13)
 
 
 def wrong(**coefficients: float):

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.models.quantities import number, positive
 from coadjoint.models.underwater.parts.ballast import Ballast
 from coadjoint.models.underwater.parts.lifting_body import LiftingBody
 from coadjoint.models.underwater.parts.moving_mass import MovingMass
@@ -36,6 +37,7 @@ def steady_glide(body: LiftingBody, path: float, speed: float) -> Glide:
     (K_D0 + K_D α²) cos ξ + (K_L0 + K_L α) sin ξ = 0 for the smaller α, W² = D² + L². path: ξ, rad, negative going down.
     speed: V, m/s. Raises ArgumentError for a path that is flatter than the best glide. Source: Graver (2005), 4.1.
     """
+    path, speed = float(number(path, "path")), float(positive(speed, "speed"))
     drag, lift = np.asarray(body.drag, dtype=float), np.asarray(body.lift, dtype=float)
     # K_D α² + K_L tan ξ α + K_D0 + K_L0 tan ξ = 0.
     slope = tan(path)

@@ -44,8 +44,9 @@ class LiftingBody(Part):
         moving = ahead > 0
         u, w = jnp.where(moving, v[0], 1.0), jnp.where(moving, v[2], 0.0)
         inverse = 1 / jnp.sqrt(jnp.where(moving, ahead, 1.0))
-        alpha, beta = jnp.arctan2(w, u), jnp.arctan2(v[1], 1 / inverse)
-        square = jnp.where(moving, ahead, 0.0) + v[1] ** 2
+        square = ahead + v[1] ** 2
+        along = jnp.where(square > 0, jnp.where(moving, 1 / inverse, 0.0), 1.0)
+        alpha, beta = jnp.arctan2(w, u), jnp.arctan2(v[1], along)
         ca, sa = u * inverse, w * inverse
         cb, sb = jnp.cos(beta), jnp.sin(beta)
         turn = jnp.stack(

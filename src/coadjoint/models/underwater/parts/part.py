@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -67,7 +68,9 @@ class Part(ABC):
     def parameters(self) -> dict[str, Any]:
         """The numbers that can be replaced and varied: by default all fields that hold numbers."""
         given = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "name"}
-        return {key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, Each))}
+        return {
+            key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, jax.Array, Each))
+        }
 
     @property
     def command(self) -> Command | None:
