@@ -7,7 +7,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from coadjoint.models.underwater import Fin, Thrusters, Vehicle, load_vehicle, vehicle_names
+from coadjoint.models.underwater import (
+    Attitude,
+    Cruise,
+    Fin,
+    Pilot,
+    Thrusters,
+    Vehicle,
+    load_vehicle,
+    vehicle_names,
+)
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
 from coadjoint.models.underwater.vehicles.writing import vehicle_to_toml
 
@@ -38,6 +47,18 @@ def test_a_shipped_vehicle_that_is_written_reads_as_itself(name: str) -> None:
     assert {key: told.source for key, told in again.provenance.items() if told.source}.items() >= {
         ("body.mass", vehicle.provenance["body.mass"].source)
     }
+
+
+@pytest.mark.parametrize("pilot", [Cruise(speed=1.2), Attitude()])
+def test_a_pilot_that_has_been_fitted_is_written_with_its_gains(pilot: Pilot) -> None:
+    vehicle = load_vehicle("remus_100")
+    fitted = pilot.fitted(vehicle)
+    again = vehicle_from_text(vehicle_to_toml(replace(vehicle, pilot=fitted)), "again.toml").pilot
+    assert again is not None
+    refitted = again.fitted(vehicle).parameters()
+    assert refitted.keys() == fitted.parameters().keys()
+    for key, value in fitted.parameters().items():
+        np.testing.assert_allclose(refitted[key], value, rtol=1e-12, err_msg=key)
 
 
 def test_a_vehicle_changed_in_python_keeps_its_change() -> None:

@@ -142,6 +142,8 @@ def _pilot(vehicle: Vehicle) -> Iterator[str]:
         value = getattr(pilot, field.name)
         if value is None or (field.default is not MISSING and np.array_equal(value, field.default)):
             continue
+        if hasattr(value, "_fields"):  # What a fitted pilot has worked out of the vehicle; it does so again.
+            continue
         if isinstance(value, str):
             yield f"{field.name} = {_text(value)}"
         elif isinstance(value, (int, float, list, tuple, np.ndarray)):
