@@ -217,7 +217,7 @@ def test_a_fin_may_be_made_inside_of_a_derivative():
 
     with co.float64():
         value, slope = jax.value_and_grad(pushed)(0.02)
-    assert value < 0 and slope == pytest.approx(float(value) / 0.02, rel=1e-13)
+    assert float(value) < 0 and float(slope) == pytest.approx(float(value) / 0.02, rel=1e-13)
 
 
 def wrong(**coefficients: float):
