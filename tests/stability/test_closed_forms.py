@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.errors import ArgumentError
 from coadjoint.models import heavy_top, integrable_tops, rigid_body
 from coadjoint.models.underwater import ellipsoid, general_vehicle, load_vehicle, se3_start, se3_vehicle
 from coadjoint.models.underwater import start as place
@@ -212,3 +213,33 @@ def test_regular_precession_of_a_lagrange_top_nutates_as_its_effective_potential
     nutation = np.sqrt((left - 2 * middle + right) / step**2 / I1)
     assert [mode.frequency for mode in found.modes] == [pytest.approx(nutation, rel=1e-5)]
     assert found.verdict == "stable" and found.linear.zero_modes == 3
+
+
+def test_what_the_motion_does_not_conserve_is_no_integral_and_makes_nothing_stable():
+    """μ₃ of an unsymmetric top: with it the second variation would be definite."""
+    top = heavy_top.make(mass=1.2, center_of_mass=(0, 0, 0.5), inertia=(1.0, 1.3, 0.4))
+    guess = heavy_top.start(top, angular_velocity=(0, 0, 14.0))
+    motion = steady_motion(top, guess)
+    assert stability(motion).verdict == "undecided"
+    with pytest.raises(ArgumentError, match="integral 1 of those given, is no integral of the motion: it changes"):
+        stability(motion, [lambda s: s.mu[2]])
+    with pytest.raises(ArgumentError, match="no integral of the motion"):
+        steady_motion(top, guess, symmetries=[lambda s: s.mu[2]])
+    body = rigid_body.make(inertia=(1.0, 1.0, 3.0))
+    turning = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
+    assert stability(turning, [lambda s: s.xi[2]]).verdict == "stable"
+
+
+def test_integrals_without_names_all_count():
+    top = heavy_top.make(mass=1.2, center_of_mass=(0, 0, 0.5), inertia=(1.0, 1.0, 0.4))
+    motion = steady_motion(top, heavy_top.start(top, angular_velocity=(0, 0, 14.0)))
+    found = stability(motion, [lambda s: s.mu[2], lambda s: s.mu[2] ** 2]).energy
+    assert found.verdict == "stable" and {"integral_1", "integral_2"} <= set(found.multipliers)
+
+
+def test_round_off_is_no_definite_form():
+    """E = |μ|²/2J is the Casimir function of a body with three equal inertias: E − λC is zero, and decides nothing."""
+    random = np.random.default_rng(0)
+    for J in (0.7, 0.7, 1 / 3, 1 / 3):
+        found = turning((J, J, J), random.normal(size=3))
+        assert (found.energy.verdict, found.energy.reason, found.spectral) == ("undecided", "degenerate", "neutral")

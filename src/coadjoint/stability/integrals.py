@@ -10,12 +10,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.casimirs import kept_by
 from coadjoint.mechanics.poisson import Phase, vector_field
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.stability.reduced import IGNORABLE, Reduced
+
+DRIFT = 1e-8
+"""A rate of an integral up to this fraction of its terms counts as zero."""
 
 
 @lru_cache(maxsize=16)
@@ -42,11 +46,48 @@ def casimirs(reduced: Reduced) -> dict[str, Callable]:
 
 
 def conserved(reduced: Reduced, integrals: Sequence[Callable]) -> dict[str, Callable]:
-    """The given integrals, and those quantities of the system that are conserved and know nothing of K."""
+    """The given integrals, and those quantities of the system that are conserved and know nothing of K.
+
+    Raises ArgumentError for a given one that is not.
+    """
     system = reduced.system
+    require_conserved(reduced, integrals)
     watched = {name: lambda s, f=function: value(system, f, s) for name, function in system.quantities}
-    watched = {name: f for name, f in watched.items() if _is_integral(reduced, f)}
-    return {**watched, **{getattr(f, "__name__", f"integral_{i}"): f for i, f in enumerate(integrals, start=1)}}
+    found = {name: f for name, f in watched.items() if _is_integral(reduced, f)}
+    for i, f in enumerate(integrals, start=1):
+        name = getattr(f, "__name__", "<lambda>")
+        found[f"integral_{i}" if name == "<lambda>" or name in found else name] = f
+    return found
+
+
+def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
+    """Raise ArgumentError where dC·Y or dC·K is not zero at random states for one of these functions of a state."""
+    if not integrals:
+        return
+    zero, still = np.zeros(sum(reduced.sizes)), np.zeros(len(reduced.symmetries))
+
+    def slopes(state: State) -> Any:
+        def at(z: Any) -> Any:
+            moved = reduced.with_momenta(reduced.moved(state, z))
+            return jnp.stack([C(moved) for C in integrals]), reduced.phase(moved, still)[0]
+
+        return *jax.jacfwd(at)(zero), reduced.phase(state, still)[1]
+
+    at = tabulate(slopes, reduced.near)
+    for state in reduced.around:
+        dC, y_z, rate = at(state)
+        directions = np.column_stack([rate, reduced.ignorable])
+        # δy = rate, and δy = k of those k that the chart reaches: what it does not reach changes no orbit of a.
+        z = np.linalg.lstsq(y_z, directions, rcond=None)[0]
+        z = z * (np.linalg.norm(y_z @ z - directions, axis=0) <= IGNORABLE * np.linalg.norm(directions, axis=0))
+        along = np.abs(dC @ z) > DRIFT * (np.abs(dC) @ np.abs(z))
+        for i, does in enumerate(along):
+            if np.any(does):
+                name = getattr(integrals[i], "__name__", "<lambda>")
+                what = "changes along the motion" if does[0] else "depends on what is ignorable"
+                raise ArgumentError(
+                    f"`{name}`, integral {i + 1} of those given, is no integral of the motion: it {what}."
+                )
 
 
 def _is_integral(reduced: Reduced, function: Callable) -> bool:

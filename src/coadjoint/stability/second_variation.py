@@ -26,6 +26,12 @@ CRITICAL = 1e-7
 DEFINITE = 1e-7
 """The smallest eigenvalue of a definite form, relative to the largest, when variables are of a size."""
 
+CANCELLED = 1e-11
+"""A form up to this fraction of those of E and λ_i C_i, whose difference it is, counts as zero."""
+
+FARTHEST = 1e4
+"""Up to how many times the size that makes terms alike λ is looked for."""
+
 
 @dataclass(frozen=True)
 class EnergyCasimir:
@@ -49,6 +55,7 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     Where dC_i depend on one another, λ is not unique and one that makes the form definite is looked for. Then
     E − Σ λ_i C_i + c Σ(C_i − C_i⁰)² has a strict extremum for some c: nonlinear stability in the reduced space, up to
     what is ignorable and to symmetries that carry the motion. Forces take that away, and the verdict is "undecided".
+    Raises ArgumentError for `integrals` that are none.
     Source: Holm, Marsden, Ratiu and Weinstein (1985); Leonard (1997).
     """
     reduced = motion.reduced
@@ -61,6 +68,8 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     charts = linear.charts
     dE, dC = first[0] @ charts, first[1:] @ charts
     forms = np.einsum("kij,ia,jb->kab", second, charts, charts)
+    # A slope that is round-off beside the curvature is none.
+    dC[np.linalg.norm(dC, axis=1) <= 1e-9 * np.max(np.abs(forms[1:]), axis=(1, 2), initial=0.0)] = 0.0
     scale = float(np.linalg.norm(dE)) + float(np.max(np.abs(forms[0])))
     kept = [i for i, row in enumerate(dC) if np.linalg.norm(row) + np.max(np.abs(forms[i + 1])) > 1e-12]
     names, dC, forms = [names[i] for i in kept], dC[kept], forms[[0, *(i + 1 for i in kept)]]
@@ -81,6 +90,7 @@ def _definite(
     kernel = kernel @ _kernel((kernel.T @ flows).T, kernel.shape[1])
     forms = np.einsum("kij,ia,jb->kab", forms, kernel, kernel)
     base = forms[0] - np.tensordot(multipliers, forms[1:], 1)
+    freedom = freedom @ _that_tell(np.tensordot(freedom.T, forms[1:], 1))
     changes = np.tensordot(freedom.T, forms[1:], 1)
     if not base.size:
         return EnergyCasimir(
@@ -92,11 +102,14 @@ def _definite(
 
     t = _best(base, changes)
     best = np.linalg.eigvalsh(base - np.tensordot(t, changes, 1))
-    verdict = {1: "stable", -1: "stable", 0: "undecided"}[_sign(best)]
-    reason = {1: "positive definite", -1: "negative definite", 0: "indefinite"}[_sign(best)]
-    if not _sign(best) and np.min(np.abs(best)) <= DEFINITE * np.max(np.abs(best)):
+    found = multipliers + freedom @ t
+    terms = np.max(np.abs(forms), axis=(1, 2)) @ np.abs([1.0, *found])
+    sign, margin = _sign(best, terms), _margin(best, terms)
+    reason = {1: "positive definite", -1: "negative definite", 0: "indefinite"}[sign]
+    if not sign and np.min(np.abs(best)) <= margin:
         reason = "degenerate"
-    return EnergyCasimir(verdict, reason, best, dict(zip(names, map(float, multipliers + freedom @ t), strict=True)))
+    verdict = "stable" if sign else "undecided"
+    return EnergyCasimir(verdict, reason, best, dict(zip(names, map(float, found), strict=True)))
 
 
 def _flows(reduced: Reduced, state: State, linear: Linearisation) -> np.ndarray:
@@ -105,6 +118,12 @@ def _flows(reduced: Reduced, state: State, linear: Linearisation) -> np.ndarray:
         return np.zeros((len(linear.matrix), 0))
     found = linear.rows @ evaluate(reduced.flows, state).T
     return found[:, np.linalg.norm(found, axis=0) > 1e-9 * np.max(np.abs(found), initial=1.0)]
+
+
+def _that_tell(changes: np.ndarray) -> np.ndarray:
+    """Combinations of t, as columns, whose forms do not depend on one another; all others change nothing."""
+    U, singular, _ = np.linalg.svd(changes.reshape(len(changes), changes.shape[1] ** 2), full_matrices=False)
+    return U[:, singular > 1e-9 * np.max(singular, initial=1e-300)]
 
 
 def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -120,9 +139,15 @@ def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
         return zero
     if len(zero) == 1:
         return np.atleast_1d(max(_between(base, changes[0]), key=margin))
-    sizes = float(np.max(np.abs(base))) / np.maximum(np.max(np.abs(changes), axis=(1, 2)), 1e-300)
+    each = np.max(np.abs(changes), axis=(1, 2))
+    sizes = float(np.max(np.abs(base))) / np.maximum(each, max(1e-9 * float(np.max(each)), 1e-300))
     simplex = np.vstack([zero, np.diag(sizes)])
-    return minimize(lambda t: -margin(t), zero, method="Nelder-Mead", options={"initial_simplex": simplex}).x
+
+    def lack(t: np.ndarray) -> float:
+        """−margin; what is farther than FARTHEST is no better than anything, or the search would go on for ever."""
+        return -margin(t) if np.all(np.abs(t) <= FARTHEST * sizes) else 1.0
+
+    return minimize(lack, zero, method="Nelder-Mead", options={"initial_simplex": simplex}).x
 
 
 def _between(base: np.ndarray, change: np.ndarray) -> list[float]:
@@ -135,7 +160,7 @@ def _between(base: np.ndarray, change: np.ndarray) -> list[float]:
     real = np.isfinite(found) & (np.abs(found.imag) <= 1e-9 * np.abs(found))
     roots = np.sort(found[real].real)
     size = float(np.max(np.abs(base))) / max(float(np.max(np.abs(change))), 1e-300)
-    spread = size * np.geomspace(1e-4, 1e4, 25)
+    spread = size * np.geomspace(1e-4, FARTHEST, 25)
     return [0.0, *spread, *-spread, *(0.5 * (roots[1:] + roots[:-1]))]
 
 
@@ -143,14 +168,19 @@ def _undecided(reason: str) -> EnergyCasimir:
     return EnergyCasimir("undecided", reason, np.zeros(0), {})
 
 
-def _sign(eigenvalues: np.ndarray) -> int:
+def _margin(eigenvalues: np.ndarray, terms: float) -> float:
+    """Up to where an eigenvalue of a form counts as zero."""
+    return max(DEFINITE * float(np.max(np.abs(eigenvalues))), CANCELLED * terms)
+
+
+def _sign(eigenvalues: np.ndarray, terms: float) -> int:
     """1 or −1 for a definite form, else 0."""
-    margin = DEFINITE * float(np.max(np.abs(eigenvalues)))
+    margin = _margin(eigenvalues, terms)
     return int(np.min(eigenvalues) > margin) - int(np.max(eigenvalues) < -margin)
 
 
 def _kernel(rows: np.ndarray, size: int) -> np.ndarray:
-    """An orthonormal basis of the vectors that the rows, each counted by its own size, send to zero; as columns."""
+    """An orthonormal basis of the vectors that the rows send to zero; as columns."""
     if not len(rows) or not size:
         return np.eye(size)
     _, singular, Vt = np.linalg.svd(rows)

@@ -18,6 +18,9 @@ ZERO = 1e-9
 MARGINAL = 1e-6
 """A growth rate up to this fraction of the largest eigenvalue counts as zero: round-off splits double ones so far."""
 
+TURNING = 1e-3
+"""Eigenvalues are weighed beside this fraction of |ξ| at least, where they are round-off of terms that cancel."""
+
 SHARE = 0.05
 """A velocity with less than this share of a mode's kinetic energy is not named."""
 
@@ -108,8 +111,9 @@ def linearised(motion: SteadyMotion) -> Linearisation:
     rank = int(np.sum(singular > 1e-10 * singular[0]))
     charts = Vt[:rank].T / singular[:rank]
     L = U[:, :rank].T @ moving @ charts
-    eigenvalues, zeros = _without_zeros(L)
-    modes = _modes(motion.system, L, charts, eigenvalues, slopes.y_z)
+    turning = TURNING * float(np.max(np.abs(motion.state.xi), initial=0.0))
+    eigenvalues, zeros = _without_zeros(L, turning)
+    modes = _modes(motion.system, L, charts, eigenvalues, slopes.y_z, turning)
     rows = U[:, :rank].T @ C
     return Linearisation(L, np.linalg.pinv(C) @ U[:, :rank], rows, charts, eigenvalues, zeros, modes)
 
@@ -144,12 +148,12 @@ def _mass(y_z: np.ndarray, dim: int, ambient: int) -> np.ndarray:
     return y_z[np.ix_(rows, rows)]
 
 
-def _without_zeros(L: np.ndarray) -> tuple[np.ndarray, int]:
+def _without_zeros(L: np.ndarray, least: float) -> tuple[np.ndarray, int]:
     """The eigenvalues of L but zero ones, and how many these are: those of L on the space modulo its kernel, again.
 
     Round-off splits a double zero into ±1e-8; the kernel of a matrix is known to all digits.
     """
-    zeros, scale = 0, float(np.linalg.norm(L, 2)) if L.size else 0.0
+    zeros, scale = 0, max(float(np.linalg.norm(L, 2)), least) if L.size else 0.0
     while L.size:
         _, singular, rows = np.linalg.svd(L)
         rank = int(np.sum(singular > ZERO * scale))
@@ -160,11 +164,13 @@ def _without_zeros(L: np.ndarray) -> tuple[np.ndarray, int]:
     return found[np.lexsort((found.imag, -found.real))], zeros
 
 
-def _modes(system: System, L: np.ndarray, charts: np.ndarray, eigenvalues: np.ndarray, y_z: Any) -> tuple[Mode, ...]:
+def _modes(
+    system: System, L: np.ndarray, charts: np.ndarray, eigenvalues: np.ndarray, y_z: Any, least: float
+) -> tuple[Mode, ...]:
     dim, ambient = system.group.dim, system.additional.ambient(system.group)
     moving = [*range(dim), *range(dim + ambient, dim + 2 * ambient)]
     inertia, names = np.abs(_mass(y_z, dim, ambient).diagonal()), velocity_names(system)
-    largest = float(np.max(np.abs(eigenvalues), initial=0.0))
+    largest = float(np.max(np.abs(eigenvalues), initial=least))
     found = []
     for value in eigenvalues:
         if value.imag < 0:

@@ -17,7 +17,7 @@ from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named
-from coadjoint.stability.integrals import casimirs
+from coadjoint.stability.integrals import casimirs, require_conserved
 from coadjoint.stability.reduced import IGNORABLE, Reduced
 
 FOUND = 1e-9
@@ -63,7 +63,7 @@ def steady_motion(
     inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count as one: where many
     motions do, the one of least change is found. symmetries: integrals C_i, functions of a state, whose flows may
     carry the motion, Y = Σ λ_i X_{C_i}: a critical point of ℋ − Σ λ_i C_i. With the axial momentum of a symmetric top,
-    regular precession is steady. Raises ArgumentError where no steady motion is found.
+    regular precession is steady. Raises ArgumentError where no steady motion is found, or where C_i is no integral.
     """
     asked = None if conditions is None else lambda state, _: conditions(state)
     return Search(system, guess, asked, free, symmetries=symmetries).find(guess)
@@ -87,6 +87,7 @@ class Search:
         symmetries: Sequence[Callable[[State], Any]] = (),
     ):
         self.reduced = Reduced(system, near, symmetries)
+        require_conserved(self.reduced, self.reduced.symmetries)
         self.free, self.names = tuple(free), tuple(names)
         self.sizes = [int(np.size(_held(near, name)[1])) for name in self.free]
         self.scales = [float(free[name]) if isinstance(free, Mapping) else 1.0 for name in self.free]
