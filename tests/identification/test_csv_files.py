@@ -91,6 +91,11 @@ def test_commands_count_and_not_what_the_actuators_did(tmp_path):
     assert log.first("screw") == 5 and log.first("sail") is None
 
 
+def test_what_an_actuator_did_in_another_unit_than_its_command_is_not_where_it_started(tmp_path):
+    log = read_log(written(tmp_path, "time_s,u_m_s,thruster_N,command_thruster_us\n0,1,12,1500\n1,1,20,1600\n"))
+    assert log.first("thruster") == 1500 and not log.actual
+
+
 def test_missing_inputs_keep_their_last_value_and_are_told(tmp_path):
     log = read_log(written(tmp_path, "time_s,u_m_s,rudder_rad\n0,1,0.1\n1,1,\n2,1,nan\n3,1,0.3\n"))
     assert np.allclose(log.inputs["rudder"], [0.1, 0.1, 0.1, 0.3])
@@ -122,6 +127,7 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         ("time_s,heading_deg,yaw_deg\n0,1,0\n1,3,0\n", "`yaw` says again"),
         ("time_s,depth_m,z_m\n0,1,0\n1,3,0\n", "`z` says again"),
         ("time_s,roll_deg,u_m_s\n0,,1\n1,,1\n", "`roll` holds no number"),
+        (f"# simulated with dt_s = fine\n{GOOD}", "must tell a positive number"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_file_is_told_with_its_place(tmp_path, text, told):

@@ -251,6 +251,12 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "noise": {"speed": 1.0}}, "names `speed`"),
         ({"parameters": ["linear"], "noise": {"u": 0.0}}, "must be a positive number"),
         ({"parameters": ["linear"], "segment": 0.2}, "fewer than four samples"),
+        ({"parameters": ["linear"], "noise": {"angle": 1.0}}, "names `angle`"),
+        ({"parameters": ["linear"], "segment": 0.0}, "`segment` must be a positive time"),
+        ({"parameters": ["linear"], "segment": -10.0}, "`segment` must be a positive time"),
+        ({"parameters": ["linear"], "between": "lineer"}, "`between` must be"),
+        ({"parameters": ["linear"], "positive": ["quadratic"]}, "names `quadratic`, which is not among"),
+        ({"parameters": ["linear"], "settle": -1.0}, "`settle` must be 0 or more"),
         ({"parameters": ["linear"], "dt": -1.0}, "`dt` must be positive"),
         ({"parameters": ["linear"], "level": 95}, "between 0 and 1"),
         ({"parameters": ["linear"], "measured": {"speed": lambda state: state.t}}, "names `speed`"),
@@ -260,6 +266,18 @@ def test_the_card_and_the_figure(fine):
 def test_a_wrong_argument_is_told_in_a_sentence(fine, change, told):
     with pytest.raises(ArgumentError, match=told):
         identify(SYSTEM, measured(fine), **{"start": STATE, **change})
+
+
+def test_an_entry_named_as_positive_is_sought_by_its_logarithm():
+    sought = unknowns(SYSTEM, ["linear"], ["linear[1]"]).each
+    assert [unknown.positive for unknown in sought] == [unknown.label == "linear[1]" for unknown in sought]
+
+
+def test_noise_of_columns_that_the_log_lacks_is_told(fine):
+    log = measured(fine)
+    without = replace(log, columns={name: values for name, values in log.columns.items() if name not in "uvw"})
+    with pytest.raises(ArgumentError, match="holds none of u, v, w"):
+        identify(SYSTEM, without, start=STATE, parameters=["linear"], noise={"velocity": 0.01})
 
 
 def test_a_wrong_log_is_told_in_a_sentence(fine):

@@ -115,7 +115,18 @@ def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]], float
         if len(cells) != len(headers):
             raise FileError(f"{path}, line {line}: {len(cells)} cells, but there are {len(headers)} headers.")
     told = [line.removeprefix(_STEP) for line in text.splitlines() if line.startswith(_STEP)]
-    return header_line, [name.strip() for name in headers], rest, float(told[0]) if told else None
+    return header_line, [name.strip() for name in headers], rest, _step(path, told[0]) if told else None
+
+
+def _step(path: Any, text: str) -> float:
+    """The step that a log tells; raises FileError."""
+    try:
+        step = float(text)
+    except ValueError:
+        step = np.nan
+    if not (np.isfinite(step) and step > 0):
+        raise FileError(f"{path}: the line `{_STEP}{text}` must tell a positive number, in s.")
+    return step
 
 
 def _cells(file: str, rows: list[tuple[int, list[str]]], place: int, made: Column) -> np.ndarray:
@@ -200,11 +211,14 @@ _Found = dict[str, tuple[Column, np.ndarray]]
 
 
 def _driving(found: _Found) -> tuple[_Found, _Found]:
-    """Inputs, which are the commands where there are any and else what was given, and what actuators did."""
+    """Inputs, which are the commands where there are any and else what was given, and what actuators did.
+
+    What an actuator did in another unit than that of its command, newtons for microseconds, is left out.
+    """
     rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
     commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}
     plain = {name: pair for name, pair in rest.items() if not name.startswith("command_")}
-    did = {name: pair for name, pair in plain.items() if name in commands}
+    did = {name: pair for name, pair in plain.items() if name in commands and pair[0].unit == commands[name][0].unit}
     return commands | {name: pair for name, pair in plain.items() if name not in commands}, did
 
 

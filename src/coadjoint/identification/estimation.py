@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -60,6 +60,10 @@ def identify(
     """
     if not 0 < level < 1:
         raise ArgumentError(f"Argument `level` must lie between 0 and 1, but is {level:g}.")
+    if segment is not None and not (np.isfinite(segment) and segment > 0):
+        raise ArgumentError(f"Argument `segment` must be a positive time in s, or None, but is {segment:g}.")
+    if between not in get_args(Between):
+        raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     method = Midpoint() if method is None else method
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
@@ -100,5 +104,8 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
             )
         if not (np.isfinite(value) and value > 0):
             raise ArgumentError(f"The noise of `{name}` must be a positive number, but is {value!r}.")
-        found.update({part: float(value) for part in known[name] if part in channels.names})
+        parts = [part for part in known[name] if part in channels.names]
+        if not parts:
+            raise ArgumentError(f"Argument `noise` names `{name}`, but the log holds none of {', '.join(known[name])}.")
+        found.update(dict.fromkeys(parts, float(value)))
     return found

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
-from coadjoint.identification.fitting import Fitted
+from coadjoint.identification.fitting import Fit, Fitted
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
+from coadjoint.identification.shooting import Prediction
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
-"""Directions whose singular value is this part of the largest one or less are not determined at all."""
+"""Directions with this singular value or less are not determined at all; 1 is a parameter that no start can undo."""
 
 COARSE = 0.3
 """How many standard errors of a shift by the step size are told."""
@@ -90,64 +91,96 @@ class Identification:
         return measured_and_simulated(self, columns)
 
 
+class Spread(NamedTuple):
+    """How sure the coordinates of parameters are.
+
+    `hidden`: those that are not determined. `values`, `V`: singular values and directions of the Jacobian with columns
+    of length one, of which those `lost` are too small.
+    """
+
+    covariance: np.ndarray
+    error: np.ndarray
+    hidden: np.ndarray
+    values: np.ndarray
+    V: np.ndarray
+    lost: np.ndarray
+
+    @property
+    def correlation(self) -> np.ndarray:
+        variance = np.diag(self.covariance)
+        finite = np.sqrt(np.where(variance > 0, variance, 1.0))
+        return self.covariance / np.outer(finite, finite)
+
+
 def judged(found: Fitted, level: float) -> Identification:
     """Estimates with their intervals, from the Jacobian at the solution."""
-    fit, solution, sigma = found.fit, found.solution, found.sigma
-    shooting, log, d = fit.shooting, fit.log, fit.shooting.size
-    J = solution.jacobian
-    B, _ = reduced(J, d)
-    flat = B.reshape(-1, B.shape[2])
-    size = np.linalg.norm(J[..., d:].reshape(flat.shape), axis=0)
-    flat = flat / np.where(size > 0, size, 1.0)
-    squares, V = np.linalg.eigh(flat.T @ flat)
-    values, V = np.sqrt(np.maximum(squares[::-1], 0.0)), V.T[::-1]
-    lost = values <= SINGULAR
-    inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, values))
-    scale = np.where(size > 0, size, 1.0)
-    covariance = (V.T * inverse**2) @ V / np.outer(scale, scale)
-    error = np.sqrt(np.diag(covariance))
-    hidden = np.any(np.abs(V[lost]) > 1e-2, axis=0) | (size == 0)
-    error[hidden] = np.inf
-    freedom = int(fit.there.sum()) - d * shooting.runs - len(error)
-    quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
-    estimates = {}
-    for i, unknown in enumerate(shooting.unknowns.each):
-        x = float(solution.place.shared[i])
-        low, high = unknown.interval(x, quantile * error[i])
-        spread = float(error[i]) * unknown.slope(x)
-        estimates[unknown.label] = Estimate(unknown.label, unknown.value(x), low, high, spread, unknown.prior)
-    finite = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
-    correlation = covariance / np.outer(finite, finite)
-    names = shooting.channels.names
-    told = shooting.predict(solution.place.shared, solution.place.own, fit.internal)
+    fit, sigma, shooting = found.fit, found.sigma, found.fit.shooting
+    spread, names = _spread(found.solution.jacobian, shooting.size), shooting.channels.names
+    estimates = _estimates(found, spread, level)
+    told = shooting.predict(found.solution.place.shared, found.solution.place.own, fit.internal)
     assert told is not None
     off = fit.differences(told)
     whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
-    rows = shooting.samples.rows
-    simulated = {n: np.full(len(log), np.nan) for n in names}
-    for i, name in enumerate(names):
-        simulated[name][rows[rows >= 0]] = told.values[..., i][rows >= 0]
-    assumed = tuple(n for n, own in zip(names, found.estimated, strict=True) if not own)
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
-    doubts = [*_hidden(estimates, hidden, V, lost), *_vague(estimates), *_alike(estimates, correlation, hidden)]
-    doubts += _coloured(whiteness, fit.there, names) + _misjudged(names, rms, sigma, found.estimated)
-    doubts += _coarse(estimates, found.shift, shooting.samples.h)
+    correlation, hidden = spread.correlation, spread.hidden
+    doubts = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
+    doubts += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
+    doubts += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
     return Identification(
-        system=shooting.unknowns.replaced(solution.place.shared),
-        log=log,
+        system=shooting.unknowns.replaced(found.solution.place.shared),
+        log=fit.log,
         estimates=estimates,
         correlation=correlation,
-        singular_values=values,
+        singular_values=spread.values,
         noise=dict(zip(names, map(float, sigma), strict=True)),
-        assumed=assumed,
+        assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
-        simulated=simulated,
+        simulated=_simulated(fit, told),
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        doubts=(*log.notes, *doubts),
+        doubts=(*fit.log.notes, *doubts),
     )
+
+
+def _spread(J: np.ndarray, d: int) -> Spread:
+    """(JᵀJ)⁻¹ with the d numbers of each start eliminated, without the directions that are not determined."""
+    B, _ = reduced(J, d)
+    flat = B.reshape(-1, B.shape[2])
+    size = np.linalg.norm(J[..., d:].reshape(flat.shape), axis=0)
+    scale = np.where(size > 0, size, 1.0)
+    flat = flat / scale
+    squares, V = np.linalg.eigh(flat.T @ flat)
+    values, V = np.sqrt(np.maximum(squares[::-1], 0.0)), V.T[::-1]
+    lost = values <= SINGULAR
+    inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, values))
+    covariance = (V.T * inverse**2) @ V / np.outer(scale, scale)
+    hidden = np.any(np.abs(V[lost]) > 1e-2, axis=0) | (size == 0)
+    error = np.where(hidden, np.inf, np.sqrt(np.diag(covariance)))
+    return Spread(covariance, error, hidden, values, V, lost)
+
+
+def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimate]:
+    """Values with intervals by Student's t, in the coordinates that are sought and turned back."""
+    shooting = found.fit.shooting
+    freedom = int(found.fit.there.sum()) - shooting.size * shooting.runs - len(spread.error)
+    quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
+    estimates = {}
+    for unknown, x, error in zip(shooting.unknowns.each, found.solution.place.shared, spread.error, strict=True):
+        low, high = unknown.interval(float(x), quantile * error)
+        standard_error, label = float(error) * unknown.slope(float(x)), unknown.label
+        estimates[label] = Estimate(label, unknown.value(float(x)), low, high, standard_error, unknown.prior)
+    return estimates
+
+
+def _simulated(fit: Fit, told: Prediction) -> dict[str, np.ndarray]:
+    """What the sensors would have said at the times of the log, by column."""
+    rows = fit.shooting.samples.rows
+    found = {name: np.full(len(fit.log), np.nan) for name in fit.shooting.channels.names}
+    for i, values in enumerate(found.values()):
+        values[rows[rows >= 0]] = told.values[..., i][rows >= 0]
+    return found
 
 
 def _lag_one(off: np.ndarray, there: np.ndarray) -> float:

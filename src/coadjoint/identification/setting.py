@@ -121,7 +121,7 @@ def setting(
     if step is not None and not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"Argument `dt` must be positive, but is {step:g}.")
     if not 0 <= settle < log.duration:
-        raise ArgumentError(f"Argument `settle` must be shorter than the log, but is {settle:g} s.")
+        raise ArgumentError(f"Argument `settle` must be 0 or more and shorter than the log, but is {settle:g} s.")
     needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())
     if needed < 2 * (2 * system.unknowns + len(sought.each)):
         raise ArgumentError(

@@ -95,13 +95,14 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     The name of a part of a craft stands for all its parameters: `"hull"` for `hull_axial_drag`, … Of a whole array
     those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
     those named in `positive` and the diagonals of positive definite matrices.
-    Raises ArgumentError, with the nearest name there is.
+    Raises ArgumentError, with the nearest name there is, and where `positive` names what is not sought.
     """
     if system.parameters is None:
         raise ArgumentError("This system has no parameters to identify: give it co.Parameters(…).")
     if isinstance(parameters, str) or not list(parameters):
         raise ArgumentError(f"Argument `parameters` must be a list of names, such as ['damping'], not {parameters!r}.")
     known = _arrays(system.parameters)
+    positive = _expanded(positive, known)
     chosen: dict[tuple[int, ...], Unknown] = {}
     matrices: dict[int, int] = {}
     for text in _expanded(parameters, known):
@@ -117,17 +118,26 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
                 places.add(first + int(np.ravel_multi_index(entry[::-1], array.shape)))
             if index is None and array[entry] == 0:
                 continue
-            log = (definite and entry[0] == entry[1]) or any(given in (name, text) for given in positive)
+            at = f"[{','.join(map(str, entry))}]" if entry else ""
+            log = (definite and entry[0] == entry[1]) or name in positive or name + at in positive
             if log and not array[entry] > 0:
                 raise ArgumentError(f"`{name}` cannot be sought as positive: it starts from {array[entry]:g}.")
-            at = f"[{','.join(map(str, entry))}]" if entry else ""
             chosen.setdefault(
                 tuple(sorted(places)), Unknown(name + at, tuple(sorted(places)), float(array[entry]), log)
             )
     if not chosen:
         raise ArgumentError(f"All entries of {', '.join(parameters)} are zero: name those to find, as in `name[0]`.")
+    _require_sought(positive, [unknown.label for unknown in chosen.values()])
     numbers = np.concatenate([array.reshape(-1) for _, array in known.values()])
     return Unknowns(system, tuple(chosen.values()), numbers, tuple(matrices.items()))
+
+
+def _require_sought(positive: Sequence[str], labels: Sequence[str]) -> None:
+    for given in positive:
+        if given not in labels and given not in {label.partition("[")[0] for label in labels}:
+            raise ArgumentError(
+                f"Argument `positive` names `{given}`, which is not among what is sought: {', '.join(labels)}."
+            )
 
 
 def _arrays(parameters: Parameters) -> dict[str, tuple[int, np.ndarray]]:
