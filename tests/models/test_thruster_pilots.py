@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,3 +92,14 @@ def test_the_largest_accelerations_are_those_at_which_a_thruster_is_at_its_limit
 def test_a_vehicle_without_thrusters_has_no_hover():
     with pytest.raises(ArgumentError, match="needs one part of the kind `thrusters`"):
         Hover().fitted(rov(parts=()))
+
+
+@pytest.mark.parametrize(
+    ("pilot", "thrusters", "lacking"), [(Manoeuvre(), slice(4), "heave"), (Hover(), slice(4, 8), "surge, sway")]
+)
+def test_thrusters_that_cannot_push_as_a_pilot_needs_are_told(pilot, thrusters, lacking):
+    vehicle = rov()
+    part = vehicle.part("thrusters")
+    fewer = replace(part, allocation=part.allocation[:, thrusters])
+    with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
+        pilot.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))

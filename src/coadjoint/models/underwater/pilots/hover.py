@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater.pilots.attitude import attitude_of, level
 from coadjoint.models.underwater.pilots.pid import nearest_turn, pid
 from coadjoint.models.underwater.pilots.pilot import Sight
-from coadjoint.models.underwater.pilots.thrusting import LARGEST_TURN, SHARE, Thrusting, poles
+from coadjoint.models.underwater.pilots.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint.models.underwater.pilots.under_way import wrench
 
 
@@ -31,6 +31,7 @@ class Hover(Thrusting):
     to 1. Gains that are left out are proposed from the mass and what the thrusters give. Raises ArgumentError.
     """
 
+    NEEDS: ClassVar[tuple[str, ...]] = ("surge", "sway", "heave", "yaw")
     position_gains: Any = None
 
     @property
@@ -73,6 +74,8 @@ class Pose(Hover):
     Set points: `north`, `east`, `depth` (m), `attitude`, R_d, (3, 3), body to space. Fields as those of `Hover`, with
     kind = "pose". From almost everywhere R goes to R_d, along no Euler angles (`attitude.angular_acceleration`).
     """
+
+    NEEDS: ClassVar[tuple[str, ...]] = AXES
 
     @property
     def inputs(self) -> dict[str, str]:

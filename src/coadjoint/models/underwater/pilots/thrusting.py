@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +23,7 @@ LARGEST_ACCELERATION = 5.0
 SHARE = 0.5
 """How much of what the thrusters give the largest error may use."""
 MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LARGEST_TURN = 1.0
 """rad: a level vehicle is never asked for more than this at once, so that half a turn is no special case."""
 
@@ -49,20 +50,33 @@ class Thrusting(Pilot):
         require_positive(self, ("period", "reach"))
         object.__setattr__(self, "weigh", number(self.weigh, "weigh` of the pilot"))
 
+    NEEDS: ClassVar[tuple[str, ...]] = ("surge", "heave", "yaw")
+    """The axes along which the thrusters must be able to push."""
+
     @property
     def gains(self) -> tuple[str, ...]:
         """The names of its gains, each k_p, k_i, k_d."""
         return ("attitude_gains",)
 
     def fitted(self, vehicle: Any) -> Any:
-        """With the mass matrix of a vehicle, and what gains were left out; raises ArgumentError without thrusters."""
+        """With the mass matrix of a vehicle, and what gains were left out.
+
+        Raises ArgumentError without thrusters, and where they cannot push as the pilot needs.
+        """
         if self.mass is not None:
             return self
         part = self._part(vehicle)
         M = mass_matrix(vehicle)
         net_weight, righting = weight(vehicle)
         late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
-        given = self.proposed(accelerations(part, M), late)
+        most = accelerations(part, M)
+        lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
+        if lacking:
+            raise ArgumentError(
+                f"The pilot `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, but those of "
+                f"`{vehicle.name}` give nothing in {', '.join(lacking)}."
+            )
+        given = self.proposed(most, late)
         return replace(
             self,
             thrusters=part.name,
