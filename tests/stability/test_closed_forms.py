@@ -153,15 +153,10 @@ def test_the_bounds_of_bottom_heavy_vehicles_are_where_the_spectrum_and_the_ener
     def at(speed):
         return stability(search.find(place(body, velocity=speed * np.eye(3)[axis]), speed))
 
-    low, high = 0.5 * critical, 2 * critical
-    assert at(low).verdict == "stable" and at(high).verdict == "unstable"
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if at(middle).spectral == "unstable" else (middle, high)
-    assert 0.5 * (low + high) == pytest.approx(critical, rel=2e-3)
     # Many speeds, because λ is not unique at the vertical one and has to be looked for.
-    assert [at(f * critical).verdict for f in (0.17, 0.38, 0.5, 0.77, 0.9, 0.998)] == ["stable"] * 6
-    assert at(1.002 * critical).energy.verdict == "undecided"
+    below, above = [at(f * critical) for f in (0.17, 0.5, 0.77, 0.998)], [at(f * critical) for f in (1.002, 2.0)]
+    assert [(found.spectral, found.verdict) for found in below] == [("neutral", "stable")] * 4
+    assert [(found.spectral, found.energy.verdict) for found in above] == [("unstable", "undecided")] * 2
 
 
 @pytest.mark.parametrize("axis", [2, 1], ids=["vertical", "horizontal"])

@@ -17,7 +17,7 @@ from coadjoint.stability.flight import SteadyFlight, trim
 REMUS = load_vehicle("remus_100")
 FINS = ("stern_planes", "rudder")
 BARE = replace(REMUS, parts=tuple(part for part in REMUS.parts if part.name not in FINS))
-FLIGHT = SteadyFlight(REMUS)
+FLIGHT, BARE_FLIGHT = SteadyFlight(REMUS), SteadyFlight(BARE)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_straight_flight_has_the_revolutions_where_thrust_is_drag(straight):
 
 def test_fins_make_remus_stable_and_without_them_it_is_unstable(straight):
     assert stability(straight).verdict == "stable"
-    bare = stability(SteadyFlight(BARE).at(1.5))
+    bare = stability(BARE_FLIGHT.at(1.5))
     assert bare.verdict == "unstable"
     assert set(bare.modes[0].name.split("-")) == {"yaw", "sway"}
     # Munk's 2.1330 1/s, and a little less by the damping at speed.
@@ -53,12 +53,11 @@ def test_a_simulation_stays_on_the_steady_motion_that_was_found(straight):
 
 
 def test_without_fins_a_simulation_leaves_at_the_rate_of_the_spectrum():
-    flight = SteadyFlight(BARE)
-    motion = flight.at(1.5)
+    motion = BARE_FLIGHT.at(1.5)
     mode = stability(motion).modes[0]
     z = 1e-8 * np.real(mode.velocities) / np.max(np.abs(mode.velocities))
     start = motion.state.replace(xi=motion.state.xi + z[:3], nu=motion.state.nu + z[3:])
-    run = co.simulate(flight.craft.system, start, dt=0.005, duration=4.0).dataset
+    run = co.simulate(BARE_FLIGHT.craft.system, start, dt=0.005, duration=4.0).dataset
     yaw = np.abs(run.xi.values[:, 2])
     assert np.log(yaw[700] / yaw[300]) / 2.0 == pytest.approx(mode.rate, rel=2e-3)
 
