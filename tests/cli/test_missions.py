@@ -136,6 +136,17 @@ def test_a_start_in_east_north_up_is_the_same_start():
         ({"initial": {"position_m": [0, 0]}}, "position"),
         ({"initial": {"axes": "ENU/FLU", "heading_deg": 3}}, "belongs to NED/FRD"),
         ({"initial": {"actuators": {"ruder_deg": 3}}}, "no actuator"),
+        ({"initial": {"actuators": 3}}, "must be a table"),
+        ({"initial": {"actuators": {"rudder_deg": "x"}}}, "must hold numbers"),
+        ({"initial": {"actuators": {"rudder_m": 3}}}, "measures rad, but `rudder_m` is in m"),
+        ({"initial": {"actuators": {"rudder_deg": 3, "rudder": 3}}}, "give `rudder` twice"),
+        ({"mission": {"time_s": 5, "depth_m": [3, 4], "heading": 0, "speed": 1}}, "each of 1 times"),
+        ({"mission": {"file": 3}}, "must be a text"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": 3}}, "no end 3"),
+        ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "acceptance_m": [1, 2]}}, "must be one number"),
+        ({"parameters": {"rudder_limit_kg": 1}}, "unit of mass, but `rudder_limit` measures angle"),
+        ({"pilot": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
+        ({"run": {"dt": 1, "steps": 1, "members": 2}, "perturb": {"mass_m": 1}}, "`mass` measures mass"),
         ({"pilot": {"kind": "cruse"}}, "did you mean `cruise`"),
         ({"pilot": {"periods": 1}}, "did you mean `period`"),
         ({"pilot": {"kind": "none"}}, "no set point `depth`"),
@@ -152,6 +163,20 @@ def test_a_mistake_is_told_in_one_sentence(sections, words):
     with pytest.raises(CoadjointError, match=words) as caught:
         set_up(mission(**sections))
     assert "\n" not in str(caught.value)
+
+
+def test_units_of_parameters_are_those_that_they_measure():
+    given = {
+        "propeller_limit_rpm": 900,
+        "rudder_limit_deg": 20,
+        "center_of_mass_mm": [0, 0, 20],
+        "pilot_period_ms": 100,
+    }
+    found = set_up(mission(parameters=given)).system.parameters
+    assert found.propeller_limit == pytest.approx(15.0)
+    assert found.rudder_limit == pytest.approx(np.radians(20))
+    assert found.center_of_mass == pytest.approx([0, 0, 0.02])
+    assert found.pilot_period == pytest.approx(0.1)
 
 
 def test_every_kind_of_current_can_be_said(tmp_path):

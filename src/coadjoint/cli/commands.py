@@ -196,7 +196,11 @@ class Vehicles:
                 vehicles.show_shelf(rows)
         elif not self.name:
             raise ArgumentError("Which vehicle? `coadjoint vehicles` lists them; a path of one's own file works too.")
+        elif self.toml and self.json:
+            raise ArgumentError("The file is TOML, and no JSON: leave --toml or --json out.")
         elif self.action == "mission":
+            if self.json:
+                raise ArgumentError("A mission is TOML, and no JSON: leave --json out.")
             from coadjoint.cli.mission_example import example
 
             print(example(self.name), end="")

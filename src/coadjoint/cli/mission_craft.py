@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from coadjoint.cli import mission_legs
 from coadjoint.cli.initial import initial_values
 from coadjoint.cli.mission_file import MissionFile
+from coadjoint.cli.mission_measures import measures, pilot_measures
 from coadjoint.cli.mission_perturb import perturbed, seeds
 from coadjoint.cli.mission_results import require_room
 from coadjoint.cli.mission_water import water
@@ -29,7 +31,8 @@ def set_up(file: MissionFile) -> Setup:
     from coadjoint.models.underwater import axes as border
 
     vehicle = _vehicle(file)
-    begun = _start(file)
+    commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
+    begun = _start(file, commands)
     place = border.space_vector(
         vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun.get("axes", "NED/FRD")
     )
@@ -37,10 +40,10 @@ def set_up(file: MissionFile) -> Setup:
     craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
     start = craft.start(**begun)
     require_room(file, start)
-    system = _changed(file, craft.system)
+    kinds = measures(craft.system.parameters.asdict(), vehicle)
+    system = craft.system.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     if file.run.members > 1:
-        system = perturbed(file, system)
-    commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
+        system = perturbed(file, system, kinds)
     wanted = {} if craft.pilot is None else craft.pilot.inputs
     inputs = mission_legs.inputs(file, {**commands, **wanted})
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
@@ -76,15 +79,16 @@ def _pilot(file: MissionFile, vehicle: Any) -> Any:
             f'{", ".join(sorted(PILOTS))}, or kind = "none" to command its actuators in [mission].'
         )
     cls = pilot_class(kind) if kind else type(vehicle.pilot)
-    values = in_si("pilot", given, [f.name for f in fields(cls)], {})
+    known = [f.name for f in fields(cls)]
+    values = in_si("pilot", given, known, pilot_measures(known))
     try:
         return cls(**values) if kind else replace(vehicle.pilot, **values)
     except TypeError as error:
         raise ArgumentError(f"Section [pilot]: {str(error).split('() ')[-1]}.") from error
 
 
-def _start(file: MissionFile) -> dict[str, Any]:
-    """[initial] as keywords of `Craft.start`."""
+def _start(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
+    """[initial] as keywords of `Craft.start`; units: those of the actuators."""
     given = dict(file.initial)
     axes = given.get("axes", "NED/FRD")
     for key in [key for key in given if key.split("_")[0] == "heading"]:
@@ -92,17 +96,24 @@ def _start(file: MissionFile) -> dict[str, Any]:
             raise ArgumentError(f"[initial] {key} belongs to NED/FRD: give `yaw`, from east to the left, in {axes}.")
         given["yaw" + key.removeprefix("heading")] = given.pop(key)
     found = initial_values(given, START)
-    if isinstance(found.get("actuators"), dict):
-        parts = {key: split(key) for key in found["actuators"]}
-        found["actuators"] = {
-            name: factor * np.asarray(found["actuators"][key], dtype=float) for key, (name, _, factor) in parts.items()
-        }
+    if "actuators" in found:
+        found["actuators"] = _actuators(found["actuators"], units)
     return found
 
 
-def _changed(file: MissionFile, system: Any) -> Any:
-    """The system with the parameters of [parameters]."""
-    if not file.parameters:
-        return system
-    known = list(system.parameters.asdict())
-    return system.replace(**in_si("parameters", file.parameters, known, {}))
+def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Where actuators start, by part, in SI units."""
+    if not isinstance(given, dict):
+        raise ArgumentError(f"[initial] actuators must be a table, as in {{ propeller_rpm = 900 }}, but is {given!r}.")
+    found = {}
+    for key, value in given.items():
+        name, unit, factor = (key, "", 1.0) if key in units else split(key)
+        if unit and unit != units.get(name, unit):
+            raise ArgumentError(f"[initial] actuators: `{name}` measures {units[name]}, but `{key}` is in {unit}.")
+        if name in found:
+            raise ArgumentError(f"[initial] actuators give `{name}` twice: once as `{key}`, once in another unit.")
+        try:
+            found[name] = factor * np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"[initial] actuators must hold numbers, but {key} is {value!r}.") from None
+    return found

@@ -86,8 +86,10 @@ class MissionFile:
         names = [self.vehicle.file, self.mission.get("file", ""), *(table.get("file", "") for table in tables)]
         return [self.located(name) for name in names if isinstance(name, str) and name]
 
-    def located(self, name: str) -> Path:
+    def located(self, name: Any) -> Path:
         """A file beside the mission file, or beside its results; raises FileError where there is none."""
+        if not isinstance(name, str):
+            raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
         for place in (self.path.parent / name, self.path.parent / Path(name).name):
             if place.is_file():
                 return place

@@ -35,7 +35,7 @@ def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
         from coadjoint.models.underwater.log.inputs import inputs_from_csv
 
         found |= inputs_from_csv(file.located(given["file"]), between=between)
-    time = _numbers("time", given["time"]) if "time" in given else None
+    time = np.atleast_1d(_numbers("time_s", given["time"])) if "time" in given else None
     for name, value in given.items():
         if name in OTHERS:
             continue
@@ -108,7 +108,10 @@ def following(file: MissionFile, pilot: Any, start: Any) -> Any:
     points = way_points(file)
     if np.linalg.norm(points[0, :2] - np.asarray(start)[:2]) > 0:
         points = np.concatenate([np.asarray(start, dtype=float)[None], points])
-    more = {key: float(_numbers(key, given[key])) for key in ("acceptance", "look_ahead") if key in given}
+    more = {key: _numbers(key, given[key]) for key in ("acceptance", "look_ahead") if key in given}
+    for key, value in more.items():
+        if np.ndim(value):
+            raise ArgumentError(f"[mission] {key} must be one number, but is {given[key]!r}.")
     return LineOfSight(way_points=points, helm=pilot, period=pilot.period, delay=pilot.delay, **more)
 
 
@@ -150,7 +153,7 @@ def until(file: MissionFile, arrived: Any = None) -> Any:
     from coadjoint.models.underwater.water import borders
 
     ends = given.get("ends", [])
-    chosen = [ends] if isinstance(ends, str) else list(ends)
+    chosen = ends if isinstance(ends, list) else [ends]
     events = []
     for end in chosen:
         if end not in ENDS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,16 @@ from coadjoint.cli.units import in_si
 from coadjoint.errors import ArgumentError
 
 
-def perturbed(file: MissionFile, system: Any) -> Any:
+def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, str]) -> Any:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
-    its own ζ. Raises ArgumentError.
+    its own ζ. kinds: what the parameters measure. Raises ArgumentError.
     """
     import coadjoint as co
 
     values = system.parameters.asdict()
-    deviations = in_si("perturb", {key: v for key, v in file.perturb.items() if key != "seed"}, list(values), {})
+    deviations = in_si("perturb", {key: v for key, v in file.perturb.items() if key != "seed"}, list(values), kinds)
     random = np.random.default_rng(_seed(file))
     changed = {}
     for name, given in deviations.items():

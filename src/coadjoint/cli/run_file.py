@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from coadjoint.cli.initial import initial_values
 from coadjoint.cli.sections import MethodSection, OutputSection, RunSection, SystemSection, section
 from coadjoint.cli.toml_text import to_toml
-from coadjoint.cli.units import in_si, unknown, without_unit
+from coadjoint.cli.units import NO_UNIT, in_si, unknown, without_unit
 from coadjoint.errors import ArgumentError, FileError
 
 if TYPE_CHECKING:
@@ -127,18 +127,18 @@ def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str
         raise ArgumentError(unknown(f"model `{model}`", "The catalogue", model, list(catalogue)))
     entry = catalogue[model]
     return {
-        "parameters": in_si("parameters", free["parameters"], entry.parameters, _MEASURES),
+        "parameters": in_si("parameters", free["parameters"], entry.parameters, MEASURES),
         "initial": initial_values(free["initial"], entry.initial),
     }
 
 
-_MEASURES = {
+MEASURES = {
     "mass": "mass",
     "buoyancy": "force",
     "center_of_mass": "length",
     "center_of_buoyancy": "length",
     "semi_axes": "length",
-    **dict.fromkeys(("inertia", "added_mass", "gravity", "fluid_density"), "what no unit here measures"),
+    **dict.fromkeys(("inertia", "added_mass", "gravity", "fluid_density", "volume"), NO_UNIT),
     "inertia_about": "nothing",
 }
 """What the parameters of the catalogue's models measure."""

@@ -9,6 +9,8 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError
 
+REVOLUTIONS = "revolutions in a second"
+
 UNITS: dict[str, tuple[str, float]] = {
     "s": ("time", 1.0), "ms": ("time", 1e-3), "min": ("time", 60.0), "h": ("time", 3600.0), "days": ("time", 86400.0),
     "m": ("length", 1.0), "mm": ("length", 1e-3), "cm": ("length", 1e-2), "km": ("length", 1e3),
@@ -18,11 +20,14 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", 1.0), "deg": ("angle", pi / 180),
     "rad_per_s": ("angular velocity", 1.0), "deg_per_s": ("angular velocity", pi / 180),
     "rad_s": ("angular velocity", 1.0), "deg_s": ("angular velocity", pi / 180),
-    "rpm": ("angular velocity", pi / 30),
+    "rpm": ("angular velocity", pi / 30), "per_s": (REVOLUTIONS, 1.0),
     "kg": ("mass", 1.0), "g": ("mass", 1e-3), "t": ("mass", 1e3),
     "N": ("force", 1.0), "kN": ("force", 1e3),
 }  # fmt: skip
 """The endings of key names, with what they measure and how many SI units they are."""
+
+NO_UNIT = "what no unit here measures"
+"""What a kind says of numbers that are in SI units only."""
 
 _LONGEST_FIRST = sorted(UNITS, key=len, reverse=True)
 
@@ -42,6 +47,8 @@ def in_si(section: str, given: Mapping[str, Any], known: Collection[str], kinds:
             found[name] = value
             continue
         measures, factor = UNITS[unit]
+        if unit == "rpm" and kinds.get(name) == REVOLUTIONS:
+            measures, factor = REVOLUTIONS, 1 / 60
         if kinds.get(name, measures) != measures:
             raise ArgumentError(
                 f"Key `{key}` of section [{section}] ends in a unit of {measures}, but `{name}` measures {kinds[name]}."
