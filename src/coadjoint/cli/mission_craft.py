@@ -40,7 +40,7 @@ def set_up(file: MissionFile) -> Setup:
     craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
     start = craft.start(**begun)
     require_room(file, start)
-    kinds = measures(craft.system.parameters.asdict(), vehicle)
+    kinds = measures(craft.parameters.asdict(), vehicle)
     system = craft.system.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
