@@ -37,6 +37,8 @@ def set_up(file: MissionFile) -> Setup:
         vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun.get("axes", "NED/FRD")
     )
     pilot = mission_legs.following(file, _pilot(file, vehicle), place)
+    # What is mistaken in the file is told before gains are proposed, which takes a second.
+    inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
     craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
     start = craft.start(**begun)
     require_room(file, start)
@@ -44,15 +46,19 @@ def set_up(file: MissionFile) -> Setup:
     system = craft.system.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
-    wanted = {} if craft.pilot is None else craft.pilot.inputs
-    inputs = mission_legs.inputs(file, {**commands, **wanted})
-    lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
-    if lacking:
-        raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
     points = mission_legs.way_points(file)
     arrived = mission_legs.arrival(craft.pilot) if len(points) else None
     told = {"way_points": points.ravel().tolist()} if len(points) else {}
     return Setup(system, start, inputs or None, mission_legs.until(file, arrived), told)
+
+
+def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
+    """The inputs of [mission], all that the pilot wants among them."""
+    inputs = mission_legs.inputs(file, {**commands, **wanted})
+    lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
+    if lacking:
+        raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
+    return inputs
 
 
 def _vehicle(file: MissionFile) -> Any:
