@@ -63,6 +63,26 @@ def test_the_readme_has_its_example_and_both_commands() -> None:
     assert sum("pytest" in block and block.count("\n") == 1 for block in shell) == 1
 
 
+def test_the_index_leads_to_every_page() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert {target for target, _ in LINK.findall(index) if target.endswith(".md")} - {"../README.md"} == pages
+
+
+def test_every_room_is_in_the_index_and_imports_only_from_those_above_it() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    rooms = re.findall(r"^\| `(\w+)/` \|", index, re.MULTILINE)
+    source = ROOT / "src" / "coadjoint"
+    assert sorted(rooms) == sorted(folder.parent.name for folder in source.glob("*/__init__.py"))
+    upward = []
+    for file in (file for room in rooms for file in (source / room).rglob("*.py")):
+        room = rooms.index(file.relative_to(source).parts[0])
+        for other in re.findall(r"^(?:from|import) coadjoint\.(\w+)", file.read_text(encoding="utf-8"), re.MULTILINE):
+            if other in rooms and rooms.index(other) > room:
+                upward.append(f"{file.relative_to(source)} imports {other}")
+    assert not upward
+
+
 def test_every_dependency_has_its_reason() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {re.split(r"[\[<>=~! ]", requirement)[0] for requirement in project["dependencies"]}
