@@ -45,3 +45,11 @@ def test_a_step_size_must_be_positive():
     motion = steady_motion(body, rigid_body.start(body, angular_velocity=(0, 0, 1.0)))
     with pytest.raises(ArgumentError, match="dt"):
         step_modes(motion, -0.1)
+
+
+def test_a_motion_that_a_symmetry_carries_has_no_modes_under_steps():
+    """Steps do not bring it back to where it was: its multipliers would be those of another motion."""
+    body = rigid_body.make(inertia=(1.0, 1.0, 3.0))
+    guess = rigid_body.start(body, angular_velocity=(0.3, 0, 1.0))
+    with pytest.raises(ArgumentError, match="without symmetries"):
+        step_modes(steady_motion(body, guess, symmetries=[lambda s: s.mu[2]]), 0.1)

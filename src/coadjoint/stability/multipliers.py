@@ -54,9 +54,12 @@ def step_modes(
 
     dt: h, s. method: by default co.Midpoint(). Symplectic methods neither damp nor excite modes of conservative
     systems where they are stable: |m| = 1. Derivatives are central differences, right to about 1e-9.
-    Raises ArgumentError where the steps have no steady motion near, and StepError where a step fails.
+    Raises ArgumentError where the steps have no steady motion near and for a motion that goes along symmetries, and
+    StepError where a step fails.
     """
     h, method = float(positive(dt, "dt")), method or Midpoint()
+    if motion.reduced.symmetries:
+        raise ArgumentError("Modes under steps are those of motions that are steady by themselves, without symmetries.")
     linear = linear or linearised(motion)
     step = _Step(motion, method, h, linear)
     x = np.zeros(len(linear.matrix))
