@@ -95,11 +95,20 @@ def test_thrusters_follow_a_path_with_the_same_guidance():
         ({"way_points": [(0, 0, 0)]}, "must have shape"),
         ({"way_points": [(0, 0, 0), (0, 0, 5)]}, "one place over ground"),
         ({"way_points": SQUARE, "look_ahead": -1.0}, "look_ahead"),
+        ({"way_points": SQUARE, "gain": -0.2}, "gain"),
     ],
 )
 def test_paths_that_are_none_are_refused(pilot, sentence):
     with pytest.raises(ArgumentError, match=sentence):
         LineOfSight(**pilot)
+
+
+def test_the_gains_at_the_helm_are_proposed_for_the_period_of_the_path():
+    path = LineOfSight(way_points=SQUARE, helm=Cruise(), period=0.8, delay=0.4).fitted(remus())
+    alone: Any = Cruise(period=0.8, delay=0.4).fitted(remus())
+    helm: Any = path.helm
+    np.testing.assert_array_equal(helm.heading_gains, alone.heading_gains)
+    assert helm.heading_gains[2] != Cruise().fitted(remus()).heading_gains[2]
 
 
 def test_a_helm_that_takes_no_heading_is_refused():

@@ -12,6 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import traced
 from coadjoint.mechanics.signals import Held
+from coadjoint.models.quantities import number
 from coadjoint.models.underwater.pilots.checks import require_positive
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.models.underwater.pilots.proposed import own_pilot
@@ -79,7 +80,8 @@ class LineOfSight(Pilot):
     way_points: (n, 3) m, north, east, depth; n ≥ 2. look_ahead: Δ, m, by default four lengths of the vehicle. gain: σ,
     m/s, 0.2 by default; 0 follows without integral. acceptance: m over ground, by default two lengths. helm: a pilot
     with the set points `heading` and `depth` or `pitch`, by default the vehicle's own or one that is proposed; its
-    gains are `pilot_helm_…`. Its other set points, such as `speed`, are those of the run. Raises ArgumentError.
+    gains are `pilot_helm_…`, and its period and delay those of the path. Its other set points, such as `speed`, are
+    those of the run. Raises ArgumentError.
     """
 
     way_points: Any
@@ -90,6 +92,7 @@ class LineOfSight(Pilot):
 
     def __post_init__(self) -> None:
         require_positive(self, ("period", "look_ahead", "acceptance"))
+        object.__setattr__(self, "gain", number(self.gain, "gain` of the pilot `LineOfSight", at_least=0.0))
         points = float64(self.way_points, "Argument `way_points`")
         if np.ndim(points) != 2 or np.shape(points)[0] < 2 or np.shape(points)[1] != 3:
             raise ArgumentError(
@@ -103,7 +106,7 @@ class LineOfSight(Pilot):
     def fitted(self, vehicle: Any) -> LineOfSight:
         length = vehicle.length if vehicle.length is not None else 10 * np.cbrt(vehicle.volume)
         helm = own_pilot(vehicle) if self.helm is None else self.helm
-        helm = replace(helm.fitted(vehicle), period=self.period, delay=self.delay)
+        helm = replace(helm, period=self.period, delay=self.delay).fitted(vehicle)
         if "heading" not in helm.inputs or not {"depth", "pitch"} & set(helm.inputs):
             raise ArgumentError(
                 f"The pilot at the helm must take the set points `heading` and `depth` or `pitch`, but takes: "
