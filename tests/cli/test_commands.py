@@ -94,6 +94,7 @@ def test_a_folder_with_a_run_is_refused_with_status_2(tmp_path, capsys):
         (["info", "."], "holds no results of coadjoint"),
         (["info", "top.py"], "is not a netCDF file"),
         (["plot", "."], "holds no trajectories"),
+        (["audit", "--out", "top.py"], "The folder top.py cannot be made"),
         (["models", "heavy_toop"], "did you mean `heavy_top`?"),
     ],
 )
@@ -140,6 +141,8 @@ def test_figures_are_drawn_again_and_runs_compared(tmp_path, capsys):
     assert told(capsys)[0].count("system ") == 2
     assert main(["plot", "both/top.nc", "trajectory"]) == 2
     assert "no position to draw" in told(capsys)[1]
+    assert main(["plot", "both", "--out", "both/top.nc"]) == 2
+    assert "The folder both/top.nc cannot be made" in told(capsys)[1]
 
 
 def test_every_model_of_the_catalogue_prints_a_run_file_that_runs(tmp_path, capsys):

@@ -98,9 +98,3 @@ def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() 
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
     missing += [key for key in keys if f"`{key}`" not in page]
     assert not missing, f"docs/commands.md says nothing of {missing}."
-
-
-def test_the_index_leads_to_every_page() -> None:
-    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    missing = [page.name for page in (ROOT / "docs").glob("*.md") if f"({page.name})" not in index]
-    assert missing == ["index.md"]

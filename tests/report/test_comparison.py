@@ -87,3 +87,7 @@ def test_the_command_compares_folders_and_draws_both(coarse, tmp_path, monkeypat
     assert told["difference_final"]["mu"] > 0
     assert main(["compare", "coarse.nc", "nothing.nc"]) == 2
     assert "nothing.nc" in capsys.readouterr().err
+    assert main(["compare", "coarse.nc", "fine.nc", "--out", "fine.nc"]) == 2
+    said = capsys.readouterr()
+    assert "The folder fine.nc cannot be made" in said.err
+    assert said.out == ""

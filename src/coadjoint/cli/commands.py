@@ -112,10 +112,11 @@ class Plot:
     def __call__(self) -> int:
         from coadjoint.cli.stored import recordings
         from coadjoint.plotting.plots import save_figures
+        from coadjoint.report.folder import make
 
         found = recordings(self.source)
         folder = self.out or (self.source if self.source.is_dir() else self.source.parent)
-        folder.mkdir(parents=True, exist_ok=True)
+        make(folder)
         labels = list(found) if len(found) > 1 else None
         names = save_figures([run.dataset for run in found.values()], folder, self.figures or None, self.format, labels)
         paths = [str(folder / name) for name in names]
@@ -232,8 +233,11 @@ class Audit:
         from coadjoint.audit.page import write
         from coadjoint.audit.tables import summary
         from coadjoint.cli.auditing import execute, show
+        from coadjoint.report.folder import make
         from coadjoint.report.summary import to_json
 
+        if self.out is not None:
+            make(self.out)
         found = execute(self.method, self.system, self.quick, False if self.json else None)
         if not self.json:
             show(found, self.out, self._written())

@@ -33,9 +33,12 @@ class Compare:
         from coadjoint.plotting.plots import save_figures
         from coadjoint.plotting.whole_file import write_text
         from coadjoint.report.comparison import compare
+        from coadjoint.report.folder import make
         from coadjoint.report.summary import to_json
 
         datasets = [_one(recordings(source), source).dataset for source in (self.first, self.second)]
+        if self.out is not None:
+            make(self.out)
         names = _names(self.first, self.second)
         found = compare(datasets[0], datasets[1], names)
         if self.json:
@@ -43,7 +46,6 @@ class Compare:
         else:
             show(found)
         if self.out is not None:
-            self.out.mkdir(parents=True, exist_ok=True)
             write_text(self.out / "comparison.json", to_json(found.summary()))
             written = save_figures(datasets, self.out, labels=list(names))
             if not self.json:

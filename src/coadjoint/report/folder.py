@@ -36,6 +36,14 @@ def require_free(folder: Path, configuration: str, overwrite: bool) -> None:
         raise FileError(f"The folder {folder} holds another run already: choose another one with --out.")
 
 
+def make(folder: Path) -> None:
+    """Make a folder, unless it is there; raises FileError where it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
+
+
 @contextmanager
 def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]:
     """`folder`, made and marked by its run.toml; left as it was found if the block raises before it wrote anything.
