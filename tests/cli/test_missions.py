@@ -165,6 +165,21 @@ def test_a_mistake_is_told_in_one_sentence(sections, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("method.name=Midpiont", "did you mean `Midpoint`"),
+        ("method.map=Cayly", "did you mean `Cayley`"),
+        ("method.name=VariableStep", "use a fixed step"),
+        ("method.name=Suzuki4", "substeps that go backwards"),
+    ],
+)
+def test_a_method_that_does_not_fit_is_refused_before_the_mission(change, words, capsys):
+    Path("dive.toml").write_text(MISSION.replace("duration = 10", "steps = 10"))
+    assert main(["run", "dive.toml", "--check", "--set", change]) == 2
+    assert words in capsys.readouterr().err
+
+
 def test_units_of_parameters_are_those_that_they_measure():
     given = {
         "propeller_limit_rpm": 900,

@@ -97,7 +97,7 @@ def test_substeps_backwards_are_allowed_where_forces_dissipate(tmp_path):
     [
         ("run.dt=-0.01", "[run] dt must be positive, but is -0.01"),
         ("run.dt=0", "[run] dt must be positive"),
-        ("run.dt=nan", "[run] needs `dt`"),
+        ("run.dt=nan", "[run] dt must be positive, but is nan"),
         ("run.dt=quick", "[run] dt must be a number, but is 'quick'"),
         ("run.dt=true", "[run] dt must be a number, but is True"),
         ("run.dt=", "needs `dt`"),

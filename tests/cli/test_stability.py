@@ -37,6 +37,8 @@ def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, 
         (["remus_100", "--speed", "0:1:0"], "--speed must be a speed in m/s"),
         (["remus_100", "--hold", "propeller"], "--hold must be NAME=VALUE"),
         (["remus_100", "--hold", "sail=1"], "`sail` is no actuator"),
+        (["remus_100", "--hold", "propeller=nan"], "finite number, but is 'propeller=nan'"),
+        (["remus_100", "--climb", "200"], "between -90 and 90 degrees, but is 200"),
         (["remus_100", "--without", "sail"], "has no part `sail`"),
     ],
 )

@@ -62,14 +62,14 @@ class Run:
     def __call__(self) -> int:
         from coadjoint.cli.mission_file import MissionFile
         from coadjoint.cli.run_file import read
-        from coadjoint.cli.running import check, execute, set_up
+        from coadjoint.cli.running import check, execute, require_fit, set_up
 
         file = read(self.file, self.set)
         folder = self.out or file.folder
         if self.check:
             check(file, folder, self.overwrite)
             if isinstance(file, MissionFile):
-                set_up(file)
+                require_fit(file, set_up(file))
             print('{"valid": true}' if self.json else f"{self.file} is a run file; its results would go to {folder}/.")
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from coadjoint.cli.methods import map_name, method_name
 from coadjoint.cli.sections import MethodSection, OutputSection, RunSection, section
 from coadjoint.cli.units import unknown
 from coadjoint.errors import ArgumentError, FileError
@@ -107,6 +108,8 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
     if "run" not in table:
         raise ArgumentError(f"The mission file {path} needs a section [run].")
     made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in SECTIONS.items()}
+    method_name(made["method"].name)  # tells of names that there are not, before anything heavy is loaded
+    map_name(made["method"].map)
     free = {name: table.get(name, {}) for name in FREE}
     if made["run"].members > 1 and not free["perturb"]:
         raise ArgumentError("[run] members > 1 needs a section [perturb], which says in what the members differ.")

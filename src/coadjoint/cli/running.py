@@ -42,6 +42,14 @@ def check(file: RunFile | MissionFile, folder: Path, overwrite: bool) -> None:
     _ = file.companions
 
 
+def require_fit(file: RunFile | MissionFile, made: Setup) -> None:
+    """Raise ArgumentError where the method does not fit the system and its start; nothing is compiled."""
+    from coadjoint.cli.methods import method
+    from coadjoint.simulation import simulate as simulation
+
+    simulation.require_fit(made.system, made.start, method(file.method), file.run.dt, made.inputs, made.until)
+
+
 def execute(
     file: RunFile | MissionFile, folder: Path, overwrite: bool = False, progress: bool | None = None
 ) -> Written:

@@ -56,13 +56,13 @@ class MethodSection:
 class RunSection:
     """The grid: dt in s, and either `duration` in s or `steps`; every save_every-th node is kept."""
 
-    dt: float = field(default=math.nan, metadata={"kind": "time"})
+    dt: float = field(default=-math.inf, metadata={"kind": "time"})
     duration: float | None = field(default=None, metadata={"kind": "time"})
     steps: int | None = None
     save_every: int = 1
 
     def __post_init__(self):
-        if math.isnan(self.dt):
+        if self.dt == -math.inf:
             raise ArgumentError("Section [run] needs `dt`, the length of a step in s.")
         if not 0 < self.dt < math.inf:
             raise ArgumentError(f"[run] dt must be positive, but is {self.dt:g}.")

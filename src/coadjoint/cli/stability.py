@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from dataclasses import dataclass, replace
-from math import degrees, isinf, radians
+from math import degrees, isfinite, isinf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -52,10 +52,12 @@ class Stability:
         from coadjoint.stability.flight import SteadyFlight
 
         speeds = speeds_from(self.speed)
+        if not -90 <= self.climb <= 90:
+            raise ArgumentError(f"--climb must be between -90 and 90 degrees, but is {self.climb:g}.")
         vehicle = _without(load_vehicle(self.vehicle), self.without)
         hold = dict(map(_setting, self.hold))
         if self.rudder is not None:
-            hold["rudder"] = radians(self.rudder)
+            hold["rudder"] = radians(_setting(f"rudder={self.rudder}")[1])
         turning = self.turning or self.rudder is not None
         flight = SteadyFlight(vehicle, climb=radians(self.climb), hold=hold, turning=turning, depth=self.depth)
         found, failures = _fly(flight, speeds)
@@ -107,9 +109,12 @@ def _setting(text: str | tuple[str, ...]) -> tuple[str, float]:
     text = text if isinstance(text, str) else text[0]
     name, _, value = text.partition("=")
     try:
-        return name.strip(), float(value)
+        found = float(value)
     except ValueError:
         raise ArgumentError(f"--hold must be NAME=VALUE with a number, as in propeller=15, but is {text!r}.") from None
+    if not isfinite(found):
+        raise ArgumentError(f"--hold must be NAME=VALUE with a finite number, but is {text!r}.")
+    return name.strip(), found
 
 
 def _without(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:

@@ -48,6 +48,7 @@ from coadjoint.simulation.step_sizes import fixed_steps
 
 TOO_MUCH_ENERGY = 0.1
 """The relative change of a conserved energy from which on the card warns."""
+NO_EVENT = "Argument `until` ends one run at its own time: leave it out for an ensemble."
 
 
 def simulate(
@@ -111,7 +112,7 @@ def prepare(
     """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun."""
     if (count := count_of(system, start)) is not None:
         if until is not None:
-            raise ArgumentError("Argument `until` ends one run at its own time: leave it out for an ensemble.")
+            raise ArgumentError(NO_EVENT)
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend)
         return _prepare_members(system, start, method, *whole)
     system, start = with_inputs(system, start, inputs)
@@ -128,6 +129,21 @@ def prepare(
     chosen = kernels.choose(program, constants, state, monitors, backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors)
     return Run(system, method, start, plan, Position(state), Memory(), warnings)
+
+
+def require_fit(system: System, start: State, method: Method, h: float, inputs: Any = None, until: Any = None) -> None:
+    """Raise what `simulate` raises for a method that does not fit the system or its start; nothing is compiled."""
+    require_kinds(system, start, method)
+    together = count_of(system, start) is not None
+    if together and until is not None:
+        raise ArgumentError(NO_EVENT)
+    system, start = with_inputs(system, start, inputs)
+    system, start = first_member(system, start) if together else (system, start)
+    require_internal(system, start, h)
+    require_forward(system, method, start, h)
+    state = method.begin(system, start, h)
+    _require_chart(system, method, state, h)
+    require_event(until, state)
 
 
 def carry_on(run: Run | Ensemble, progress: bool | None, began: float) -> Run | Ensemble:
