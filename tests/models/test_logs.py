@@ -9,6 +9,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.identification import read_log, synthetic_log
 from coadjoint.models.underwater import axes, inputs_from_csv, remus_100, remus_start
 from coadjoint.models.underwater.log.csv_file import read_csv
 from coadjoint.models.underwater.log.log import Log
@@ -52,11 +53,25 @@ def test_a_log_tells_place_attitude_and_velocities_of_the_run(run, tmp_path):
     assert np.allclose(found["current_east_m_s"], 0.2, atol=1e-9)
 
 
+def test_velocities_of_a_log_are_those_at_the_node_over_ground_and_through_the_water(run, tmp_path):
+    path = run.save(tmp_path / "dive.csv")
+    found, exact = columns(path), synthetic_log(run).columns
+    for name in "uvw":
+        assert np.allclose(found[f"{name}_m_s"], exact[name], atol=1e-10)
+    for name in "pqr":
+        assert np.allclose(found[f"{name}_rad_s"], exact[name], atol=1e-10)
+    assert np.max(np.abs(found["w_m_s"] - run.dataset.nu[:, 2].values)) > 5e-4  # which belong to half a step later
+    ground = np.stack([found[f"{name}_m_s"] for name in "uvw"], axis=1)
+    water = np.stack([found[f"{name}_water_m_s"] for name in "uvw"], axis=1)
+    assert np.allclose(np.einsum("kij,kj->ki", run.dataset.R, ground - water), [0.1, 0.2, 0.0], atol=1e-10)
+    assert not any("water" in name for name in read_log(path).inputs)
+
+
 def test_a_log_of_east_north_up_is_the_same_motion(run, tmp_path):
     ned, enu = columns(run.save(tmp_path / "ned.csv")), columns(run.save(tmp_path / "enu.csv", axes="ENU/FLU"))
     assert np.array_equal(enu["up_m"], -ned["depth_m"])
     assert np.array_equal(enu["east_m"], ned["east_m"])
-    for name in ("v_m_s", "w_m_s", "q_rad_s", "r_rad_s"):
+    for name in ("v_m_s", "w_m_s", "v_water_m_s", "w_water_m_s", "q_rad_s", "r_rad_s"):
         assert np.array_equal(enu[name], -ned[name])
     angles = np.radians(np.stack([enu["yaw_deg"], enu["pitch_deg"], enu["roll_deg"]], axis=1))
     R = np.stack([co.attitude.zyx(*row) for row in angles])
@@ -134,8 +149,6 @@ def test_a_table_without_the_wanted_input_or_too_long_is_refused(tmp_path):
 
 
 def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
-    from coadjoint.identification.csv_files import read_log
-
     for axes_of_log in ("NED/FRD", "ENU/FLU"):
         path = tmp_path / f"{axes_of_log[:3]}.csv"
         log = read_log(run.save(path, axes=axes_of_log), axes=axes_of_log)
@@ -143,8 +156,8 @@ def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
         for name, values in (
             ("north", data.q[:, 0]),
             ("depth", data.q[:, 2]),
-            ("w", data.nu[:, 2]),
-            ("r", data.xi[:, 2]),
+            ("w", data.node_nu[:, 2]),
+            ("r", data.node_xi[:, 2]),
         ):
             assert np.allclose(log.columns[name], values, atol=1e-8), name
         assert np.allclose(np.sin(log.columns["heading"]), np.sin(data.euler_angles[:, 0]), atol=1e-8)
@@ -163,5 +176,5 @@ def test_what_is_no_vehicle_has_no_log(tmp_path):
 def test_speed_through_the_water_leaves_the_current_out(run):
     log = Log(run.dataset)
     rotation = np.asarray(run.dataset.R)
-    expected = np.asarray(run.dataset.nu) - np.einsum("kji,j->ki", rotation, [0.1, 0.2, 0.0])
+    expected = np.asarray(run.dataset.node_nu) - np.einsum("kji,j->ki", rotation, [0.1, 0.2, 0.0])
     assert np.allclose(log.through_water, expected, atol=1e-12)

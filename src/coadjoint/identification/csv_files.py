@@ -22,7 +22,7 @@ _QUATERNION = ("qw", "qx", "qy", "qz")
 _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
 _COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
 _STEP = "# simulated with dt_s = "
-_LEFT_OUT = ("set_", "current_")
+_LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
 
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
@@ -34,9 +34,9 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
     quaternion qw, qx, qy, qz; u, v, w; p, q, r. Every other column is an input; name[1], name[2], … are one of several
     numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
-    `set_…` and `current_…` are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin
-    with # and columns named in `ignore` are skipped. Attitude, velocity and rates are of body axes, turned from `axes`,
-    "NED/FRD" or "ENU/FLU".
+    `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
+    Lines that begin with # and columns named in `ignore` are skipped. Attitude, velocity and rates are of body axes,
+    turned from `axes`, "NED/FRD" or "ENU/FLU".
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
     Raises FileError naming file, line and column.
     """

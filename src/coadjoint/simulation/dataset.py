@@ -29,6 +29,8 @@ _MEANINGS = {
     "q": "q = g·n, space frame",
     "qdot": "q̇ = g·ν, space frame",
     "a": "a = g⁻¹a₀, advected",
+    "node_nu": "ν at the node, of its momenta, body frame",
+    "node_xi": "ξ at the node, of its momenta, body frame",
     "mu": "μ = ∂ℓ/∂ξ, body frame",
     "pi": "π = ∂ℓ/∂ν, body frame",
     "energy": "Legendre energy of (μ, π)",
@@ -41,6 +43,8 @@ _MEANINGS = {
     "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",
 }
+
+_COMPONENTS = {"node_xi": "algebra", "node_nu": "additional"}
 
 
 def reserved(system: System) -> set[str]:
@@ -145,7 +149,7 @@ def variables(
     if rotation is not None:
         found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
     for name, values in monitors.items():
-        found[name] = (("time", "quantity") if values.ndim > 1 else ("time",), values)
+        found[name] = (("time", _COMPONENTS.get(name, "quantity"))[: values.ndim], values)
     return found
 
 
@@ -185,6 +189,7 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any
     units = {"time": "s", "step_size": "s", "euler_angles": "rad", **dict(system.units)}
     if "energy" in units:
         units = {"work": units["energy"], "energy_budget": units["energy"], **units}
+    units |= {f"node_{name}": units[name] for name in ("xi", "nu") if name in units}
     found: dict[str, dict[str, Any]] = {}
     watched = dict(system.quantities)
     for name in (*map(str, made), "time"):

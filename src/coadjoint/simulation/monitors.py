@@ -7,6 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from coadjoint.groups import SO3
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
@@ -15,6 +16,7 @@ from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Step
+from coadjoint.spaces import Defining
 
 
 def discrete_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
@@ -25,6 +27,23 @@ def discrete_energy(system: System, step: Step, record: State, h: Array, constan
 def legendre_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """The Legendre energy of (μ_k, π_k), at the node itself."""
     return {"energy": continuous.energy(system, record)}
+
+
+def node_velocities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
+    """(ξ, ν) at the node itself, of its momenta: ∂_ξℓ = μ_k, ∂_νℓ = π_k; the discrete ones belong to the step."""
+    xi, nu = continuous.velocities(system, record)
+    return {"node_xi": xi, "node_nu": nu}
+
+
+def has_directions(system: System) -> bool:
+    """Whether a system is a body in space that sees `down` and `north`, of which a vehicle's log can be written."""
+    group, Q, V = system.places
+    return (
+        system.continuous
+        and isinstance(group, SO3)
+        and Defining() == Q
+        and {"a_down", "a_north"} <= V.components(group, "a").keys()
+    )
 
 
 def energy_budget(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:

@@ -186,6 +186,8 @@ def _program(system, method, state, kelvin_noether, monitors, until=None) -> tup
         observed = [observe.discrete_energy]
         if system.continuous:
             observed.insert(0, observe.legendre_energy)
+        if observe.has_directions(system):
+            observed.append(observe.node_velocities)
         for quantity in chosen:
             quantity.require_equivariant(system, state)
         if chosen:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import numpy as np
 
@@ -49,13 +50,16 @@ def columns(log: Log, axes: str = "NED/FRD") -> dict[str, np.ndarray]:
     """All columns of a log by their names, (nodes,) each.
 
     In ENU/FLU the columns are `east_m`, `north_m`, `up_m`, `roll_deg`, `pitch_deg`, `yaw_deg`, and u, v, w, p, q, r are
-    along forward, port and up; set points, commands and currents keep their names and meanings.
+    along forward, port and up; set points, commands and currents keep their names and meanings. u, v, w are over
+    ground; in a current `u_water_m_s`, … are through the water.
     """
-    position, attitude, velocity, rates, names = _motion(log, axes)
+    position, attitude, velocity, through_water, rates, names = _motion(log, axes)
     found = {"time_s": log.time}
     found |= dict(zip(names[:3], position.T, strict=True))
     found |= dict(zip(names[3:], np.degrees(attitude).T, strict=True))
     found |= dict(zip(("u_m_s", "v_m_s", "w_m_s"), velocity.T, strict=True))
+    if log.current is not None:
+        found |= dict(zip(("u_water_m_s", "v_water_m_s", "w_water_m_s"), through_water.T, strict=True))
     found |= dict(zip(("p_rad_s", "q_rad_s", "r_rad_s"), rates.T, strict=True))
     for name, actuator in log.actuators.items():
         found |= _written(name, actuator.actual, actuator.unit)
@@ -69,16 +73,17 @@ def columns(log: Log, axes: str = "NED/FRD") -> dict[str, np.ndarray]:
     return found
 
 
-def _motion(log: Log, axes: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
+def _motion(log: Log, axes: str) -> tuple[Any, ...]:
+    """Position, attitude, velocities over ground and through the water, rates, and names of the first two."""
     names = ("north_m", "east_m", "depth_m", "roll_deg", "pitch_deg", "heading_deg")
     if axes == "NED/FRD":
-        return log.position, log.attitude, log.velocity, log.rates, names
+        return log.position, log.attitude, log.velocity, log.through_water, log.rates, names
     from coadjoint.models.underwater import axes as border
 
     position = border.space_vector(log.position, axes)  # pyright: ignore[reportArgumentType]
     attitude = border.euler_zyx(log.attitude[:, ::-1], axes)[:, ::-1]  # pyright: ignore[reportArgumentType]
-    velocity, rates = (border.body_vector(v, axes) for v in (log.velocity, log.rates))  # pyright: ignore[reportArgumentType]
-    return position, attitude, velocity, rates, ("east_m", "north_m", "up_m", "roll_deg", "pitch_deg", "yaw_deg")
+    moving = (border.body_vector(v, axes) for v in (log.velocity, log.through_water, log.rates))  # pyright: ignore[reportArgumentType]
+    return position, attitude, *moving, ("east_m", "north_m", "up_m", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 def _written(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:

@@ -79,13 +79,13 @@ class Log:
 
     @property
     def velocity(self) -> np.ndarray:
-        """Surge, sway and heave over ground, body axes, (nodes, 3), m/s."""
-        return self._values("nu")
+        """Surge, sway and heave over ground, body axes, (nodes, 3), m/s; without monitors those of the step after."""
+        return self._values("node_nu" if "node_nu" in self.dataset else "nu")
 
     @property
     def rates(self) -> np.ndarray:
-        """Roll, pitch and yaw rates, body axes, (nodes, 3), rad/s."""
-        return self._values("xi")
+        """Roll, pitch and yaw rates, body axes, (nodes, 3), rad/s; without monitors those of the step after."""
+        return self._values("node_xi" if "node_xi" in self.dataset else "xi")
 
     @property
     def current(self) -> np.ndarray | None:
