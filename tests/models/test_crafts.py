@@ -286,6 +286,11 @@ def towed(**inputs: Any):
     return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs or None)
 
 
+def drifting(**inputs: Any):
+    craft = Craft(remus(parts=()))
+    return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -297,6 +302,8 @@ def towed(**inputs: Any):
         (lambda: Craft(remus()).replace(ruder_area=1.0), "There is no `ruder_area` to replace"),
         (lambda: Craft(remus()).start(actuators={"ruder": 0.1}), "`ruder` in `actuators` is no actuator .* are: stern"),
         (lambda: Craft(remus()).start(actuators={"rudder": [0.1, 0.2]}), r"`rudder` .* must be one number, .* \(2,\)"),
+        (lambda: Craft(remus()).start(actuators={"rudder": 10.0}), "`rudder` cannot start at 10 rad: it goes"),
+        (lambda: Craft(remus()).start(actuators={"rudder": co.each([0.1, -0.3])}), "cannot start at -0.3 rad"),
         (lambda: Craft(remus()).start(speed=1.0, velocity=(1, 0, 0)), "one of `speed` and `velocity`, not both"),
         (lambda: Craft(remus()).start(velocity=1.0), r"`velocity` must have shape \(3,\)"),
         (lambda: Craft(remus()).start(actuators={"rudder": co.each([[0.1], [0.2]])}), r"one number, .* \(1,\)"),
@@ -307,6 +314,7 @@ def towed(**inputs: Any):
         (lambda: steered(None, depth=STILL), "knows the input `depth`: .* take stern_planes, rudder, propeller"),
         (lambda: steered(Helmsman(), heading=STILL, rudder=STILL), "The pilot commands `rudder` already"),
         (lambda: towed(rudder=STILL), "knows the input `rudder`: pilot and actuators take none"),
+        (lambda: drifting(rudder=STILL), "Nothing takes these inputs"),
         (lambda: steered(None, rudder=co.Held([0.0], [[0.0, 1.0]])), r"`rudder` with shape \(2,\), but it takes one"),
         (lambda: steered(lambda sight, p: {"sail": 0.0}), "The pilot commands `sail`, which is no actuator of `REMUS"),
         (lambda: steered(lambda sight, p: {"rudder": sight.omega}), r"`rudder` with shape \(3,\), but it takes one"),

@@ -27,6 +27,10 @@ def with_inputs(system: System, start: State, inputs: Any) -> tuple[System, Stat
     system = system.driven(inputs)
     if system.inputs is None:
         return system, start
+    if not (system.forces or system.internal or system.quantities or system.takes("inputs")):
+        raise ArgumentError(
+            "Nothing takes these inputs: this system has no forces and no rule, and its functions do not take `inputs`."
+        )
     for source in system.inputs.sources:
         if isinstance(source, Signal):
             _check_signal(source, start)

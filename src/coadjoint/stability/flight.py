@@ -18,6 +18,7 @@ from coadjoint.models.underwater.parts.thrusters import Thrusters
 from coadjoint.models.underwater.vehicles.craft import Craft
 from coadjoint.models.underwater.vehicles.loads import total_mass, total_volume
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
+from coadjoint.spaces.named import Named
 from coadjoint.stability.steady import Search, SteadyMotion
 
 STEPS = (2, 6, 15)
@@ -121,7 +122,7 @@ class SteadyFlight:
                 rate = search.reduced.slopes(guess).rate
                 values[name] = evaluate(part.allocate, -np.concatenate([rate[6:9], rate[:3]]))
             else:
-                within = travel(part)
+                within = _travel(part)
                 values[name] = rest + AWAKE * ((1.0 if within is None else within[1]) - rest)
         return guess.replace(internal=guess.internal.replace(**values)) if values else guess
 
@@ -137,7 +138,7 @@ class SteadyFlight:
 
     def _sizes(self) -> dict[str, float]:
         """Free actuators with changes that count as one, large beside angles, so that the attitude changes last."""
-        ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
+        ranges = {path: _travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
         return {
             path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()
         }
@@ -254,18 +255,12 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
     )
 
 
-def travel(part: Any) -> tuple[Any, Any] | None:
-    """The range of an actuator, (lowest, highest), None where it has none."""
-    if hasattr(part, "low"):
-        return part.low, part.high
-    limit = getattr(part, "limit", None)
-    if limit is None:
-        return None
-    return (limit[0], limit[1]) if np.ndim(limit) else (-limit, limit)
+def _travel(part: Any) -> tuple[Any, Any] | None:
+    return part.travel(Named(**part.parameters()))
 
 
 def _is_beyond(part: Any, actual: Any) -> bool:
-    within = travel(part)
+    within = _travel(part)
     if within is None:
         return False
     place = actual.position if part.units is not None and "position" in actual else actual

@@ -94,6 +94,14 @@ class Part(ABC):
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
 
+    def travel(self, own: Any) -> tuple[Any, Any] | None:
+        """The range of the actuator, (lowest, highest), None where it has none."""
+        if "low" in own:
+            return own.low, own.high
+        if "limit" not in own:
+            return None
+        return (own.limit[0], own.limit[1]) if np.ndim(own.limit) else (-own.limit, own.limit)
+
     @property
     def units(self) -> dict[str, str] | None:
         """Units of the keys of the actuator's internal state, where that is a dictionary."""

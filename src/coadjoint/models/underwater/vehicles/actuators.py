@@ -10,9 +10,11 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import traced
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal import sampled, sampling
 from coadjoint.mechanics.state import Motion
+from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.pilots.external import FunctionPilot
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.models.underwater.vehicles.energies import Surroundings, own_of
@@ -179,8 +181,8 @@ def _shape(shape: tuple[int, ...]) -> str:
     return "one number" if shape == () else f"shape {shape}"
 
 
-def starting_actuators(vehicle: Vehicle, given: Any) -> dict[str, Any]:
-    """Where each actuator starts; raises ArgumentError for a name that is none, and for wrong shapes."""
+def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
+    """Where each actuator starts; raises ArgumentError for a name that is none, wrong shapes, and out of its range."""
     values = dict(given or {})
     known = {part.name: part.command for part in vehicle.commanded if part.command is not None}
     for name, value in values.items():
@@ -192,4 +194,25 @@ def starting_actuators(vehicle: Vehicle, given: Any) -> dict[str, Any]:
         shape = np.shape(value.values)[1:] if isinstance(value, Each) else np.shape(value)
         if shape != known[name].shape:
             raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
+        part = vehicle.part(name)
+        _require_in_range(part, value, own_of(p, name, part.parameters()))
     return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}
+
+
+def _require_in_range(part: Part, value: Any, own: Named) -> None:
+    """Raise ArgumentError for a start that the actuator cannot reach, as of degrees for radians.
+
+    A range that is another for each member, or that is being differentiated, is not looked at.
+    """
+    value = value.values if isinstance(value, Each) else value
+    if any(isinstance(number, Each) for number in own.asdict().values()) or traced(value, own):
+        return
+    ends = part.travel(own)
+    if ends is None:
+        return
+    (low, high), found = ends, np.asarray(value, dtype=float)
+    slack = 1e-9 * (high - low)
+    if np.any((found < low - slack) | (found > high + slack)):
+        wrong = found[(found < low - slack) | (found > high + slack)].flat[0]
+        unit = "" if part.command is None or part.command.unit == "1" else f" {part.command.unit}"
+        raise ArgumentError(f"`{part.name}` cannot start at {wrong:g}{unit}: it goes from {low:g} to {high:g}{unit}.")

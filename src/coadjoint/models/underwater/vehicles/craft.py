@@ -114,10 +114,11 @@ class Craft:
         velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
         axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
         co.each may stand for any of them but axes and t.
-        Raises ArgumentError for wrong shapes and for actuators that the vehicle does not have.
+        Raises ArgumentError for wrong shapes, for actuators that the vehicle does not have, and out of their range.
         """
-        internal = self.rule.start(starting_actuators(self.vehicle, actuators), t)
-        own = own_of(self.system.parameters, "water", self.water.parameters(), fluid_density=self.vehicle.fluid_density)
+        p = self.system.parameters
+        internal = self.rule.start(starting_actuators(self.vehicle, actuators, p), t)
+        own = own_of(p, "water", self.water.parameters(), fluid_density=self.vehicle.fluid_density)
         velocity = through_water(speed, velocity)
         begun = starting_motion(self.water, own, position, velocity, euler_zyx, angular_velocity, t, axes)
         a0 = {"down": [0, 0, 1], "north": [1, 0, 0]}
