@@ -152,6 +152,11 @@ def test_a_start_in_east_north_up_is_the_same_start():
         ({"pilot": {"periods": 1}}, "did you mean `period`"),
         ({"pilot": {"kind": "none"}}, "no set point `depth`"),
         ({"parameters": {"rudder_aera": 1}}, "did you mean `rudder_area`"),
+        ({"parameters": {"rudder_lag": -0.1}}, "`lag` of the fin `rudder` must be at least 0"),
+        (
+            {"run": {"dt": 0.05, "duration": 5, "members": 4}, "perturb": {"rudder_lag": 9.0}},
+            "Of member .: .*`lag` of the fin `rudder`",
+        ),
         ({"water": {"kind": "tidel"}}, "did you mean `tidal`"),
         ({"water": {"velocty": [0, 0, 0]}}, "did you mean `velocity`"),
         ({"water": {"velocity_deg": [0, 0, 0]}}, "unit of angle"),

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.models.underwater import (
     Craft,
+    Cruise,
     Damping,
     Derivatives,
     Fin,
@@ -324,3 +326,43 @@ def drifting(**inputs: Any):
 def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
     with pytest.raises((co.ArgumentError, co.LagrangianError), match=sentence):
         call()
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"rudder_lag": -0.1}, "`lag` of the fin `rudder` must be at least 0, but is -0.1"),
+        ({"rudder_area": -0.0133}, "`area` of the fin `rudder` must be at least 0"),
+        ({"rudder_normal": [0, 5, 0]}, "`normal` of the fin `rudder` must be a unit vector"),
+        ({"rudder_limit": co.each([0.2, -0.1, 0.3])}, "Of member 1: .*`limit` of the fin `rudder` must be positive"),
+        ({"rudder_normal": co.each([[0, 1, 0], [0, 0, 1], [0, 2, 0]])}, "Of member 2: .*unit vector"),
+        ({"mass": -3.0}, "`mass` must be positive"),
+        ({"center_of_mass": [0, 0.02]}, r"`center_of_mass` must have shape \(3,\)"),
+        ({"inertia": [1.0, 2.0, 2.0]}, r"`inertia` must be of shape \(3, 3\), but has shape \(3,\)"),
+        ({"inertia": np.diag([1.0, -2.0, 2.0])}, "`inertia` must be positive definite"),
+        ({"water_velocity": [0.1, 0.2]}, r"`velocity` must have shape \(3,\)"),
+        ({"pilot_period": 0.0}, "`period` of the pilot `Cruise` must be positive"),
+        ({"pilot_mixing": [1.0]}, r"`pilot_mixing` must be of shape"),
+    ],
+)
+def test_what_replaces_a_parameter_is_checked_as_where_it_was_made(changed, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        Craft(remus(), pilot=Cruise()).replace(**changed)
+
+
+def test_what_can_be_replaces_a_parameter_also_where_it_is_traced():
+    craft = Craft(remus(), pilot=Cruise()).replace(rudder_area=co.each(np.linspace(0, 0.1, 5)), mass=32.0)
+    assert len(craft.parameters.rudder_area) == 5
+
+    def area(value):
+        return Craft(remus()).replace(rudder_area=value, rudder_lag=-value).parameters.rudder_area ** 2
+
+    assert evaluate(jax.grad(area), np.float64(0.3)) == 0.6
+
+
+def test_a_lag_of_zero_is_none():
+    """exp(−h/τ) → 0: the rudder is where its command is one step later, without dividing by zero."""
+    craft = Craft(remus()).replace(rudder_lag=0.0)
+    run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, steps=3, inputs={"rudder": 0.1})
+    assert run.plan.backend == "native"
+    np.testing.assert_array_equal(run.dataset.internal_rudder, [0.0, 0.1, 0.1, 0.1])

@@ -232,7 +232,7 @@ def wrong(**coefficients: float):
         (lambda: fin((0, 1, 1)), "unit vector, but has length 1.41421"),
         (lambda: fin((1, 0, 0)), "must not point along the hull"),
         (lambda: fin((0, 1, 0), lift_slope=7.0), "below 2π per rad"),
-        (lambda: fin((0, 1, 0), lag=0.0), "`lag` of the fin `fin` must be positive"),
+        (lambda: fin((0, 1, 0), lag=-0.1), "`lag` of the fin `fin` must be at least 0"),
         (lambda: fin((0, 1, 0), area=-1.0), "`area` of the fin `fin` must be at least 0"),
         (wrong(N_uu_rudder=1.0), "needs a deflection: give the derivatives `rudder` a `limit`"),
         (wrong(Y_vx=1.0), "'Y_vx' .* must be an axis X Y Z K M N, an underscore and factors"),

@@ -40,12 +40,14 @@ def set_up(file: MissionFile) -> Setup:
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
     craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
+    kinds = measures(craft.parameters.asdict(), vehicle)
+    craft = craft.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     start = craft.start(**begun)
     require_room(file, start)
-    kinds = measures(craft.parameters.asdict(), vehicle)
-    system = craft.system.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
+    system = craft.system
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
+        craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
     points = mission_legs.way_points(file)
     arrived = mission_legs.arrival(craft.pilot) if len(points) else None
     told = {"way_points": points.ravel().tolist()} if len(points) else {}

@@ -77,9 +77,11 @@ class Derivatives(Part):
             for name, value in self.coefficients.items()
         }
         monomials = tuple(_monomial(name, self.name, self.limit is not None) for name in checked)
-        for key in ("length", "limit", "lag", "rate"):
+        for key in ("length", "limit", "rate"):
             if getattr(self, key) is not None:
                 self.set(**{key: positive(getattr(self, key), f"{key}` of the {whose}")})
+        if self.lag is not None:
+            self.set(lag=number(self.lag, f"lag` of the {whose}", at_least=0.0))
         if self.length is not None:
             for name, monomial in zip(checked, monomials, strict=True):
                 if len(monomial.factors) != 2:

@@ -54,9 +54,11 @@ class Fin(Part):
             )
         if self.drag is not None:
             self.set(drag=number(self.drag, "drag" + of, at_least=0.0))
-        for key in ("limit", "lag", "rate"):
+        for key in ("limit", "rate"):
             if getattr(self, key) is not None:
                 self.set(**{key: positive(getattr(self, key), key + of)})
+        if self.lag is not None:
+            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
 
     @property
     def command(self) -> Command | None:

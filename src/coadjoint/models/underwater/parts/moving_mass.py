@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import direction, number, positive, vector
-from coadjoint.models.underwater.parts.part import Command, Flow, Part
+from coadjoint.models.underwater.parts.part import Command, Flow, Part, share_of_lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def followed(actual: Array, command: Array, h: Array, own: Any) -> Array:
     """The change over h towards a command: clip((1 − exp(−h/τ))(clip(command, low, high) − x), ±rate·h)."""
     change = jnp.clip(command, own.low, own.high) - actual
     if "lag" in own:
-        change = (1 - jnp.exp(-h / own.lag)) * change
+        change = share_of_lag(h, own.lag) * change
     return jnp.clip(change, -own.rate * h, own.rate * h)
 
 

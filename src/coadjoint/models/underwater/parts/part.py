@@ -80,12 +80,13 @@ class Part(ABC):
     def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
         """The actuator after h: u = clip(command, ±limit), x ← x + clip((1 − exp(−h/τ))(u − x), ±rate·h).
 
-        limit, τ = own.lag (s) and own.rate (per s) count where the part has them. Exact for u held over h.
+        limit, τ = own.lag (s) and own.rate (per s) count where the part has them.
+        Exact for u held over h; τ = 0: at once.
         """
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         change = wanted - actual
         if "lag" in own:
-            change = (1 - jnp.exp(-h / own.lag)) * change
+            change = share_of_lag(h, own.lag) * change
         if "rate" in own:
             change = jnp.clip(change, -own.rate * h, own.rate * h)
         return actual + change
@@ -128,6 +129,12 @@ class Part(ABC):
         """Give checked values to fields; for `__post_init__` of the kinds of parts."""
         for key, value in values.items():
             object.__setattr__(self, key, value)
+
+
+def share_of_lag(h: Any, lag: Any) -> Array:
+    """1 − exp(−h/τ), what an actuator with the lag τ does of a change over h; 1 where τ = 0."""
+    late = lag > 0
+    return jnp.where(late, 1 - jnp.exp(-h / jnp.where(late, lag, 1.0)), 1.0)
 
 
 def acting_at(position: Any, force: Array) -> Force:

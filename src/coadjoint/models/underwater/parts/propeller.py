@@ -42,9 +42,10 @@ class Propeller(Part):
         self.set(thrust=vector(self.thrust, "thrust" + of, 2), torque=vector(self.torque, "torque" + of, 2))
         for key in ("thrust_deduction", "wake_fraction", "torque_fraction"):
             self.set(**{key: number(getattr(self, key), key + of)})
-        for key in ("diameter", "limit", "lag"):
-            if getattr(self, key) is not None:
-                self.set(**{key: positive(getattr(self, key), key + of)})
+        for key in ("diameter", "limit"):
+            self.set(**{key: positive(getattr(self, key), key + of)})
+        if self.lag is not None:
+            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
 
     @property
     def command(self) -> Command:

@@ -12,9 +12,9 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, number, vector
+from coadjoint.models.quantities import direction, number, positive, vector
 from coadjoint.models.underwater.parts.force_curves import Polynomial
-from coadjoint.models.underwater.parts.part import Command, Flow, Part
+from coadjoint.models.underwater.parts.part import Command, Flow, Part, share_of_lag
 from coadjoint.models.underwater.parts.published_curves import force_curve
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.numbers import float64
@@ -49,7 +49,9 @@ class Thrusters(Part):
         super().__post_init__()
         of = f"` of the thrusters `{self.name}"
         self.set(curve=force_curve(self.curve, self.name), **self._geometry(of))
-        for key in ("lag", "density", "dead_band"):
+        if self.density is not None:
+            self.set(density=positive(self.density, "density" + of))
+        for key in ("lag", "dead_band"):
             if getattr(self, key) is not None:
                 found = number(getattr(self, key), key + of, at_least=0.0)
                 self.set(**{key: found if found > 0 else None})
@@ -148,7 +150,7 @@ class Thrusters(Part):
 
     def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
         wanted = jnp.clip(command, *_ends(own)) if "limit" in own else command
-        return actual + (1 - jnp.exp(-h / own.lag) if "lag" in own else 1.0) * (wanted - actual)
+        return actual + (share_of_lag(h, own.lag) if "lag" in own else 1.0) * (wanted - actual)
 
     def commands_for(self, thrusts: Array, own: Any) -> Array:
         """The commands whose thrusts are nearest to these, (n,) N."""

@@ -19,6 +19,7 @@ from coadjoint.models.underwater.pilots.external import FunctionPilot
 from coadjoint.models.underwater.pilots.pilot import Pilot
 from coadjoint.models.underwater.vehicles import energies
 from coadjoint.models.underwater.vehicles.actuators import Rule, starting_actuators
+from coadjoint.models.underwater.vehicles.changed import require_buildable, require_possible
 from coadjoint.models.underwater.vehicles.energies import Surroundings, actual_of, own_of
 from coadjoint.models.underwater.vehicles.start import starting_motion, through_water
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
@@ -59,11 +60,16 @@ class Craft:
     def replace(self, **values: Any) -> Craft:
         """A copy with some parameters replaced, one for each member where one likes: `rudder_area=co.each(areas)`.
 
-        Raises ArgumentError for a name that is no parameter.
+        Raises ArgumentError for a name that is no parameter, and for what body, parts, pilot or water cannot have, as
+        where they were made; 0 for a lag is none.
         """
         made = Craft(self.vehicle, pilot=self.pilot, water=self.water)
         made._changes = {**self._changes, **values}
-        made.parameters  # noqa: B018 - raises where a name is none
+        changed = made.parameters.asdict()  # raises where a name is none
+        changed = {name: changed[name] for name in made._changes}
+        nominal = {name: getattr(self.vehicle, name) for name in BODY}
+        require_buildable(self.vehicle, nominal, {name: changed[name] for name in BODY if name in changed})
+        require_possible(dict(self._owners), changed)
         return made
 
     @cached_property
@@ -85,17 +91,19 @@ class Craft:
     def parameters(self) -> Parameters:
         """All numbers: of the body under their own names, of others as `rudder_area`, `pilot_period`, …"""
         values = {name: getattr(self.vehicle, name) for name in BODY}
-        owners: list[tuple[str, Part | Pilot | Water]] = [(part.name, part) for part in self.vehicle.parts]
-        owners.append(("water", self.water))
-        if self.pilot is not None:
-            owners.append(("pilot", self.pilot))
-        for prefix, owner in owners:
+        for prefix, owner in self._owners:
             for key, value in owner.parameters().items():
                 name = f"{prefix}_{key}"
                 if name in values:
                     raise ArgumentError(f"Two parameters are named `{name}`: give one of the parts another name.")
                 values[name] = value
         return Parameters(**values).replace(**self._changes)
+
+    @property
+    def _owners(self) -> list[tuple[str, Part | Pilot | Water]]:
+        """What has parameters beside the body, by their prefix."""
+        pilots = [] if self.pilot is None else [("pilot", self.pilot)]
+        return [*((part.name, part) for part in self.vehicle.parts), ("water", self.water), *pilots]
 
     def start(
         self,
