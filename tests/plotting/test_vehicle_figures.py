@@ -60,6 +60,19 @@ def test_the_attitude_shows_the_heading_that_was_wanted():
     assert line(yaw, "set point").get_ydata()[-1] == pytest.approx(np.degrees(1.0))
 
 
+def test_a_heading_that_was_wanted_stands_beside_the_one_that_was_reached():
+    """A set point of 350° is reached by a turn to port, at −10°."""
+    time = np.linspace(0, 10, 200)
+    heading = np.radians(np.where(time < 5, -4 * time, 4 * time + 335))
+    north = np.stack([np.cos(heading), -np.sin(heading), 0 * time], axis=1)
+    run = dataset(a_north=north, inputs_heading=np.radians(np.where(time < 5, 340.0, 10.0)))
+    (angles,) = [axes for axes in Plots(run).mission().axes if axes.get_ylabel() == "angle (°)"]
+    reached = angles.get_lines()[3].get_ydata()
+    wanted = line(angles, "set point").get_ydata()
+    assert reached[-1] == pytest.approx(15)
+    assert wanted[[0, -1]] == pytest.approx([-20, 10])
+
+
 def test_a_run_of_no_vehicle_has_none_of_these():
     run = dataset(**VEHICLE)
     assert not set(OF_VEHICLES) & set(available(run))

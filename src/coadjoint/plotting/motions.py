@@ -65,7 +65,7 @@ def draw_angles(axes: Axes, runs: Sequence[Entry]) -> None:
         log = Log(run.dataset)
         angles = np.degrees(np.column_stack([log.attitude[:, :2], np.unwrap(log.attitude[:, 2])]))
         if run is runs[0]:
-            draw_wanted(axes, run, log, "heading", 180 / np.pi)
+            draw_wanted(axes, run, log, "heading", 180 / np.pi, angles[:, 2])
         draw_components(axes, run, angles)
     axes.set_ylabel("angle (°)")
     key(axes, ("roll", "pitch", "heading"))

@@ -77,10 +77,22 @@ def _label(runs: Sequence[Entry], run: Entry, alone: str) -> str:
     return alone if len(runs) == 1 else run.label
 
 
-def draw_wanted(axes: Axes, run: Entry, log: Log, name: str, factor: float = 1.0) -> None:
-    """The set point `name` as steps, where the run has one of one number."""
+def draw_wanted(
+    axes: Axes, run: Entry, log: Log, name: str, factor: float = 1.0, near: np.ndarray | None = None
+) -> None:
+    """The set point `name` as steps, where the run has one of one number; of angles by full turns (°) to `near`."""
     if name not in log.set_points or log.set_points[name][0].ndim != 1:
         return
     values = factor * log.set_points[name][0]
+    if near is not None:
+        values = values + _turns(values, near)
     kept = run.thin(values)
     axes.step(run.time[kept], values[kept], where="post", label="set point", **WANTED)
+
+
+def _turns(wanted: np.ndarray, reached: np.ndarray) -> np.ndarray:
+    """The full turns (°) from a set point to what was reached when it ended, the same as long as it stays."""
+    starts = np.flatnonzero(np.diff(wanted, prepend=np.nan))
+    lengths = np.diff(starts, append=len(wanted))
+    ends = starts + lengths - 1
+    return np.repeat(360 * np.round((reached[ends] - wanted[ends]) / 360), lengths)
