@@ -298,6 +298,7 @@ def drifting(**inputs: Any):
     [
         (lambda: remus(parts=(Damping("drag"), Damping("drag"))), "Two parts are named `drag`"),
         (lambda: remus(parts=(Damping("pilot"),)), "The name `pilot` is taken"),
+        (lambda: remus(parts=(Damping("water_brake"),)), "`water_brake` begins like the records"),
         (lambda: remus(parts=({"kind": "fin"},)), "`parts` must hold parts such as Fin"),
         (lambda: remus().part("ruder"), "has no part `ruder`; its parts are: damping, hull"),
         (lambda: Craft(remus(), water=CURRENT), r"`water` must be a Water such as UniformWater"),
