@@ -47,6 +47,15 @@ def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys
     assert found["sources"].keys() == vehicle.sources.keys()
 
 
+def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_speed(capsys, tmp_path) -> None:
+    assert "no terminal speed: nothing pushes it ahead" in told(capsys, "show", "ellipsoid")
+    path = tmp_path / "mine.toml"
+    text = vehicle_text("lrauv_raanan")
+    path.write_text(text.replace('"X_u|u|" = -', '"X_u|u|" = '), encoding="utf-8")
+    out = told(capsys, "show", str(path))
+    assert "no terminal speed: its drag does not hold" in out and "Doubtful: X_u|u| of" in out
+
+
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_shipped_vehicle_can_be_shown(capsys, name: str) -> None:
     assert load_vehicle(name).name in told(capsys, "show", name)

@@ -13,7 +13,7 @@ from coadjoint.models.underwater import load_vehicle, read_vehicle
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
 from coadjoint.models.underwater.vehicles.shelf import vehicle_text
 
-REMUS, NPS, REXROV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov"))
+REMUS, NPS, REXROV, LRAUV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov", "lrauv_raanan"))
 MASS = 'mass = { value = 31.029384975800244, unit = "kg", source = "PVS"'
 INERTIA = "value = [0.1120, 4.0278, 4.0278]"
 MATRIX = "value = [0.8389, 29.4376, 29.4376, 0.0336, 3.4262, 3.4262]"
@@ -125,6 +125,10 @@ TOLD = {
         REXROV, "linear = { value = [74.82, 69.48, 728.4, 268.8, 309.77, 105]",
         "linear = { value = [[75, 0, 0, 0, 0, 0], [0, 69, 0, 0, 0, 200], [0, 0, 728, 0, 0, 0], [0, 0, 0, 269, 0, 0], "
         "[0, 0, 0, 0, 310, 0], [0, 200, 0, 0, 0, 105]]", r"has a negative eigenvalue: in some motions it puts energy in"),
+    "a derivative that drives ahead": (
+        LRAUV, '"X_u|u|" = -', '"X_u|u|" = ', r"X_u\|u\| of `.*` is positive: it drives in surge instead of braking"),
+    "a derivative that drives in sway": (
+        LRAUV, '"Y_v|v|" = -', '"Y_v|v|" = ', r"Y_v\|v\| of `.*` is positive: it drives in sway instead of braking"),
     "fins in front": (
         REMUS.replace(RUDDER, RUDDER.replace("-", "")), PLANES, PLANES.replace("-", ""), r"`rudder` stand in front"),
     "stall in degrees taken for radians": (

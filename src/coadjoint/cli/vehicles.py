@@ -79,8 +79,8 @@ def show(vehicle: Vehicle) -> None:
         ("note", vehicle.note),
         ("mass", f"{derived['mass']:.6g} kg, displaces {derived['displaced_mass']:.6g} kg of water"),
         ("net weight", _net(derived["net_weight"], derived["mass"] * vehicle.gravity)),
-        ("metacentric height", f"{1000 * height:.4g} mm, the centre of buoyancy above the centre of mass"),
-        ("terminal speed", "" if speed is None else f"{speed:.4g} m/s ahead, with all that pushes ahead at its limit"),
+        ("metacentric height", _height(height)),
+        ("terminal speed", _terminal(vehicle, speed)),
         ("pilot", "" if found["pilot"] is None else _told_pilot(found["pilot"])),
     ]
     terminal.fields([(name, text) for name, text in fields if text])
@@ -149,6 +149,21 @@ def _net(net: float, weight: float) -> str:
     if abs(net) <= 1e-9 * weight:
         return "0 N, it hovers"
     return f"{net:.4g} N, it {'sinks' if net > 0 else 'floats up'}"
+
+
+def _height(height: float) -> str:
+    if abs(height) < 1e-9:
+        return "0 mm, the centres of buoyancy and mass at one height: nothing rights it"
+    side = "above" if height > 0 else "below"
+    return f"{1000 * height:.4g} mm, the centre of buoyancy {side} the centre of mass"
+
+
+def _terminal(vehicle: Vehicle, speed: float | None) -> str:
+    from coadjoint.models.underwater.vehicles.summary import without_terminal_speed
+
+    if speed is None:
+        return without_terminal_speed(vehicle)
+    return f"{speed:.4g} m/s ahead, with all that pushes ahead at its limit"
 
 
 def _value(told: Quantity) -> str:

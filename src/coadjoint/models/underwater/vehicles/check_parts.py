@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.each import Each
 from coadjoint.models.underwater.parts.damping import Damping
 from coadjoint.models.underwater.parts.derivatives import Derivatives
 from coadjoint.models.underwater.parts.fin import Fin
@@ -32,6 +33,8 @@ def doubtful_parts(vehicle: Vehicle) -> Iterator[str]:
     for part in vehicle.parts:
         if isinstance(part, Damping):
             yield from _damping(part)
+        if isinstance(part, Derivatives):
+            yield from _derivatives(part)
         if isinstance(part, Hull):
             yield from _hull(part, vehicle, size)
         if isinstance(part, Fin):
@@ -69,6 +72,20 @@ def _damping(part: Damping) -> Iterator[str]:
                     f"the symmetric part of {key} of `{part.name}` has a negative eigenvalue: in some motions it puts "
                     "energy in. Check the signs of its entries off the diagonal."
                 )
+
+
+def _derivatives(part: Derivatives) -> Iterator[str]:
+    """Coefficients such as X_u|u|, Y_v|v| or N_ur that push with their own velocity, going ahead."""
+    for (name, value), monomial in zip(part.coefficients.items(), part.monomials, strict=True):
+        signed = [which for which, size in monomial.factors if not size and which != 0]
+        own = monomial.axis == 0 or signed == [monomial.axis]
+        along = any(which == monomial.axis for which, _ in monomial.factors)
+        brakes = own and along and not (monomial.axis == 0 and signed) and monomial.deflections == 0
+        if brakes and float(np.max(value.values if isinstance(value, Each) else value)) > 0:
+            yield (
+                f"{name} of `{part.name}` is positive: it drives in {MODES[monomial.axis]} instead of braking. "
+                "Derivatives that brake are negative."
+            )
 
 
 def _hull(part: Hull, vehicle: Vehicle, size: float) -> Iterator[str]:

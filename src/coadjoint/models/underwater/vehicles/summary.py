@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -47,17 +48,29 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
 
     Fins, masses and ballast stay as they start.
     """
+    push = _surge(vehicle)
+    if not push(0.0) > 0 or push(FASTEST) > 0:
+        return None
+    return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+
+
+def without_terminal_speed(vehicle: Vehicle) -> str:
+    """Why a vehicle has no terminal speed."""
+    if not _surge(vehicle)(0.0) > 0:
+        return "no terminal speed: nothing pushes it ahead"
+    return (
+        f"no terminal speed: its drag does not hold what pushes ahead, not even at {FASTEST:g} m/s; is there damping in "
+        "surge, and of the right sign?"
+    )
+
+
+def _surge(vehicle: Vehicle) -> Callable[[float], float]:
+    """u ↦ X(u), N, straight and level, with everything that pushes ahead at its limit."""
     commands = np.concatenate([np.zeros(0), *(_ahead(part) for part in vehicle.commanded)])
     surge = tabulate(
         lambda u: wrench(vehicle, jnp.stack([u, *jnp.zeros(5)]), jnp.asarray(commands))[0], np.float64(1.0)
     )
-
-    def push(u: float) -> float:
-        return float(surge(np.float64(u)))
-
-    if not push(0.0) > 0 or push(FASTEST) > 0:
-        return None
-    return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+    return lambda u: float(surge(np.float64(u)))
 
 
 def _ahead(part: Part) -> np.ndarray:
