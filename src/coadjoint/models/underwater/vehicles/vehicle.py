@@ -103,7 +103,7 @@ def _different(parts: Any) -> tuple[Part, ...]:
             raise ArgumentError(f"The name `{part.name}` is taken: call the part something else.")
         if part.name.startswith(("pilot_", "water_")):
             raise ArgumentError(
-                f"The name `{part.name}` begins like the records of a pilot or of the water: call the part something else."
+                f"The name `{part.name}` begins like the records of pilot and water: call the part something else."
             )
         if part.name in names:
             raise ArgumentError(f"Two parts are named `{part.name}`: give each a name of its own.")
