@@ -32,7 +32,8 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     """The log of a CSV file, whose headers are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
 
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
-    quaternion qw, qx, qy, qz; u, v, w; p, q, r. Every other column is an input; name[1], name[2], … are one of several
+    quaternion qw, qx, qy, qz; u, v, w; p, q, r. `heading` is that of a compass in any axes, `yaw` that of the `axes`.
+    Every other column is an input; name[1], name[2], … are one of several
     numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
     `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
     Lines that begin with # and columns named in `ignore` are skipped. Attitude, velocity and rates are of body axes,
