@@ -124,6 +124,11 @@ def test_an_altitude_is_kept_over_a_flat_bottom():
     assert made.q.values[-1, 2] == pytest.approx(6.0, abs=0.1)
 
 
+def test_a_pilot_that_only_damps_a_turn_has_finite_numbers():
+    pilot: Any = Cruise(heading_gains=(0.0, 0.0, 0.5)).fitted(VEHICLES["cross"])
+    assert pilot.heading_reach == np.pi and pilot.pitch_reach < 1.0
+
+
 def test_a_longer_period_and_delay_take_damping_away():
     """The same gains by a slower computer: the heading swings further beyond its set point."""
     craft = Craft(VEHICLES["cross"], pilot=PILOTS["cross"])

@@ -137,7 +137,12 @@ def plane(motion: UnderWay, mixed: Mixing, axis: str) -> np.ndarray:
 
 
 def reach(vehicle: Any, motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: float) -> float:
-    """The error, rad, that asks for the fastest turn that a part of the fins holds: e = (δ + k_d rate)/k_p."""
+    """The error, rad, that asks for the fastest turn that a part of the fins holds: e = (δ + k_d rate)/k_p.
+
+    Half a turn where k_p is 0, and no error asks for anything.
+    """
+    if gains[0] == 0:
+        return np.pi
     column, row, across = PLANES[axis]
     rate, angle = steady(vehicle, motion, across, row, mixed.matrix[:, column], TURNING * fin)
     return max((angle + gains[2] * rate) / gains[0], 0.02)
