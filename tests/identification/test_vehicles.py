@@ -92,8 +92,10 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     shown = capsys.readouterr().out
     assert "95% interval" in shown and "added_mass[5,5]" in shown and shown.splitlines()[-1] == "Figure: fit.png."
     assert (tmp_path / "fit.png").read_bytes()[:4] == b"\x89PNG"
-    assert main([*asked, "--noise", "u=0.01", "--settle", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    both = ["inertia[0,0]", "added_mass[3,3]"]
+    assert main([*asked, *both, "--noise", "u=0.01", "--settle", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert [found["parameters"][name]["high"] for name in both] == [None, None]
     drag = found["parameters"]["hull_axial_drag"]
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
 

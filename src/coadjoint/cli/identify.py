@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -89,6 +90,11 @@ def _given(text: str | tuple[str, ...]) -> tuple[str, float]:
         raise ArgumentError(f"--noise must be NAME=VALUE with a number, as in depth=0.02, but is {text!r}.") from None
 
 
+def _number(value: float) -> float | None:
+    """The number; None where an interval has no end, which JSON has no number for."""
+    return float(value) if math.isfinite(value) else None
+
+
 def _summary(found: Identification) -> dict[str, Any]:
     keys = ("value", "low", "high", "standard_error", "prior")
     return {
@@ -96,7 +102,7 @@ def _summary(found: Identification) -> dict[str, Any]:
         "dt": found.dt,
         "segments": found.segments,
         "level": found.level,
-        "parameters": {n: {key: float(getattr(e, key)) for key in keys} for n, e in found.estimates.items()},
+        "parameters": {n: {key: _number(getattr(e, key)) for key in keys} for n, e in found.estimates.items()},
         "correlation": found.correlation.tolist(),
         "noise": found.noise,
         "lag_one_correlation": found.whiteness,
