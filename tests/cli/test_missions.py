@@ -49,6 +49,10 @@ animation = "html"
 """
 
 
+LEVEL = {"depth_m": 3, "heading": 0, "speed": 1.5}
+FLEET = {"run": {"dt": 0.1, "steps": 2, "members": 20}}
+
+
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -145,6 +149,13 @@ def test_a_start_in_east_north_up_is_the_same_start():
         ({"mission": {"file": 3}}, "must be a text"),
         ({"mission": {"depth": 3, "heading": 0, "speed": 1, "ends": 3}}, "no end 3"),
         ({"mission": {"way_points_m": [[9, 2, 3]], "speed": 1, "acceptance_m": [1, 2]}}, "must be one number"),
+        ({"mission": {**LEVEL, "ends": "bottom", "bottom_m": 0.4}}, "a depth of 0.4 m, but \\[initial\\] is at 0.5 m"),
+        ({"mission": {**LEVEL, "ends": "surface"}, "initial": {"position_m": [0, 0, -2]}}, "is 2 m above it"),
+        ({"mission": {**LEVEL, "bottom_m": 30}}, 'belongs to ends = "bottom"'),
+        ({"parameters": {"mass": -3}}, "`mass` must be positive"),
+        ({"parameters": {"rudder_lift_slope": 0}}, "`lift_slope` of the fin `rudder` must be positive"),
+        ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),
+        ({**FLEET, "perturb": {"mass": "nan %"}}, "must be finite"),
         ({"parameters": {"rudder_limit_kg": 1}}, "unit of mass, but `rudder_limit` measures angle"),
         ({"pilot": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
         ({"run": {"dt": 1, "steps": 1, "members": 2}, "perturb": {"mass_m": 1}}, "`mass` measures mass"),
@@ -236,7 +247,21 @@ def test_a_mission_that_surfaces_ends_there(tmp_path, capsys):
     assert main(["run", "up.toml", "--set", "output.figures=false", "--set", "run.duration=60", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert 5 < told["event"] < 60
+    assert told["complete"]
+    assert told["mission"]["ended_by"] == "surface"
     assert abs(told["mission"]["position_final"][2]) < 0.2
+
+
+def test_a_vehicle_that_leaves_the_water_is_warned_of(capsys):
+    given = ["--set", "initial.position_m=[0, 0, -0.5]", "--set", "initial.pitch_deg=40"]
+    quick = ["--set", "run.duration=2", "--set", "output.figures=false", "--set", "output.animation="]
+    Path("up.toml").write_text(MISSION)
+    assert main(["run", "up.toml", *given, *quick, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert any("leaves the water" in sentence for sentence in told["warnings"])
+    assert "leaves the water" in told["card"]
+    depth, length = co.load("up/trajectory.nc").dataset.q.values[:, 2], 1.33
+    assert np.min(depth) < -length
 
 
 def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys):

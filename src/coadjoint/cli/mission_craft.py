@@ -48,9 +48,11 @@ def set_up(file: MissionFile) -> Setup:
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
         craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
+    mission_legs.require_room_to_end(file, start.q)
     points = mission_legs.way_points(file)
     arrived = mission_legs.arrival(craft.pilot) if len(points) else None
-    told = {"way_points": points.ravel().tolist()} if len(points) else {}
+    told = {"vehicle_length": float(vehicle.length or 1.0)}
+    told |= {"way_points": points.ravel().tolist()} if len(points) else {}
     return Setup(system, start, inputs or None, mission_legs.until(file, arrived), told)
 
 

@@ -62,8 +62,11 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
     for name, unit in wanted.items():
         values = _SET_POINTS.get(name, [0.0, 0.0, 0.0] if name != "speed" else speed or 0.5)
         lines.append(f"{name}_{WRITTEN[unit]} = {values}" if unit in WRITTEN else f"{name} = {values}")
-    lines.append('# ends = ["surface", "bottom"]  # whichever comes first')
-    lines.append("# bottom_m = 40")
+    if own is None:
+        lines.append('ends = "surface"  # or ["surface", "bottom"] with bottom_m = 40')
+    else:
+        lines.append('# ends = ["surface", "bottom"]  # whichever comes first')
+        lines.append("# bottom_m = 40")
     return "\n".join(lines)
 
 
@@ -71,7 +74,7 @@ def _initial(vehicle: Any, speed: float) -> str:
     deep = 'axes = "NED/FRD"  # or "ENU/FLU": east, north, up; forward, port, up'
     return f"""[initial]
 {deep}
-position_m = [0, 0, 0.5]
+position_m = [0, 0, {0.5 if vehicle.pilot is not None else 20}]
 speed_m_s = {speed}  # through the water
 heading_deg = 0"""
 

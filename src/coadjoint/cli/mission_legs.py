@@ -142,6 +142,51 @@ def arrival(pilot: Any) -> Any:
     return gap
 
 
+def require_room_to_end(file: MissionFile, start: Any) -> None:
+    """Raise ArgumentError where a mission that ends at the surface or the bottom starts beyond it.
+
+    start: (3,) m, or one for each member.
+    """
+    given = _plain(file)
+    chosen = _ends(given)
+    depth = np.atleast_2d(np.asarray(getattr(start, "values", start), dtype=float))[:, 2]
+    if "surface" in chosen and np.min(depth) < 0:
+        raise ArgumentError(f'[mission] ends at the "surface", but [initial] is {-np.min(depth):g} m above it.')
+    if "bottom" not in chosen:
+        for key in ("bottom", "clearance"):
+            if key in given:
+                raise ArgumentError(f'[mission] {key} belongs to ends = "bottom": add it, or leave {key} out.')
+    elif "bottom" in given:
+        bottom = float(_one(given, "bottom")) - float(_one(given, "clearance"))
+        if np.max(depth) >= bottom:
+            raise ArgumentError(
+                f'[mission] ends at the "bottom", at a depth of {bottom:g} m, but [initial] is at {np.max(depth):g} m.'
+            )
+
+
+def reached(file: MissionFile, final: Any) -> str:
+    """Which of the ends of [mission] ended it. final: (3,) m, where it ended."""
+    given = _plain(file)
+    gaps = {"surface": abs(final[2])}
+    if "bottom" in given:
+        gaps["bottom"] = abs(_one(given, "bottom") - _one(given, "clearance") - final[2])
+    near = {end: float(gaps[end]) if end in gaps else 1e-3 for end in _ends(given)}
+    return min(near, key=near.__getitem__)
+
+
+def _ends(given: dict[str, Any]) -> list[Any]:
+    ends = given.get("ends") or []
+    return ends if isinstance(ends, list) else [ends]
+
+
+def _one(given: dict[str, Any], key: str) -> Any:
+    """One number of [mission], 0 where it is not given; raises ArgumentError."""
+    found = _numbers(key, given.get(key, 0.0))
+    if np.ndim(found):
+        raise ArgumentError(f"[mission] {key} must be one number, but is {given[key]!r}.")
+    return found
+
+
 def until(file: MissionFile, arrived: Any = None) -> Any:
     """The event that ends the mission before its time, None where nothing does; raises ArgumentError.
 
@@ -152,10 +197,8 @@ def until(file: MissionFile, arrived: Any = None) -> Any:
         return None
     from coadjoint.models.underwater.water import borders
 
-    ends = given.get("ends", [])
-    chosen = ends if isinstance(ends, list) else [ends]
     events = []
-    for end in chosen:
+    for end in _ends(given):
         if end not in ENDS:
             raise ArgumentError(unknown(f"end {end!r}", "Section [mission]", str(end), ENDS))
         if end == "surface":

@@ -11,12 +11,14 @@ from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.units import in_si
 from coadjoint.errors import ArgumentError
 
+SYMMETRIC = ("inertia", "added_mass")
+
 
 def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, str]) -> Any:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
-    its own ζ. kinds: what the parameters measure. Raises ArgumentError.
+    its own ζ, of a symmetric matrix each pair. kinds: what the parameters measure. Raises ArgumentError.
     """
     import coadjoint as co
 
@@ -27,8 +29,10 @@ def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, str]) -> Any:
     for name, given in deviations.items():
         value = np.asarray(values[name], dtype=float)
         zeta = random.standard_normal((file.run.members, *value.shape))
-        changed[name] = co.each(value + _deviation(name, given, value) * zeta)
-    return system.replace(**changed) if changed else system
+        if name in SYMMETRIC:
+            zeta = np.triu(zeta) + np.swapaxes(np.triu(zeta, 1), 1, 2)
+        changed[name] = value + _deviation(name, given, value) * zeta
+    return system.replace(**{name: co.each(values) for name, values in changed.items()}) if changed else system
 
 
 def seeds(file: MissionFile) -> Any:
@@ -56,6 +60,8 @@ def _deviation(name: str, given: Any, value: np.ndarray) -> np.ndarray:
         raise ArgumentError(
             f'[perturb] {name} must be a standard deviation, a number or a share such as "5 %", but is {given!r}.'
         ) from error
+    if not np.all(np.isfinite(found)):
+        raise ArgumentError(f"[perturb] {name} must be finite, but is {given!r}.")
     if not np.all(found >= 0):
         raise ArgumentError(f"[perturb] {name} must not be negative, but is {given!r}.")
     return found

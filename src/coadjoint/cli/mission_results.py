@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.cli.mission_file import MissionFile
+from coadjoint.cli.mission_legs import reached
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.plots import OF_VEHICLES, available, save_figures
 from coadjoint.plotting.whole_file import write_text
@@ -37,13 +38,32 @@ def figures(file: MissionFile, folder: Path, dataset: Any) -> list[str]:
     return save_figures([dataset], folder, names, file.output.format)
 
 
+def left_water(dataset: Any) -> list[str]:
+    """A warning where the craft, or members, left the water by more than their length; saved nodes only."""
+    length = float(dataset.attrs["vehicle_length"])
+    depth = np.asarray(dataset.q.values)[..., 2]
+    out = depth < -length
+    if not np.any(out):
+        return []
+    if depth.ndim > 1:
+        return [
+            f"{int(np.sum(np.any(out, axis=-1)))} members leave the water, up to {-np.nanmin(depth):.3g} m above it."
+        ]
+    when = float(np.asarray(dataset.time.values)[np.argmax(out)])
+    return [
+        f"The vehicle leaves the water: from t = {when:.6g} s on by more than its length, up to {-np.min(depth):.3g} "
+        'm, with forces as in water; [mission] ends = "surface" ends there.'
+    ]
+
+
 def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
     """Write the log and the animation of one run, and return what the summary says of the mission."""
     if file.output.csv:
         run.save(folder / LOG, overwrite=True)
     if file.output.animation:
         run.plot.animation(path=folder / f"animation.{file.output.animation}")
-    return {"mission": mission_summary(run.dataset)}
+    ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}
+    return {"mission": {**mission_summary(run.dataset), **ended}}
 
 
 def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:

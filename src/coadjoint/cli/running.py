@@ -162,15 +162,18 @@ def write(file: RunFile | MissionFile, folder: Path, made: Setup, run: Run, fail
     summary: dict[str, Any] = {}
     if run.count:
         run.dataset.attrs.update(made.told)
-        run.save(folder / TRAJECTORY, overwrite=True)
         if isinstance(file, MissionFile):
             from coadjoint.cli import mission_results
 
+            run.warnings += mission_results.left_water(run.dataset)
+            run.save(folder / TRAJECTORY, overwrite=True)
             summary = (mission_results.members if file.run.members > 1 else mission_results.results)(file, folder, run)
             figures = mission_results.figures(file, folder, run.dataset)
-        elif file.output.figures is not False:
-            names = None if file.output.figures is True else file.output.figures
-            figures = save_figures([run.dataset], folder, names, file.output.format)
+        else:
+            run.save(folder / TRAJECTORY, overwrite=True)
+            if file.output.figures is not False:
+                names = None if file.output.figures is True else file.output.figures
+                figures = save_figures([run.dataset], folder, names, file.output.format)
     certificate = {} if "members" in summary else run_summary(run)
     summary = {**certificate, **summary, "failure": failure, "figures": figures, "versions": versions()}
     write_text(folder / SUMMARY, to_json(summary))

@@ -22,7 +22,8 @@ def run_summary(run: Run) -> dict[str, Any]:
         if np.size(run.final.n):
             found["position_final"] = np.asarray(run.final.q)
         found["xi_final"] = np.asarray(run.final.xi)
-    return {**found, "saved": run.count, "complete": run.good_steps == run.steps, "card": str(run)}
+    complete = run.good_steps == run.steps or run.event is not None
+    return {**found, "saved": run.count, "complete": complete, "warnings": list(run.warnings), "card": str(run)}
 
 
 def versions() -> dict[str, str]:
