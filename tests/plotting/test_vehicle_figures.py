@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+import xarray
 from made_runs import VEHICLE, dataset
 from matplotlib.colors import to_hex
 from PIL import Image
@@ -53,6 +54,50 @@ def test_actuators_stand_beside_what_they_were_told_and_near_limits():
     assert heights[-1] == pytest.approx(np.degrees(0.25))
     assert [text.get_text() for text in thrusters.get_legend().get_texts()] == ["thrusters 1", "2"]
     assert rudder.get_ylabel() == "(°)"
+
+
+def test_an_actuator_that_goes_to_both_sides_shows_both_limits():
+    lopsided = dataset(internal_rudder=0.2 * np.sin(np.linspace(0, 3.4, 200)))
+    rudder = Plots(lopsided).actuators().axes[0]
+    limits = [line.get_ydata()[0] for line in rudder.get_lines() if line.get_color() == "#bb0000"]
+    assert np.allclose(sorted(limits), np.degrees([-0.25, 0.25]))
+
+
+def test_a_key_stays_within_its_figure_and_clear_of_powers_of_ten():
+    parts = ("damping", "hull", "fins", "rudder", "propeller")
+    works = {f"work_{name}": 1e9 * np.linspace(0, 1, 200) for name in parts}
+    figure = Plots(dataset(work_drag=None, work_thrust=None, **works)).mission()
+    figure.draw_without_rendering()
+    (axes,) = [axes for axes in figure.axes if axes.get_ylabel().startswith("energy put in")]
+    key, power = axes.get_legend().get_window_extent(), axes.yaxis.get_offset_text()
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == list(parts)
+    assert key.x1 <= figure.bbox.x1
+    assert power.get_text()
+    assert power.get_window_extent().x1 <= key.x0
+
+
+def test_ballast_is_drawn_in_litres():
+    run = dataset(internal_pump=np.linspace(0, 2e-5, 200))
+    run.internal_pump.attrs["units"] = "m³"
+    pump = Plots(run).actuators().axes[-1]
+    assert pump.get_ylabel() == "(L)"
+    assert pump.get_lines()[0].get_ydata()[-1] == pytest.approx(0.02)
+
+
+def test_an_ensemble_tells_how_many_are_drawn_and_whose_command_it_is():
+    for members, name, of in ((20, "Midpoint(Cayley), 20 members", "the first"), (2, "member 0", "member 0")):
+        many = xarray.concat([dataset()] * members, "member").assign_coords(member=np.arange(members))
+        many = many.assign_attrs(method="Midpoint(Cayley)")
+        for figure in (Plots(many).actuators(), Plots(many).mission()):
+            (legend,) = figure.legends
+            assert legend.get_texts()[0].get_text() == name
+        line(Plots(many).actuators().axes[0], f"command of {of}")
+
+
+def test_the_attitude_of_one_run_is_not_called_by_its_method():
+    (legend,) = Plots(dataset()).attitude().legends
+    assert [text.get_text() for text in legend.get_texts()] == ["angle", "set point"]
+    assert not Plots(dataset(inputs_heading=None)).attitude().legends
 
 
 def test_the_attitude_shows_the_heading_that_was_wanted():

@@ -17,6 +17,8 @@ from coadjoint.plotting.navigation import WANTED
 from coadjoint.plotting.style import COLUMN, canvas
 
 _LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
+_SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L")}
+"""In what a unit is drawn."""
 _NEAR = 0.4
 """A limit is drawn where an actuator comes nearer to it than this part of it."""
 
@@ -58,10 +60,11 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
             actuator = Log(run.dataset).actuators.get(name)
             if actuator is None:
                 continue
-            factor, unit = (180 / np.pi, "°") if actuator.unit == "rad" else (1.0, actuator.unit)
+            factor, unit = _SHOWN.get(actuator.unit, (1.0, actuator.unit))
             actual = factor * actuator.actual.reshape(len(actuator.actual), -1)
             if actuator.command is not None and len(names) == 1 and run is runs[0]:
-                _draw_commands(axes, run, factor * actuator.command.reshape(len(actual), -1))
+                said = "command" if len(runs) == 1 else f"command of {_one(run)}"
+                _draw_commands(axes, run, factor * actuator.command.reshape(len(actual), -1), said)
             draw_components(axes, run, actual, first)
             if run is runs[0]:
                 _draw_limits(axes, [b * factor for b in (actuator.low, actuator.high) if b is not None], actual)
@@ -73,16 +76,21 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
     key(axes, labels)
 
 
-def _draw_commands(axes: Axes, run: Entry, commands: np.ndarray) -> None:
+def _one(run: Entry) -> str:
+    """The run whose commands are drawn, among several."""
+    return "the first" if run.crowd > 1 else run.label
+
+
+def _draw_commands(axes: Axes, run: Entry, commands: np.ndarray, said: str) -> None:
     for number, series in enumerate(commands.T):
         kept = run.thin(series)
-        axes.step(run.time[kept], series[kept], where="post", label="_" if number else "command", **WANTED)
+        axes.step(run.time[kept], series[kept], where="post", label="_" if number else said, **WANTED)
 
 
 def _draw_limits(axes: Axes, limits: Sequence[float], actual: np.ndarray) -> None:
-    """The limits that the actuator comes near to; the others would only make its curve small."""
-    for limit in limits:
-        nearest = np.min(np.abs(actual - limit), initial=np.inf)
-        if nearest <= _NEAR * abs(limit):
-            known = any(line.get_label() == "limit" for line in axes.get_lines())
-            axes.axhline(limit, label="_" if known else "limit", **_LIMIT)
+    """The limits that the actuator comes near to, both where it goes to both sides; others would dwarf its curve."""
+    near = [limit for limit in limits if np.min(np.abs(actual - limit), initial=np.inf) <= _NEAR * abs(limit)]
+    both_sides = near and np.min(actual) < 0 < np.max(actual)
+    for limit in limits if both_sides else near:
+        known = any(line.get_label() == "limit" for line in axes.get_lines())
+        axes.axhline(limit, label="_" if known else "limit", **_LIMIT)

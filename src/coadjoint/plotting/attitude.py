@@ -29,13 +29,14 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
         for run in runs:
             angle = run.values("euler_angles")[:, component]
             time, degrees = _unwrapped(run, angle) if unwrap else _broken(run, angle)
-            axes.plot(time, degrees, label=run.label, **run.look)
+            axes.plot(time, degrees, label="angle" if len(runs) == 1 else run.label, **run.look)
         _set_points(axes, runs[0], name, unwrap)
         axes.set_ylabel(f"{name} (°)")
         low, high = axes.get_ylim()
         axes.yaxis.set_major_locator(MultipleLocator(90) if 200 < high - low < 500 else MaxNLocator(5))
     time_axis(column, [run.time for run in runs])
-    legend(figure, *column[0].get_legend_handles_labels())
+    said = {text: line for axes in column for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    legend(figure, list(said.values()), list(said))
     return figure
 
 

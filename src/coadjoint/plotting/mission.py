@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from coadjoint.models.underwater.log.log import Log
 from coadjoint.plotting import actuators, motions, navigation
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.style import COLOURS, PAGE, canvas, legend, time_axis
+from coadjoint.plotting.style import COLOURS, PAGE, canvas, time_axis
 
 _PANEL = 1.55
 
@@ -44,8 +43,7 @@ def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figu
         time_axis(panels, [run.time for run in runs])
         for axes in panels[:-1]:
             axes.tick_params(labelbottom=False)
-    named = [run for run in runs if not run.label.startswith("_")]
-    legend(figure, [Line2D([], [], color="#444444", **run.line) for run in named], [run.label for run in named])
+    motions.tell_apart(figure, runs)
     return figure
 
 

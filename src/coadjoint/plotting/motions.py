@@ -9,12 +9,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextPath
 
 from coadjoint.errors import ArgumentError
 from coadjoint.models.underwater.log.log import Log
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.navigation import draw_wanted
 from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, legend, time_axis
+
+_LETTERS, _HANDLE, _ROOM = 7.5, 22.5, 208.0
+"""Of a key, in points: the size of its letters, what a line and the gaps beside it take, the width of a panel."""
 
 
 def speeds(runs: Sequence[Entry]) -> Figure:
@@ -95,24 +99,39 @@ def _look(component: int) -> dict[str, Any]:
 
 
 def key(axes: Axes, labels: Sequence[str]) -> None:
-    """Which colour is which component, and which curve a set point, in a line above the axes."""
+    """Which colour is which component, and which curve a set point, in as few lines above the axes as have room."""
     handles = [Line2D([], [], label=text, **_look(i)) for i, text in enumerate(labels)]
     others = {str(line.get_label()): line for line in axes.get_lines() if not str(line.get_label()).startswith("_")}
-    width = sum(map(len, [*labels, *others])) + 5 * (len(labels) + len(others))
-    columns = len(labels) + len(others) if width < 60 else 3
+    axes.yaxis.get_offset_text().set_horizontalalignment("right")  # a power of ten stands beside the key, not in it
     axes.legend(
         handles=[*handles, *others.values()],
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=max(columns, 1),
+        ncols=_columns([*labels, *others]),
         borderaxespad=0.1,
         handlelength=1.2,
         columnspacing=1.0,
     )
 
 
+def _columns(labels: Sequence[str]) -> int:
+    """The most columns of a key that stay within the width of a panel."""
+    widths = [TextPath((0, 0), text, size=_LETTERS).get_extents().width + _HANDLE for text in labels]
+    for count in range(len(labels), 1, -1):
+        # A key is filled column by column.
+        if sum(max(column) for column in np.array_split(widths, count)) <= _ROOM:
+            return count
+    return 1
+
+
 def finish(figure: Figure, column: Sequence[Axes], runs: Sequence[Entry]) -> None:
     """The time axis, and which line style is which run where there are several."""
     time_axis(column, [run.time for run in runs])
+    tell_apart(figure, runs)
+
+
+def tell_apart(figure: Figure, runs: Sequence[Entry]) -> None:
+    """Which line style is which run where there are several, and how many members are drawn alike."""
     named = [run for run in runs if not run.label.startswith("_")]
-    legend(figure, [Line2D([], [], color="#444444", **run.line) for run in named], [run.label for run in named])
+    handles = [Line2D([], [], **{"color": "#444444", **run.line, "alpha": 1.0}) for run in named]
+    legend(figure, handles, [run.label for run in named], least=1 if any(run.crowd > 1 for run in runs) else 2)

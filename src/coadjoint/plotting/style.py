@@ -88,9 +88,9 @@ def canvas(width: float, height: float) -> PlotFigure:
     return figure
 
 
-def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """A legend above everything, where it hides nothing, if there is more than one curve to tell apart."""
-    if len(handles) < 2:
+def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str], least: int = 2) -> None:
+    """A legend above everything, where it hides nothing, if there are at least so many curves to tell apart."""
+    if len(handles) < least:
         return
     longest = max(map(len, labels))
     columns = min(max(int(figure.get_figwidth() / (0.5 + 0.065 * longest)), 1), len(handles))
