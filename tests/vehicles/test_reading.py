@@ -12,6 +12,7 @@ from coadjoint.models.underwater import added_mass_about, ellipsoid_added_mass, 
 from coadjoint.models.underwater.vehicles import units as u
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
 from coadjoint.models.underwater.vehicles.kinds import PARTS, PILOT_FIELDS, PILOTS, part_class, pilot_class
+from coadjoint.models.underwater.vehicles.read_derivatives import _without_added_mass
 from coadjoint.models.underwater.vehicles.shelf import vehicle_text
 
 HEAD = """
@@ -202,3 +203,9 @@ rate = { value = 1, unit = "cm/s", source = "S" }
 
 def test_texts_of_shipped_files_are_utf_8_with_lines_that_end() -> None:
     assert vehicle_text("rexrov").endswith("\n") and "\r" not in vehicle_text("rexrov")
+
+
+def test_what_the_added_mass_says_is_taken_once_from_a_product_written_both_ways() -> None:
+    M = np.diag([2.0, 30.0, 30.0, 0.1, 4.0, 4.0])
+    left = _without_added_mass({"Y_ur": 5.0, "Y_ru": 1.0}, {"Y_ur": 1.0, "Y_ru": 1.0}, M)
+    assert sum(left.values()) == 5.0 + 1.0 + M[0, 0]  # −(ω × P)_y = −r M_11 u

@@ -85,7 +85,7 @@ def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.
         if match is not None:
             axis, *rates = match.groups()
             canonical = f"{axis}_{''.join(sorted(rates, key=VELOCITIES.index))}"
-            rest = value - known.get(canonical, 0.0) / scale[key]
+            rest = value - known.pop(canonical, 0.0) / scale[key]
             if abs(rest) <= NOTHING * abs(value):
                 continue
             value = rest
