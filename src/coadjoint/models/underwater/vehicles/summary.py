@@ -59,8 +59,8 @@ def without_terminal_speed(vehicle: Vehicle) -> str:
     if not _surge(vehicle)(0.0) > 0:
         return "no terminal speed: nothing pushes it ahead"
     return (
-        f"no terminal speed: its drag does not hold what pushes ahead, not even at {FASTEST:g} m/s; is there damping in "
-        "surge, and of the right sign?"
+        f"no terminal speed: its drag does not hold what pushes ahead, not even at {FASTEST:g} m/s; is there damping "
+        "in surge, and of the right sign?"
     )
 
 
