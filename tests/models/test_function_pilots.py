@@ -11,8 +11,8 @@ import pytest
 from test_crafts import remus
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError
-from coadjoint.models.underwater import Craft, Cruise, FunctionPilot
+from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.models.underwater import Craft, Cruise, FunctionPilot, Pilot
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.progress import Progress
 
@@ -45,7 +45,9 @@ def test_a_plain_python_function_with_numpy_flies_as_the_same_law_in_the_native_
         warnings.simplefilter("always")
         outside = fly(with_numpy, heading=0.5)
     assert (inside.plan.backend, outside.plan.backend) == ("native", "xla")
-    assert any("XLA" in str(warning.message) for warning in told)
+    said = [str(warning.message) for warning in told]
+    assert any("The pilot `with_numpy` has Python `if`" in sentence and "XLA" in sentence for sentence in said)
+    assert not any("primitive" in sentence for sentence in said)
     np.testing.assert_allclose(outside.dataset.q, inside.dataset.q, atol=1e-10)
     np.testing.assert_allclose(outside.dataset.internal_rudder, inside.dataset.internal_rudder, atol=1e-10)
 
@@ -103,6 +105,31 @@ def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeyp
         np.testing.assert_array_equal(resumed[name].values, whole.dataset[name].values)
 
 
+class Confused(Pilot):
+    def steer(self, sight, memory, own, vehicle):
+        return {"rudder": 0.1 if sight.depth > 2 else 0.0}, {}
+
+
+def test_inputs_of_a_wrong_shape_are_told_by_name():
+    craft = Craft(VEHICLE, pilot=Cruise())
+    with pytest.raises(ArgumentError, match=r"^The pilot `Cruise` failed where of its inputs `depth` has shape \(2,\)"):
+        co.simulate(
+            craft.system,
+            craft.start(speed=1.5),
+            dt=DT,
+            steps=1,
+            inputs={"depth": np.array([1.0, 2.0]), "heading": 0.0, "speed": 1.5},
+        )
+
+
+def test_a_pilot_that_divides_by_zero_is_named():
+    def sinking(sight, p):
+        return {"rudder": sight.depth / sight.sink}
+
+    with pytest.raises(LagrangianError, match=r"^The pilot `sinking`, an actuator or the water of .* finite numbers"):
+        fly(sinking, duration=1.0)
+
+
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [
@@ -110,6 +137,13 @@ def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeyp
         (lambda sight, p: {"rudder": np.asarray(sight.omega)}, "takes one number"),
         (lambda sight, p: {"rudder": float(sight.heading) / float(sight.depth)}, "failed for a craft at rest"),
         (lambda sight, p: 0.3, "must return a dictionary"),
+        (lambda sight: {"rudder": 0.1}, r"must be a function of \(sight, p\), but takes \(sight\)"),
+        (lambda sight, p: {"rudder": 1 / 0}, "^The pilot failed: ZeroDivisionError"),
+        (lambda sight, p: {"rudder": sight.headin}, "asks its sight for `headin`.*did you mean `heading`"),
+        (lambda sight, p: {"rudder": p.rudder_are}, "asks what it is given for `rudder_are`.*`rudder_area`"),
+        (lambda sight, p: {"rudder": "hard over"}, "commands `rudder` by 'hard over', which is no number"),
+        (Cruise, r"is the class Cruise: give one of them, Cruise\(…\)"),
+        (Confused(), "^The pilot `Confused` has Python `if`.* jnp.where"),
     ],
 )
 def test_functions_that_cannot_steer_are_refused_with_a_sentence(function, sentence):

@@ -14,6 +14,9 @@ from coadjoint.kernels.program import Program
 Backend = Literal["auto", "native", "xla"]
 
 _told: set[str] = set()
+CALLBACKS = ("pure_callback", "bitcast_convert_type")
+"""Primitives with which a Python function is called at every step."""
+OUTSIDE = "A function of this system is called from outside JAX, which no native kernel can do."
 
 
 def choose(program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend) -> Backend:
@@ -29,7 +32,8 @@ def choose(program: Program, parameters: Any, state: Any, monitors: bool, backen
     try:
         native.compile(program, parameters, state, monitors)
     except Untraceable as reason:
-        sentence = f"{reason} It runs by XLA, which is slower for small systems."
+        what = OUTSIDE if reason.primitive in CALLBACKS else reason
+        sentence = f"{what} It runs by XLA, which is slower for small systems."
         if backend == "native":
             raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
         if sentence not in _told:

@@ -102,7 +102,8 @@ def require_internal(system: System, start: State, h: Any) -> None:
 
     if traced(system.parameters, start, h):
         return
-    require_float64(rule, "The rule `internal`", (start,))
+    what = getattr(system.internal, "what", "The rule `internal`")
+    require_float64(rule, what, (start,))
     bad = [
         jax.tree_util.keystr(path).lstrip(".")
         for path, leaf in jax.tree_util.tree_leaves_with_path(evaluate(rule, start))
@@ -110,7 +111,7 @@ def require_internal(system: System, start: State, h: Any) -> None:
     ]
     if bad:
         raise LagrangianError(
-            f"The rule `internal` must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
+            f"{what} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
             "for a division by zero."
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +26,8 @@ _NOT_TRACEABLE = (
     jax.errors.TracerIntegerConversionError,
 )
 
+_TOLD: set[tuple[str, int]] = set()
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FunctionPilot(Pilot):
@@ -41,6 +45,7 @@ class FunctionPilot(Pilot):
 
     def __post_init__(self) -> None:
         require_positive(self, ("period",))
+        _require_arguments(self.function, ("sight", "p") if self.remembers is None else ("sight", "memory", "p"))
 
     def memory(self) -> dict[str, Any]:
         return dict(self.remembers or {})
@@ -50,6 +55,7 @@ class FunctionPilot(Pilot):
         try:
             found = self.function(*arguments)
         except _NOT_TRACEABLE:
+            _tell(self.function)
             found = _from_outside(self.function, arguments)
         if self.remembers is None:
             return found, {}
@@ -58,6 +64,36 @@ class FunctionPilot(Pilot):
                 f"A pilot that remembers must return (commands, memory), but returned {type(found).__name__}."
             )
         return found
+
+
+def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
+    """Raise ArgumentError unless a function can be called with these."""
+    if not callable(function):
+        raise ArgumentError(f"Argument `function` of a pilot must be a function ({', '.join(names)}).")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of a library in C: only calling it tells
+        return
+    try:
+        signature.bind(*names)
+    except TypeError:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise ArgumentError(
+            f"The pilot `{name}` must be a function of ({', '.join(names)}), but takes {signature}."
+        ) from None
+
+
+def _tell(function: Callable[..., Any]) -> None:
+    """Warn, once for each function, that it goes round the native kernel."""
+    name = getattr(function, "__name__", type(function).__name__)
+    if (name, id(function)) not in _TOLD:
+        _TOLD.add((name, id(function)))
+        warnings.warn(
+            f"The pilot `{name}` has Python `if`, float() or NumPy on what it sees: it is called from outside JAX at "
+            "every step, which is slower, by XLA, and without derivatives. With jax.numpy alone, and "
+            "jnp.where(sight.depth > 2, a, b) for `if`, it becomes part of the native kernel.",
+            stacklevel=2,
+        )
 
 
 def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:

@@ -16,6 +16,7 @@ from coadjoint.mechanics.internal import sampled, sampling
 from coadjoint.mechanics.state import Motion
 from coadjoint.models.underwater.parts.part import Part
 from coadjoint.models.underwater.pilots.external import FunctionPilot
+from coadjoint.models.underwater.pilots.mistakes import called, steer
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.models.underwater.vehicles.energies import Surroundings, own_of
 from coadjoint.models.underwater.vehicles.vehicle import Vehicle
@@ -36,6 +37,12 @@ class Rule:
     vehicle: Vehicle
     pilot: Pilot | None
     water: Water
+
+    @property
+    def what(self) -> str:
+        """What it is, at the beginning of a sentence."""
+        others = f"an actuator or the water of `{self.vehicle.name}`"
+        return f"A{others[1:]}" if self.pilot is None else f"{called(self.pilot)}, {others}"
 
     def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
         """The internal state at the start, with these actuators."""
@@ -94,7 +101,7 @@ class Rule:
 
         def update(last: Any) -> dict[str, Any]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
-            commands, remembered = pilot.steer(sight, memory, own, self.vehicle)
+            commands, remembered = steer(pilot, sight, memory, own, self.vehicle)
             steered.update(self._checked(commands))
             found = {**last.asdict(), **{name: jnp.asarray(value, dtype=float) for name, value in commands.items()}}
             return {**found, MEMORY: remembered} if MEMORY in last else found
@@ -111,6 +118,10 @@ class Rule:
                 f"{type(commands).__name__}."
             )
         for name, value in commands.items():
+            try:
+                jnp.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise ArgumentError(f"The pilot commands `{name}` by {value!r}, which is no number.") from None
             self._require_command(name, value, "The pilot commands")
         return commands
 

@@ -48,6 +48,10 @@ class Craft:
             raise ArgumentError(
                 f"Argument `water` must be a Water such as UniformWater((0.0, 0.2, 0.0)), but is {water!r}."
             )
+        if isinstance(pilot, type):
+            raise ArgumentError(
+                f"Argument `pilot` is the class {pilot.__name__}: give one of them, {pilot.__name__}(…)."
+            )
         if pilot is not None and not isinstance(pilot, Pilot):
             if not callable(pilot):
                 raise ArgumentError(f"Argument `pilot` must be a Pilot, or a function (sight, p), but is {pilot!r}.")
