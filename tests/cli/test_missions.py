@@ -115,6 +115,37 @@ def test_a_start_in_east_north_up_is_the_same_start():
     assert np.allclose(ned.nu, enu.nu)
 
 
+def test_a_mission_in_east_north_up_is_the_same_mission():
+    tide = {"kind": "tidal", "constituents": ["M2"]}
+    ned = mission(
+        initial={"position_m": [1, 2, 3], "speed": 1.0, "heading_deg": 30, "pitch_deg": 10},
+        water={
+            "drift": {"velocity": [0.1, 0.2, 0.03]},
+            "tide": {**tide, "amplitudes": [[0.1, 0.2, 0.01]], "phases": [[1, 2, 3]]},
+        },
+        mission={"way_points_m": [[40, 10, 5], [60, 60, 8]], "speed": 1.5, "ends": "bottom", "bottom_m": 30},
+    )
+    enu = mission(
+        axes="ENU/FLU",
+        initial={"position_m": [2, 1, -3], "speed": 1.0, "yaw_deg": 60, "pitch_deg": -10},
+        water={
+            "drift": {"velocity": [0.2, 0.1, -0.03]},
+            "tide": {**tide, "amplitudes": [[0.2, 0.1, -0.01]], "phases": [[2, 1, 3]]},
+        },
+        mission={"way_points_m": [[10, 40, -5], [60, 60, -8]], "speed": 1.5, "ends": "bottom", "bottom_m": 30},
+    )
+    runs = []
+    for made in map(set_up, (ned, enu)):
+        assert made.told["way_points"] == [40, 10, 5, 60, 60, 8]
+        runs.append(co.simulate(made.system, made.start, dt=0.1, duration=20, inputs=made.inputs))
+    assert np.linalg.norm(runs[0].final.q - [1, 2, 3]) > 10
+    assert np.allclose(runs[0].final.q, runs[1].final.q, rtol=0, atol=1e-9)
+    legs = {"depth_m": 3, "speed": 1.5, "time_s": [0, 5]}
+    turns = mission(mission={**legs, "heading_deg": [0, 40]})
+    left = mission(axes="ENU/FLU", initial={}, mission={**legs, "yaw_deg": [90, 50]})
+    assert np.allclose(*(set_up(file).inputs["heading"].values for file in (turns, left)))
+
+
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
@@ -152,6 +183,10 @@ def test_a_start_in_east_north_up_is_the_same_start():
         ({"mission": {**LEVEL, "ends": "bottom", "bottom_m": 0.4}}, "a depth of 0.4 m, but \\[initial\\] is at 0.5 m"),
         ({"mission": {**LEVEL, "ends": "surface"}, "initial": {"position_m": [0, 0, -2]}}, "is 2 m above it"),
         ({"mission": {**LEVEL, "bottom_m": 30}}, 'belongs to ends = "bottom"'),
+        ({"axes": "END/FRD"}, '"NED/FRD" or "ENU/FLU", but is'),
+        ({"initial": {"axes": "END/FRD", "heading_deg": 3}}, '"NED/FRD" or "ENU/FLU", but is'),
+        ({"mission": {**LEVEL, "axes": "ENU/FLU"}}, "above all sections"),
+        ({"axes": "ENU/FLU", "initial": {}, "mission": LEVEL}, "heading belongs to NED/FRD"),
         ({"parameters": {"mass": -3}}, "`mass` must be positive"),
         ({"parameters": {"rudder_lift_slope": 0}}, "`lift_slope` of the fin `rudder` must be positive"),
         ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),

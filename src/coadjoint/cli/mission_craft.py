@@ -33,9 +33,7 @@ def set_up(file: MissionFile) -> Setup:
     vehicle = _vehicle(file)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
-    place = border.space_vector(
-        vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun.get("axes", "NED/FRD")
-    )
+    place = border.space_vector(vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun["axes"])
     pilot = mission_legs.following(file, _pilot(file, vehicle), place)
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
@@ -100,7 +98,9 @@ def _pilot(file: MissionFile, vehicle: Any) -> Any:
 def _start(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
     """[initial] as keywords of `Craft.start`; units: those of the actuators."""
     given = dict(file.initial)
-    axes = given.get("axes", "NED/FRD")
+    axes = given.setdefault("axes", file.axes)
+    if axes not in ("NED/FRD", "ENU/FLU"):
+        raise ArgumentError(f'[initial] axes must be "NED/FRD" or "ENU/FLU", but is {axes!r}.')
     for key in [key for key in given if key.split("_")[0] == "heading"]:
         if axes != "NED/FRD":
             raise ArgumentError(f"[initial] {key} belongs to NED/FRD: give `yaw`, from east to the left, in {axes}.")

@@ -28,6 +28,7 @@ def example(name: str) -> str:
     parts = [
         f"# {vehicle.name}: a mission for `coadjoint run`. Every key but those of [vehicle] and [run] can be left out.",
         "# Units stand at the end of a key (m, m_s, deg, min, …); without one, numbers are SI.",
+        'axes = "NED/FRD"  # of all sections; or "ENU/FLU": east, north, up; forward, port, up; yaw for heading\n',
         to_toml({"vehicle": {key: name}}),
         _water(),
         _pilot(own),
@@ -71,9 +72,7 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
 
 
 def _initial(vehicle: Any, speed: float) -> str:
-    deep = 'axes = "NED/FRD"  # or "ENU/FLU": east, north, up; forward, port, up'
     return f"""[initial]
-{deep}
 position_m = [0, 0, {0.5 if vehicle.pilot is not None else 20}]
 speed_m_s = {speed}  # through the water
 heading_deg = 0"""

@@ -60,7 +60,10 @@ FREE = ("parameters", "water", "pilot", "mission", "initial", "perturb")
 
 @dataclass(frozen=True)
 class MissionFile:
-    """A mission: the sections of its file. `parameters` … `perturb` are tables as they stand there."""
+    """A mission: the sections of its file. `parameters` … `perturb` are tables as they stand there.
+
+    axes: those of [initial], [mission] and [water], "NED/FRD" or "ENU/FLU", the key above all sections.
+    """
 
     vehicle: VehicleSection
     run: MissionRunSection
@@ -72,6 +75,7 @@ class MissionFile:
     perturb: dict[str, Any] = field(default_factory=dict)
     method: MethodSection = field(default_factory=MethodSection)
     output: MissionOutputSection = field(default_factory=MissionOutputSection)
+    axes: str = "NED/FRD"
     path: Path = Path("mission.toml")
     text: str = ""
 
@@ -100,7 +104,10 @@ class MissionFile:
 def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
     """The mission in a table of sections; raises ArgumentError."""
     known = [*SECTIONS, *FREE]
+    axes = _axes(table.get("axes", "NED/FRD"))
     for name, given in table.items():
+        if name == "axes":
+            continue
         if name not in known:
             raise ArgumentError(unknown(f"section [{name}]", "A mission file", name, known))
         if not isinstance(given, dict):
@@ -115,4 +122,10 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
         raise ArgumentError("[run] members > 1 needs a section [perturb], which says in what the members differ.")
     if free["perturb"] and made["run"].members == 1:
         raise ArgumentError("Section [perturb] needs [run] members, how many swim, 2 or more.")
-    return MissionFile(path=path, text=text, **made, **free)
+    return MissionFile(path=path, text=text, axes=axes, **made, **free)
+
+
+def _axes(given: Any) -> str:
+    if given not in ("NED/FRD", "ENU/FLU"):
+        raise ArgumentError(f'axes of a mission file must be "NED/FRD" or "ENU/FLU", but is {given!r}.')
+    return given

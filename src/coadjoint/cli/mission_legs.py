@@ -76,6 +76,29 @@ def _plain(file: MissionFile) -> dict[str, Any]:
         if name in found:
             raise ArgumentError(f"Section [mission] gives `{name}` twice: once as `{key}`, once in another unit.")
         found[name] = value if factor == 1.0 else (factor * _numbers(key, value)).tolist()
+    if "axes" in found:
+        raise ArgumentError("Section [mission] has no axes of its own: put `axes` above all sections of the file.")
+    return found if file.axes == "NED/FRD" else _turned(found)
+
+
+def _turned(given: dict[str, Any]) -> dict[str, Any]:
+    """[mission] of a file in ENU/FLU in NED/FRD: heading = π/2 − yaw, and the pitch has the other sign.
+
+    Depths, altitudes, `north` and `east` are what their names say in either.
+    """
+    from coadjoint.models.underwater import axes as border
+
+    if "heading" in given:
+        raise ArgumentError("[mission] heading belongs to NED/FRD: give `yaw`, from east to the left, in ENU/FLU.")
+    found = dict(given)
+    if "yaw" in found:
+        found["heading"] = (np.pi / 2 - _numbers("yaw", found.pop("yaw"))).tolist()
+    if "pitch" in found:
+        found["pitch"] = (-_numbers("pitch", found["pitch"])).tolist()
+    if "attitude" in found:
+        found["attitude"] = border.rotation(_numbers("attitude", found["attitude"]), "ENU/FLU").tolist()
+    if "way_points" in found and np.ndim(points := _numbers("way_points_m", found["way_points"])) == 2:
+        found["way_points"] = border.space_vector(points, "ENU/FLU").tolist() if points.shape[1] == 3 else points
     return found
 
 
@@ -120,7 +143,8 @@ def way_points(file: MissionFile) -> np.ndarray:
     given = _plain(file).get("way_points")
     points = np.zeros((0, 3)) if given is None else _numbers("way_points_m", given)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise ArgumentError(f"[mission] way_points_m must hold [north, east, depth] of each point, but is {given!r}.")
+        names = "[north, east, depth]" if file.axes == "NED/FRD" else "[east, north, up]"
+        raise ArgumentError(f"[mission] way_points_m must hold {names} of each point, but is {given!r}.")
     return points
 
 

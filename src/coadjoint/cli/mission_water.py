@@ -6,6 +6,8 @@ import inspect
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.units import in_si, unknown
 from coadjoint.errors import ArgumentError
@@ -33,6 +35,8 @@ PROFILES = {
 APART = 2**32
 """Between the seeds of two random currents of one mission."""
 _INNER = {"density": DENSITIES, "profile": PROFILES}
+VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities", "deviation", "phases")
+"""The fields of currents that hold a number for each axis of space."""
 KINDS = {"velocity": "speed", "reach": "length", "bottom": "length", "correlation_time": "time", "depths": "length"}
 """What some of the fields measure."""
 
@@ -81,6 +85,8 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
     values = in_si(title, table, known, KINDS)
     for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
         values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)
+    if kinds is CURRENTS and file.axes != "NED/FRD":
+        values = {key: _turned(key, value, file.axes) for key, value in values.items()}
     if seeds is not None and "seed" in known:
         values["seed"] = seeds
     try:
@@ -90,3 +96,13 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
         raise ArgumentError(
             f"Section [{title}] of kind {kind!r} needs {', '.join(f'`{key}`' for key in needed)}."
         ) from error
+
+
+def _turned(key: str, value: Any, axes: Any) -> Any:
+    """A field of a current in NED; standard deviations and phases change places and keep their signs."""
+    from coadjoint.models.underwater.axes import space_axes
+
+    if key not in VECTORS or np.shape(value)[-1:] != (3,):
+        return value
+    N = space_axes(axes)
+    return np.asarray(value, dtype=float) @ (np.abs(N) if key in ("deviation", "phases") else N)
