@@ -11,7 +11,7 @@ from test_crafts import remus
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.models.underwater import Attitude, Craft, Cruise, LineOfSight, Pose, UniformWater
+from coadjoint.models.underwater import Attitude, Craft, Cruise, LineOfSight, Manoeuvre, Pose, UniformWater
 
 DT = 0.05
 
@@ -104,11 +104,10 @@ def test_paths_that_are_none_are_refused(pilot, sentence):
 
 
 def test_the_gains_at_the_helm_are_proposed_for_the_period_of_the_path():
-    path = LineOfSight(way_points=SQUARE, helm=Cruise(), period=0.8, delay=0.4).fitted(remus())
-    alone: Any = Cruise(period=0.8, delay=0.4).fitted(remus())
-    helm: Any = path.helm
-    np.testing.assert_array_equal(helm.heading_gains, alone.heading_gains)
-    assert helm.heading_gains[2] != Cruise().fitted(remus()).heading_gains[2]
+    helm: Any = LineOfSight(way_points=SQUARE, helm=Manoeuvre(), period=0.8, delay=0.4).fitted(rov(length=0.5)).helm
+    alone, usual = (Manoeuvre(**more).fitted(rov(length=0.5)) for more in ({"period": 0.8, "delay": 0.4}, {}))
+    np.testing.assert_array_equal(helm.attitude_gains, alone.attitude_gains)
+    assert helm.attitude_gains[2] < usual.attitude_gains[2]
 
 
 def test_a_helm_that_takes_no_heading_is_refused():
