@@ -202,7 +202,7 @@ def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path):
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err.startswith("Interrupted")
+    assert err.startswith("Interrupted; `coadjoint resume top`")
     assert err.count("\n") == 1
     assert {entry.name for entry in (tmp_path / "top").iterdir()} == {"run.toml", "top.py", "unfinished"}
 

@@ -84,6 +84,10 @@ def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_pat
     assert float(data.inputs_heading[-1]) == pytest.approx(np.radians(40))
     assert float(data.internal_propeller[0]) == 15.0
     assert np.allclose(data.current, [0, 0.2, 0])
+    assert found["save_every"] == 4
+    assert main(["plot", "dive", "--out", "again"]) == 0
+    assert [path.name for path in Path("again").iterdir()] == ["track.png"]
+    capsys.readouterr()
     with open(folder / "trajectory.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["depth_m"]) == pytest.approx(float(data.q[-1, 2]))
@@ -232,6 +236,22 @@ def test_a_method_that_does_not_fit_is_refused_before_the_mission(change, words,
     assert words in capsys.readouterr().err
 
 
+def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(capsys):
+    from coadjoint.models.underwater.vehicles.shelf import vehicle_text
+
+    Path("mine.toml").write_text(vehicle_text("remus_100"))
+    Path("dive.toml").write_text(MISSION)
+    Path("empty.toml").write_text("# nothing\n")
+    for given, words in (
+        (["run", "mine.toml"], "`coadjoint vehicles show mine.toml`"),
+        (["vehicles", "show", "dive.toml"], "`coadjoint run dive.toml`"),
+        (["run", "empty.toml"], "is empty"),
+        (["vehicles", "show", "empty.toml"], "is empty"),
+    ):
+        assert main(given) == 2
+        assert words in capsys.readouterr().err
+
+
 def test_units_of_parameters_are_those_that_they_measure():
     given = {
         "propeller_limit_rpm": 900,
@@ -320,8 +340,10 @@ def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys
 def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys):
     more = '[perturb]\nseed = 3\nmass = 0.5\nhull_axial_drag = "10 %"\n'
     Path("fleet.toml").write_text(MISSION.replace("duration = 10", "duration = 5\nmembers = 40") + more)
-    assert main(["run", "fleet.toml", "--set", "output.figures=false", "--set", "output.animation=", "--json"]) == 0
+    assert main(["run", "fleet.toml", "--set", "output.figures=false", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
+    assert Path("fleet/animation.html").stat().st_size > 1000
+    assert "the animation shows 8 of the members" in told["notes"][0]
     with open("fleet/members.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert (told["members"], told["finished"], len(rows)) == (40, 40, 40)

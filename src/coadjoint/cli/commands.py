@@ -101,7 +101,7 @@ class Plot:
     source: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote, or a file of a run; several runs come into the same figures."""
     figures: tyro.conf.Positional[tuple[str, ...]] = ()
-    """The figures to draw, by default all that the runs have; `animation` shows vehicles move."""
+    """The figures to draw, by default those that the run file lists, or all; `animation` shows vehicles move."""
     out: Path | None = None
     """Where to write them, by default beside the runs."""
     format: Literal["png", "pdf", "svg", "gif", "html"] = "png"
@@ -110,7 +110,7 @@ class Plot:
     """Print the files as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.stored import recordings
+        from coadjoint.cli.stored import figures_asked, recordings
         from coadjoint.plotting.plots import save_figures
         from coadjoint.report.folder import make
 
@@ -118,7 +118,8 @@ class Plot:
         folder = self.out or (self.source if self.source.is_dir() else self.source.parent)
         make(folder)
         labels = list(found) if len(found) > 1 else None
-        names = save_figures([run.dataset for run in found.values()], folder, self.figures or None, self.format, labels)
+        wanted = self.figures or figures_asked(self.source)
+        names = save_figures([run.dataset for run in found.values()], folder, wanted, self.format, labels)
         paths = [str(folder / name) for name in names]
         print(json_text.dumps(paths) if self.json else "\n".join(paths))
         return OK
@@ -261,8 +262,9 @@ def _show_run(written: Written, as_json: bool) -> None:
     if as_json:
         print(to_json(written.summary), end="")
     else:
+        notes = [("note", sentence) for sentence in written.summary.get("notes", [])]
         halves = [text.partition("  ") for text in str(written.run).splitlines()]
-        terminal.fields([*((name, text.strip()) for name, _, text in halves), ("folder", f"{written.folder}/")])
+        terminal.fields([*((name, text.strip()) for name, _, text in halves), *notes, ("folder", f"{written.folder}/")])
     if written.failure:
         terminal.complain(f"{written.failure} {written.run.count:,} records are kept in {written.folder}/.")
 

@@ -55,8 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = command()
         sys.stdout.flush()
         return status
-    except KeyboardInterrupt:
-        terminal.complain("Interrupted; `coadjoint resume DIR` goes on with a run of a run file.")
+    except KeyboardInterrupt as stop:
+        hint = f"; `coadjoint resume {stop.args[0]}` goes on with the run." if stop.args else "."
+        terminal.complain(f"Interrupted{hint}")
         return INTERRUPTED
     except BrokenPipeError:
         # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.

@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint.cli.mission_file import MissionFile
 from coadjoint.cli.mission_legs import reached
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting.plots import OF_VEHICLES, available, save_figures
+from coadjoint.plotting.plots import OF_VEHICLES, Plots, available, save_figures
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.mission import mission_summary, spread
 
@@ -22,6 +22,8 @@ DRAWN = (*OF_VEHICLES, "attitude", "budget")
 """The figures of a mission unless [output] names others; of many members only the first."""
 MOST_DRAWN = 200
 """The most members in a figure."""
+MOST_ANIMATED = 8
+"""The most members in an animation."""
 MOST_BYTES = 1e9
 """What the trajectories of all members may take."""
 
@@ -63,11 +65,11 @@ def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
     if file.output.animation:
         run.plot.animation(path=folder / f"animation.{file.output.animation}")
     ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}
-    return {"mission": {**mission_summary(run.dataset), **ended}}
+    return {"mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended}}
 
 
 def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
-    """Write a table with a row for each member, and return the summary of all of them.
+    """Write a table with a row for each member and the animation, and return the summary of all of them.
 
     The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
     extremes and quantiles of each figure over the members that finished.
@@ -87,6 +89,9 @@ def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
             *(",".join(f"{v:.12g}" for v in row) for row in np.column_stack([*columns.values()])),
         ]
         write_text(folder / MEMBERS, "\n".join(lines) + "\n")
+    if file.output.animation:
+        shown = Plots(dataset.isel(member=done[:MOST_ANIMATED]))
+        shown.animation(path=folder / f"animation.{file.output.animation}")
     return {
         "system": fleet.system.name,
         "method": fleet.method.title,
@@ -97,8 +102,21 @@ def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
         "seconds": fleet.seconds,
         "set_up_seconds": fleet.set_up_seconds,
         "mission": {name: spread(columns[name]) for name in names},
+        "notes": _shown(file, len(done)),
         "card": str(fleet),
     }
+
+
+def _shown(file: MissionFile, done: int) -> list[str]:
+    """What of [output] is less than of a single run."""
+    found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if file.output.csv else []
+    if file.output.animation and done > MOST_ANIMATED:
+        found.append(f"the animation shows {MOST_ANIMATED} of the members")
+    if file.output.figures is True:
+        found.append(f"figures = true draws `{DRAWN[0]}` alone, a list others")
+    if file.output.figures is not False and file.run.members > MOST_DRAWN:
+        found.append(f"figures show {MOST_DRAWN} of the members")
+    return [f"Of an ensemble {'; '.join(found)}."] if found else []
 
 
 def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:

@@ -62,6 +62,7 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile | MissionFile
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FileError(f"The file {source} is not valid TOML: {_lower(str(error))}.") from error
+    _require_run(table, source)
     for change in changes:
         _apply(table, change)
     if changes:
@@ -71,6 +72,20 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile | MissionFile
 
         return mission_file.from_table(table, source, text)
     return from_table(table, source, text)
+
+
+def _require_run(table: dict[str, Any], source: Path) -> None:
+    """Raise ArgumentError for a file that is empty, or of a vehicle, and say which command takes it."""
+    if not table:
+        raise ArgumentError(
+            f"The file {source} is empty: `coadjoint models NAME` prints a run file to start from, and `coadjoint "
+            "vehicles mission NAME` a mission file."
+        )
+    if "body" in table:
+        raise ArgumentError(
+            f"{source} is a vehicle file, not a run: `coadjoint vehicles show {source}` shows it, and `coadjoint "
+            f"vehicles mission {source}` prints a mission of it, which `coadjoint run` takes."
+        )
 
 
 def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:

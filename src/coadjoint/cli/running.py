@@ -64,7 +64,9 @@ def execute(
     with claimed(folder, file.text, overwrite):
         discard(folder)
         with _companions_kept(file.companions, folder):
-            return write(file, folder, made, *_ended(lambda: simulate(file, made, progress, folder / UNFINISHED)))
+            return write(
+                file, folder, made, *_ended(lambda: simulate(file, made, progress, folder / UNFINISHED), folder)
+            )
 
 
 def resume(folder: Path, progress: bool | None = None) -> Written:
@@ -80,17 +82,19 @@ def resume(folder: Path, progress: bool | None = None) -> Written:
     def run() -> Run:
         return go_on(folder / UNFINISHED, made.system, inputs=made.inputs, until=made.until, progress=progress)
 
-    return write(file, folder, made, *_ended(run))
+    return write(file, folder, made, *_ended(run, folder))
 
 
-def _ended(run: Callable[[], Run]) -> tuple[Run, str | None]:
-    """A run that has ended, and why it did so early."""
+def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
+    """A run that has ended, and why it did so early; one that is interrupted tells its folder."""
     try:
         return run(), None
     except StepError as error:
         if error.run is None:
             raise
         return error.run, error.sentence
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(*[folder] * (folder / UNFINISHED).exists()) from None
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,19 @@ def recordings(source: Path) -> dict[str, SavedRun]:
     if not files:
         raise FileError(f"The folder {source} holds no trajectories (*.nc).")
     return {file.stem: load(file) for file in files}
+
+
+def figures_asked(source: Path) -> list[str] | None:
+    """The figures that [output] of the run of a folder lists, None where it lists none."""
+    file = source / RUN_FILE
+    if not file.is_file():
+        return None
+    try:
+        output = tomllib.loads(file.read_text(encoding="utf-8")).get("output", {})
+    except (OSError, ValueError) as error:
+        raise FileError(f"The file {file} cannot be read: {error}.") from error
+    found = output.get("figures") if isinstance(output, dict) else None
+    return found if isinstance(found, list) and found else None
 
 
 def summary(source: Path) -> dict[str, Any]:

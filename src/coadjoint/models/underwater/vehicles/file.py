@@ -47,6 +47,10 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
     except RecursionError as error:
         raise FileError(f"The file {name} is nested too deeply to be a vehicle.") from error
     book = Notebook(name)
+    if not table:
+        raise book.fail("the file is empty: `coadjoint vehicles show NAME --toml` prints one to start from.")
+    if "run" in table or "mission" in table:
+        raise book.fail(f"this is no vehicle file but one of a run or a mission: `coadjoint run {name}` takes it.")
     whole = Section(book, "The file", "", table)
     for section in SECTIONS:
         _ = section in whole
