@@ -13,6 +13,9 @@ from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.smoothing import noise as rough_noise
 
+ATTEMPTS = 3
+"""How often the search begins, each time from the parameters with which the one before got stuck."""
+
 ROUNDS, SAME = 6, 0.01
 """How often noise is estimated anew from residuals, until it changes by less than this."""
 
@@ -54,13 +57,23 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
     fit = Fit(asked.shooting(h, segment), log, sigma, asked.settle)
-    place, trips = fit.at(_begun(asked, h, segment, sigma)), 0
+    place, trips = fit.at(_begun(asked, h, segment, sigma, np.zeros(len(asked.unknowns.each)))), 0
     if asked.step is None:
         parts = _parts(_shift(fit, place, asked, segment), left)
         left //= parts
         fit = fit.finer(asked, segment, parts)
+    attempt = 1
     while True:
-        found = _rounds(fit, place, open_, trips)
+        found = _rounds(fit, place, open_, trips, attempt == ATTEMPTS)
+        if not found.solution.converged:
+            if attempt == ATTEMPTS:
+                raise CoadjointError(_lost(fit.shooting, found.solution, found.trips))
+            # Starts that were led astray, and a noise that was judged by them, are given up; parameters are kept.
+            fit.sigma, attempt, trips = sigma, attempt + 1, found.trips
+            stuck = found.solution.place.shared
+            near = np.where(np.abs(stuck) > FAR, 0.0, stuck)
+            place = fit.at(_begun(asked, fit.shooting.samples.h, segment, sigma, near))
+            continue
         if asked.step is not None and asked.step == log.step:
             return found
         found = found._replace(shift=_shift(found.fit, found.solution.place, asked, segment))
@@ -71,12 +84,11 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
         fit, place, trips = found.fit.finer(asked, segment, parts), found.solution.place, found.trips
 
 
-def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray) -> np.ndarray:
-    """Where the search for the parameters begins: where it ends, roughly, on short segments, then on longer ones.
+def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Where the search for parameters begins: where one from `shared` ends, roughly, on short segments, then longer.
 
     Over a short time a simulation cannot go far astray, however wrong its parameters are.
     """
-    shared = np.zeros(len(asked.unknowns.each))
     whole = asked.log.duration if segment is None else segment
     lengths = [length for length in SHORT if length >= 8 * asked.log.interval and 2 * length <= whole]
     for length in lengths if asked.tells_starts else ():
@@ -167,8 +179,9 @@ class Fit:
         self.internal = self.shooting.internal(way)
 
 
-def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int) -> Fitted:
-    """Rounds of least squares, each with the noise that the one before found."""
+def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int, final: bool) -> Fitted:
+    """Rounds of least squares, each with the noise that the one before found; unless it is the `final` attempt, none
+    goes on from where the one before got stuck, whose residuals are no noise."""
     shooting, sigma, solution = fit.shooting, fit.sigma, None
     for _ in range(ROUNDS):
         fit.sigma = sigma
@@ -180,14 +193,14 @@ def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int) -> Fitted:
                 "shorter segments or a smaller `dt`."
             )
         place, trips = solution.place, trips + solution.trips
+        if not (solution.converged or final):
+            break
         estimate = _estimated(solution, fit, shooting.size)
         changed = np.abs(estimate / sigma - 1)[open_]
         sigma = np.where(open_, estimate, sigma)
         if not np.any(changed > SAME):
             break
     assert solution is not None
-    if not solution.converged:
-        raise CoadjointError(_lost(shooting, solution))
     # Residuals and derivatives in terms of the noise that was found last.
     last = fit.sigma / sigma
     r = (solution.residual.reshape(fit.there.shape) * last).reshape(solution.residual.shape)
@@ -196,18 +209,22 @@ def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int) -> Fitted:
     return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
 
 
-def _lost(shooting: Shooting, solution: Solution) -> str:
-    """Why there is no estimate."""
+def _far(shooting: Shooting, solution: Solution) -> list[str]:
+    """The parameters that ran away."""
     pairs = zip(shooting.unknowns.each, solution.place.shared, strict=True)
-    far = [unknown.label for unknown, x in pairs if abs(x) > FAR]
-    if far:
+    return [unknown.label for unknown, x in pairs if abs(x) > FAR]
+
+
+def _lost(shooting: Shooting, solution: Solution, trips: int) -> str:
+    """Why there is no estimate."""
+    if far := _far(shooting, solution):
         return (
             f"Least squares ran away with {', '.join(far)}: the log hardly excites that, or the search began too far "
             "away; leave it at a known value, or start from better ones."
         )
     return (
-        f"Least squares did not converge in {solution.trips} iterations: start from better parameters, seek fewer, or "
-        "take shorter segments."
+        f"Least squares did not converge in {trips} iterations: check axes and units of the log, start from better "
+        "parameters, seek fewer, or take shorter segments."
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 TRIPS = 100
-"""Iterations, those that were not accepted among them."""
+"""Simulations, those that were not accepted among them."""
 
 SETTLED = 1e-3
 """It ends where the next step is below this part of every standard error."""
@@ -20,6 +20,8 @@ SETTLED = 1e-3
 DROP = 1e-10
 """Or where the sum of squares falls by less than this part of itself."""
 
+STATIONARY = 0.05
+"""But only where one Gauss–Newton step without damping is below this part of every standard error."""
 
 ROUGH = 1e-2
 """Likewise, where it is only to be begun."""
@@ -69,22 +71,20 @@ def least_squares(
     place, (r, way) = start, first
     J = problem.jacobian(place, way)
     damping, squares, converged, trip = 1e-3, float(np.vdot(r, r)), False, 0
-    while trip < TRIPS and not converged:
-        trip += 1
+    while trip < TRIPS and not converged and damping <= 1e12:
         shared, own, errors = step(J, r, place.own.shape[1], damping)
         if np.max(np.abs(shared), initial=0.0) > FARTHEST:
             damping = max(4 * damping, 1e-6)
             continue
+        trip += 1
         trial = Place(place.shared + shared, place.own + own)
         found = problem.residual(trial)
         better = np.inf if found is None else float(np.vdot(found[0], found[0]))
         small = bool(np.all(np.abs(shared) < SETTLED * errors))
         if not better <= squares:
             if small and damping <= 1e-4 and better <= squares * (1 + 1e-9):
-                converged = True
+                converged = stationary(J, r, place.own.shape[1])
             damping = max(4 * damping, 1e-6)
-            if damping > 1e12:
-                break
             continue
         assert found is not None
         converged = (small and damping <= 1e-2) or (
@@ -95,7 +95,15 @@ def least_squares(
             accepted(way)
         damping = max(damping / 10, 1e-12)
         J = problem.jacobian(place, way)
+        # Damping that is small beside a parameter's column may be large beside what the starts leave of it.
+        converged = converged and (roughly or stationary(J, r, place.own.shape[1]))
     return Solution(place, r, J, squares, trip, converged)
+
+
+def stationary(J: np.ndarray, r: np.ndarray, d: int) -> bool:
+    """Whether the next Gauss–Newton step is far inside the standard errors."""
+    shared, _, errors = step(J, r, d, 0.0)
+    return bool(np.all(np.abs(shared) < STATIONARY * errors))
 
 
 def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
