@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from test_crafts import remus
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.models.underwater import Craft, Cruise, FunctionPilot, Pilot
+from coadjoint.models.underwater.vehicles.actuators import seen
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.progress import Progress
 
@@ -149,3 +151,46 @@ def test_a_pilot_that_divides_by_zero_is_named():
 def test_functions_that_cannot_steer_are_refused_with_a_sentence(function, sentence):
     with pytest.raises(ArgumentError, match=sentence):
         fly(function, duration=1.0)
+
+
+@pytest.mark.parametrize("derivative", [jax.grad, lambda f: lambda x: jax.jvp(f, (x,), (1.0,))])
+def test_a_run_through_a_pilot_in_numpy_has_no_derivative_and_says_so(derivative):
+    craft = Craft(PLAIN, pilot=with_numpy)
+    start = craft.start(speed=1.5)
+
+    def east(area):
+        changed = craft.system.replace(rudder_area=area)
+        return co.trajectory(changed, start, dt=DT, steps=2, inputs={"heading": 0.5}).final.q[1]
+
+    with co.float64(), pytest.raises(ArgumentError, match="`with_numpy` is called from outside JAX and has no deriv"):
+        derivative(east)(0.02)
+
+
+def test_a_pilot_in_numpy_that_fails_on_the_way_is_named_and_what_was_computed_is_kept():
+    def lost(sight, p):
+        if float(sight.t) > 0.22:
+            raise KeyError("lost")
+        return {"rudder": float(sight.t)}
+
+    with pytest.raises(co.StepError, match=r"t = 0\.3 s\): The pilot `lost` failed: KeyError: 'lost'") as caught:
+        fly(lost, duration=1.0)
+    assert caught.value.run.count == 6
+
+
+def test_a_pilot_in_numpy_that_returns_no_number_or_other_shapes_is_named():
+    craft = Craft(PLAIN)
+    start = craft.start(speed=1.5)
+    motion = craft.system.motion(start.xi, start.n, start.nu, start.a, start.t, None, start.internal)
+    sight = seen(craft.water, PLAIN, motion, craft.parameters, None)
+
+    def law(sight, p):
+        turns = {0: 0.1, 1: np.nan, 2: [0.1, 0.2]}
+        return {"rudder": turns[int(sight.t)]}
+
+    pilot = FunctionPilot(function=law)
+    with jax.enable_x64(True):
+        steer = jax.jit(lambda t: pilot.steer(sight._replace(t=t), {}, {}, PLAIN)[0]["rudder"])
+        assert steer(0.0) == 0.1 and pilot.failure(0.0, DT) is None
+        assert np.isnan(steer(1.0)) and "`law` returned numbers that are not finite" in pilot.failure(1.0, DT)
+        assert np.isnan(steer(2.0)) and "`law` returned other names or shapes" in pilot.failure(2.0, DT)
+        assert pilot.failure(3.0, DT) is None

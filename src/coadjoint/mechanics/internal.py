@@ -116,6 +116,12 @@ def require_internal(system: System, start: State, h: Any) -> None:
         )
 
 
+def failure(system: System, t: float, h: float) -> str | None:
+    """What the rule says of the step of length h from t that has failed: rule.failure(t, h), where it has that."""
+    told: Any = getattr(system.internal, "failure", None)
+    return None if told is None else told(t, h)
+
+
 def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
     """The start of what `co.sampled` advances: `values`, in force from t on; the first sample is at the node after t.
 

@@ -16,7 +16,7 @@ from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.mechanics.inputs import Given
-from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import energy_lines, with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
@@ -258,4 +258,6 @@ def _sentence(run: Run) -> str:
         return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."
+    if told := failure(run.system, float(run.position.state.t), run.dt):
+        return f"{where}: {told}"
     return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."

@@ -18,7 +18,7 @@ from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
-from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
@@ -96,7 +96,9 @@ def trajectory(
         return found
     found = jax.tree.map(np.asarray, found)
     if found.code:
-        raise StepError(f"A step of the trajectory failed: {Code(int(found.code)).name.lower().replace('_', ' ')}.")
+        told = failure(system, float(found.final.t), float(h))
+        what = told or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
+        raise StepError(f"A step of the trajectory failed: {what}")
     return found
 
 

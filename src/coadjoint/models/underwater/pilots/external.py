@@ -16,6 +16,7 @@ from jax import lax
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import traced
 from coadjoint.models.underwater.pilots.checks import require_positive
+from coadjoint.models.underwater.pilots.mistakes import called
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
 from coadjoint.spaces.named import Named
 
@@ -56,7 +57,7 @@ class FunctionPilot(Pilot):
             found = self.function(*arguments)
         except _NOT_TRACEABLE:
             _tell(self.function)
-            found = _from_outside(self.function, arguments)
+            found = _from_outside(self.function, arguments, called(self))
         if self.remembers is None:
             return found, {}
         if not isinstance(found, tuple) or len(found) != 2:
@@ -64,6 +65,15 @@ class FunctionPilot(Pilot):
                 f"A pilot that remembers must return (commands, memory), but returned {type(found).__name__}."
             )
         return found
+
+    def failure(self, t: float, h: float) -> str | None:
+        """Why it gave no numbers in the step of length h from t, if it did not; for functions called from outside."""
+        when, sentence = _FAILED.get(called(self), (np.inf, None))
+        return sentence if abs(when - t) < 1.5 * abs(h) else None
+
+
+_FAILED: dict[str, tuple[float, str]] = {}
+"""By pilot, when it failed last in the run that goes on, and how."""
 
 
 def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
@@ -96,7 +106,7 @@ def _tell(function: Callable[..., Any]) -> None:
         )
 
 
-def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> Any:
     """What a function gives that takes numbers only, with the shapes that it has at rest."""
     try:
         example = _numbers(function(*_at_rest(arguments)))
@@ -108,17 +118,49 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...]) -> A
     _, given = jax.tree.flatten(arguments)
     shapes = [np.shape(leaf) for leaf in jax.tree.leaves(arguments)]
 
+    expected = [leaf.shape for leaf in leaves]
+    size = sum(leaf.size for leaf in leaves)
+    _FAILED.pop(name, None)
+
     def call(bits: Any) -> np.ndarray:
         numbers = given.unflatten(_split(np.ascontiguousarray(bits).view(np.float64).ravel(), shapes))
-        result = jax.tree.leaves(_numbers(function(*numbers)))
-        return np.concatenate([np.ravel(leaf) for leaf in result]).view(np.uint32).reshape(-1, 2)
+        return _row(function, numbers, name, (structure, expected, size)).view(np.uint32).reshape(-1, 2)
 
     # As pairs of 32 bits, since JAX takes callbacks' numbers for float32 on the threads that they run on.
+    @jax.custom_jvp
+    def outside(all_of: Any) -> Any:
+        bits = jax.ShapeDtypeStruct((size, 2), np.uint32)
+        asked = lax.bitcast_convert_type(all_of, jnp.uint32)
+        return lax.bitcast_convert_type(jax.pure_callback(call, bits, asked, vmap_method="sequential"), jnp.float64)
+
+    @outside.defjvp
+    def refuse(primals: Any, tangents: Any) -> Any:
+        raise ArgumentError(
+            f"{name} is called from outside JAX and has no derivatives: write it with jax.numpy, and jnp.where for "
+            "`if`, to differentiate a run through it."
+        )
+
     all_of = jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(arguments)])
-    size = sum(leaf.size for leaf in leaves)
-    bits = jax.ShapeDtypeStruct((size, 2), np.uint32)
-    found = jax.pure_callback(call, bits, lax.bitcast_convert_type(all_of, jnp.uint32), vmap_method="sequential")
-    return structure.unflatten(_split(lax.bitcast_convert_type(found, jnp.float64), [leaf.shape for leaf in leaves]))
+    return structure.unflatten(_split(outside(all_of), expected))
+
+
+def _row(function: Callable[..., Any], numbers: Any, name: str, expected: tuple[Any, list[Any], int]) -> np.ndarray:
+    """What a function gives as a row of float64 numbers; NaN, and a note of why, where it fails."""
+    structure, shapes, size = expected
+    try:
+        leaves, found = jax.tree.flatten(_numbers(function(*numbers)))
+    except Exception as error:
+        first = (str(error).strip().split("\n") or [""])[0].rstrip(".")
+        return _failed(name, numbers, f"failed: {type(error).__name__}: {first}", size)
+    if found != structure or [leaf.shape for leaf in leaves] != shapes:
+        return _failed(name, numbers, "returned other names or shapes than for a craft at rest", size)
+    row = np.concatenate([np.ravel(leaf) for leaf in leaves]) if leaves else np.zeros(0)
+    return row if np.all(np.isfinite(row)) else _failed(name, numbers, "returned numbers that are not finite", size)
+
+
+def _failed(name: str, numbers: Any, what: str, size: int) -> np.ndarray:
+    _FAILED[name] = (float(numbers[0].t), f"{name} {what}.")
+    return np.full(size, np.nan)
 
 
 def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:

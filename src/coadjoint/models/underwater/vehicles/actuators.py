@@ -74,6 +74,10 @@ class Rule:
             after["water"] = self.water.advance(motion.internal.water, h, own)
         return after
 
+    def failure(self, t: float, h: float) -> str | None:
+        """Why the step of length h from t has failed, if its pilot knows."""
+        return self.pilot.failure(t, h) if isinstance(self.pilot, FunctionPilot) else None
+
     def report(self, motion: Motion, p: Any) -> dict[str, Any]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
 
