@@ -50,6 +50,7 @@ animation = "html"
 
 
 LEVEL = {"depth_m": 3, "heading": 0, "speed": 1.5}
+ENU = {"axes": "ENU/FLU", "initial": {}, "mission": {"depth_m": 3, "yaw_deg": 90, "speed": 1.5}}
 FLEET = {"run": {"dt": 0.1, "steps": 2, "members": 20}}
 
 
@@ -211,6 +212,11 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({"water": {"velocty": [0, 0, 0]}}, "did you mean `velocity`"),
         ({"water": {"velocity_deg": [0, 0, 0]}}, "unit of angle"),
         ({"water": {"velocity": [0, 0, 0], "drift": {"velocity": [0, 0, 0]}}}, "beside tables"),
+        (
+            {"water": {"kind": "gauss_markov", "deviation_deg": [0, 1, 0], "correlation_time": 9}},
+            "unit of angle, but `deviation` measures speed",
+        ),
+        ({**ENU, "water": {"velocity": [[1], [2, 3]]}}, "`velocity`"),
         ({"water": {"kind": "tidal"}}, "needs `constituents`, `amplitudes`"),
         ({"output": {"animation": "mp4"}}, '"gif" or "html"'),
     ],

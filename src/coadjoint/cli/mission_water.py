@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.cli.mission_file import MissionFile
-from coadjoint.cli.units import in_si, unknown
+from coadjoint.cli.units import NO_UNIT, in_si, unknown
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.each import each
 
@@ -37,7 +37,12 @@ APART = 2**32
 _INNER = {"density": DENSITIES, "profile": PROFILES}
 VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities", "deviation", "phases")
 """The fields of currents that hold a number for each axis of space."""
-KINDS = {"velocity": "speed", "reach": "length", "bottom": "length", "correlation_time": "time", "depths": "length"}
+KINDS = {
+    **dict.fromkeys(("velocity", "mean", "amplitudes", "deviation", "velocities"), "speed"),
+    **dict.fromkeys(("reach", "bottom", "roughness", "scale", "depths"), "length"),
+    **dict.fromkeys(("correlation_time", "times"), "time"),
+    "phases": "angle",
+}
 """What some of the fields measure."""
 
 
@@ -82,7 +87,8 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
             raise ArgumentError(f"Section [{title}] takes all of its table from `file`: leave the other keys out.")
         return cls.from_csv(file.located(table["file"]))
     known = [key for key in inspect.signature(cls).parameters if key != "self"]
-    values = in_si(title, table, known, KINDS)
+    measured = {**dict.fromkeys(known, NO_UNIT), **KINDS, **({"surface": "speed"} if kinds is CURRENTS else {})}
+    values = in_si(title, table, known, measured)
     for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
         values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)
     if kinds is CURRENTS and file.axes != "NED/FRD":
@@ -102,7 +108,9 @@ def _turned(key: str, value: Any, axes: Any) -> Any:
     """A field of a current in NED; standard deviations and phases change places and keep their signs."""
     from coadjoint.models.underwater.axes import space_axes
 
-    if key not in VECTORS or np.shape(value)[-1:] != (3,):
-        return value
     N = space_axes(axes)
-    return np.asarray(value, dtype=float) @ (np.abs(N) if key in ("deviation", "phases") else N)
+    try:
+        found = np.asarray(value if key in VECTORS else 0.0, dtype=float)
+    except (TypeError, ValueError):
+        return value  # which the current refuses
+    return found @ (np.abs(N) if key in ("deviation", "phases") else N) if found.shape[-1:] == (3,) else value
