@@ -6,11 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
+from coadjoint.models.underwater.water.functions import returned
 
 Event = Callable[[State], Array]
 
@@ -30,7 +33,12 @@ def altitude(bottom: Any) -> Event:
     bottom: its depth in m, a number or a function (north, east) → depth in terms of jax.numpy. Raises ArgumentError.
     """
     if callable(bottom):
-        return lambda state: bottom(state.q[0], state.q[1]) - state.q[2]
+
+        def depth_at(north: Any, east: Any) -> Array:
+            return returned(bottom, (north, east), (), "The bottom as a function (north, east)")
+
+        evaluate(depth_at, np.float64(0.0), np.float64(0.0))  # raises where it cannot be traced
+        return lambda state: depth_at(state.q[0], state.q[1]) - state.q[2]
     if not isinstance(bottom, (int, float)) and not hasattr(bottom, "dtype"):
         raise ArgumentError(f"Argument `bottom` must be a depth in m, or a function (north, east), but is {bottom!r}.")
     depth = number(bottom, "bottom", at_least=0.0)

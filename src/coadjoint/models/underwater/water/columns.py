@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+
+UNITS = {"time": "s", "depth": "m", "north": "m/s", "east": "m/s", "down": "m/s", "density": "kg/m³"}
+DOWN = "z points down, so that depths below the surface are positive"
 
 
 class Columns(NamedTuple):
@@ -44,6 +48,9 @@ def read(path: Any, required: Sequence[str], optional: Sequence[str] = ()) -> Co
         raise ArgumentError(f"File {name} must have a line of column names and at least one line of numbers.")
     (first, header), *body = rows
     wanted = f"the columns are {', '.join(required)}" + (f" and, optionally, {', '.join(optional)}" if optional else "")
+    _require_commas(name, first, header)
+    for column in header:
+        _require_bare(name, first, column, (*required, *optional), wanted)
     for column in required:
         if column not in header:
             raise ArgumentError(f"File {name}, line {first}: column `{column}` is missing; {wanted}.")
@@ -60,6 +67,24 @@ def read(path: Any, required: Sequence[str], optional: Sequence[str] = ()) -> Co
         for place, column in enumerate(header)
     }
     return Columns(name, [line for line, _ in body], values)
+
+
+def _require_commas(name: str, line: int, header: list[str]) -> None:
+    for mark, what in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise ArgumentError(
+                f"File {name}, line {line}: columns must be separated by commas, with a point in numbers, but these "
+                f"are separated by {what}."
+            )
+
+
+def _require_bare(name: str, line: int, column: str, known: Sequence[str], wanted: str) -> None:
+    """Raise for a column such as `time (min)` or `Depth [m]`: units are fixed, and names are bare."""
+    bare = re.split(r"[^a-z]", column.lower(), maxsplit=1)[0]
+    if column not in known and bare in known:
+        raise ArgumentError(
+            f"File {name}, line {line}: column `{column}` must be called `{bare}` and be in {UNITS[bare]}; {wanted}."
+        )
 
 
 def _number(name: str, line: int, column: str, cell: str) -> float:

@@ -15,6 +15,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import vector
+from coadjoint.models.underwater.water.functions import returned
 from coadjoint.models.underwater.water.water import Water
 from coadjoint.spaces.numbers import float64
 
@@ -24,14 +25,6 @@ TIDES = {
     "K1": 23.93447213 * HOUR, "O1": 25.81933871 * HOUR, "P1": 24.06588766 * HOUR, "M4": 6.210300601 * HOUR,
 }  # fmt: skip
 """Periods of tidal constituents, s (NOAA, harmonic constituents)."""
-
-
-def _checked(value: Any, what: str) -> Array:
-    """A velocity (3,) that a user's function has returned."""
-    velocity = jnp.asarray(value, dtype=float)
-    if velocity.shape != (3,):
-        raise ArgumentError(f"{what} must return a velocity of shape (3,), but returned shape {velocity.shape}.")
-    return velocity
 
 
 def _arguments(function: Callable[..., Any]) -> int:
@@ -70,7 +63,7 @@ class TimeCurrent(Water):
         return {}
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
-        return _checked(self.function(t), "The current as a function of time")
+        return returned(self.function, (t,), (3,), "The current as a function of time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +95,7 @@ class CurrentField(Water):
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
         arguments = (position,) if self.steady else (position, t)
-        return _checked(self.function(*arguments), "The current as a function of place")
+        return returned(self.function, arguments, (3,), "The current as a function of place")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import traced
 from coadjoint.models.quantities import number, positive
-from coadjoint.models.underwater.water.columns import read
+from coadjoint.models.underwater.water.columns import DOWN, read
 from coadjoint.spaces.numbers import float64
 
 DEEPEST = 11000.0
@@ -103,7 +103,9 @@ class DensityTable(Density):
                 f"{np.shape(depths)} and {np.shape(densities)}."
             )
         if not traced(depths, densities):
-            if np.any(np.diff(depths) <= 0) or depths[0] < 0:
+            if np.any(depths < 0):
+                raise ArgumentError(f"Argument `depths` must be 0 m or more, but has {np.min(depths):g} m: {DOWN}.")
+            if np.any(np.diff(depths) <= 0):
                 raise ArgumentError("Argument `depths` must grow from 0 m on: sort it, and give each once.")
             if np.any(densities <= 0):
                 raise ArgumentError(f"Argument `densities` must be positive, but has {np.min(densities):g} kg/m³.")
@@ -119,7 +121,7 @@ class DensityTable(Density):
             if density[row] <= 0:
                 raise table.refuse(row, "density", f"{density[row]:g} kg/m³ is not positive.")
             if depth[row] < 0:
-                raise table.refuse(row, "depth", f"{depth[row]:g} m is above the surface.")
+                raise table.refuse(row, "depth", f"{depth[row]:g} m is above the surface: {DOWN}.")
             if row and depth[row] == depth[row - 1]:
                 raise table.refuse(row, "depth", f"{depth[row]:g} is there twice, in line {table.lines[row - 1]}, too.")
             if row and depth[row] < depth[row - 1]:

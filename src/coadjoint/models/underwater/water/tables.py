@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import traced
 from coadjoint.mechanics.signals import Linear
-from coadjoint.models.underwater.water.columns import Columns, read
+from coadjoint.models.underwater.water.columns import DOWN, Columns, read
 from coadjoint.models.underwater.water.water import Water
 from coadjoint.spaces.numbers import float64
 
@@ -23,9 +23,10 @@ AXES = ("time", "depth")
 class CurrentTable(Water):
     """A current linear between the rows of a table over time, over depth, or over both.
 
-    velocities: (k, 3) m/s over k `times` (s) or k `depths` (m), or (k, m, 3) over k times and m depths; north, east,
-    down. Outside of the table the current is held at its ends. A table costs a selection for each of its rows wherever
-    the current is asked for. Raises ArgumentError for times or depths that do not grow, and for wrong shapes.
+    velocities: (k, 3) m/s over k `times` (s) or k `depths` (m, from 0 on), or (k, m, 3) over k times and m depths;
+    north, east, down. Outside of the table the current is held at its ends. A table costs a selection for each of its
+    rows wherever the current is asked for. Raises ArgumentError for times or depths that do not grow, negative depths
+    and wrong shapes.
     """
 
     velocities: Any
@@ -41,6 +42,8 @@ class CurrentTable(Water):
             values = float64(values, f"Argument `{name}`")
             if np.ndim(values) != 1 or np.size(values) == 0:
                 raise ArgumentError(f"Argument `{name}` must have shape (k,), but has shape {np.shape(values)}.")
+            if name == "depths" and not traced(values) and np.any(values < 0):
+                raise ArgumentError(f"Argument `depths` must be 0 m or more, but has {np.min(values):g} m: {DOWN}.")
             if not traced(values) and np.any(np.diff(values) <= 0):
                 raise ArgumentError(f"Argument `{name}` must grow, but does not: sort it, and give each once.")
             object.__setattr__(self, name, values)
@@ -73,6 +76,9 @@ class CurrentTable(Water):
         axes = [name for name in AXES if name in table.values]
         if not axes:
             raise ArgumentError(f"File {table.path}: column `time` or `depth` is missing: a table needs one, or both.")
+        if "depth" in axes and np.any(above := table.values["depth"] < 0):
+            row = int(np.flatnonzero(above)[0])
+            raise table.refuse(row, "depth", f"{table.values['depth'][row]:g} m is above the surface: {DOWN}.")
         _require_order(table, axes)
         down = table.values.get("down", np.zeros(len(table.lines)))
         rows = np.stack([table.values["north"], table.values["east"], down], axis=-1)
