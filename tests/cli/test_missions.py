@@ -109,6 +109,22 @@ def by_hand():
     return co.simulate(craft.system, start, dt=0.05, duration=10, inputs=inputs)
 
 
+def test_a_mission_with_a_byte_order_mark_is_the_same_mission(tmp_path):
+    for encoding in ("utf-8", "utf-8-sig"):
+        (tmp_path / f"{encoding}.toml").write_text(MISSION, encoding=encoding)
+    plain, marked = (read(tmp_path / f"{encoding}.toml") for encoding in ("utf-8", "utf-8-sig"))
+    assert marked.text == plain.text and marked.run == plain.run
+
+
+@pytest.mark.parametrize("digits", [401, 5000])
+@pytest.mark.parametrize("key", ["duration = 10", "speed_knots = 3"])
+def test_numbers_of_hundreds_of_digits_are_refused(key, digits, tmp_path):
+    path = tmp_path / "long.toml"
+    path.write_text(MISSION.replace(key, f"{key.split(' = ')[0]} = {digits * '9'}"))
+    with pytest.raises(FileError, match="holds a number that is too long to be read"):
+        read(path)
+
+
 def test_a_start_in_east_north_up_is_the_same_start():
     alone = {"pilot": {"kind": "none"}, "mission": None}
     given = {"position_m": [1, 2, 3], "speed": 1.0, "heading_deg": 30, "pitch_deg": 10}

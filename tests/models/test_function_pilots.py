@@ -124,6 +124,15 @@ def test_inputs_of_a_wrong_shape_are_told_by_name():
         )
 
 
+def test_a_step_longer_than_the_period_of_the_pilot_is_warned_of_on_the_card():
+    craft = Craft(PLAIN, pilot=FunctionPilot(function=traceable, period=0.1))
+    given = {"start": craft.start(speed=1.5), "steps": 1, "inputs": {"heading": 0.1}}
+    slow, fast = (co.simulate(craft.system, dt=dt, **given) for dt in (0.2, 0.1))
+    said = "The pilot `traceable` looks every 0.1 s, but a step takes 0.2 s: it acts once a step."
+    assert any(sentence.startswith(said) for sentence in slow.warnings) and "acts once a step" in str(slow)
+    assert fast.warnings == []
+
+
 def test_a_pilot_that_divides_by_zero_is_named():
     def sinking(sight, p):
         return {"rudder": sight.depth / sight.sink}

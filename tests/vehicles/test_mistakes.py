@@ -6,12 +6,14 @@ from __future__ import annotations
 import re
 import warnings
 
+import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.underwater import load_vehicle, read_vehicle
 from coadjoint.models.underwater.vehicles.file import vehicle_from_text
 from coadjoint.models.underwater.vehicles.shelf import vehicle_text
+from coadjoint.models.underwater.vehicles.units import unit_of
 
 REMUS, NPS, REXROV, LRAUV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov", "lrauv_raanan"))
 MASS = 'mass = { value = 31.029384975800244, unit = "kg", source = "PVS"'
@@ -21,6 +23,7 @@ FULL = """value = [[0.8389, 0, 0, 0, 0, 0], [0, 29.4376, 0, 0, 0, {}], [0, 0, 29
     [0, 0, 0, 0.0336, 0, 0], [0, 0, 0, 0, 3.4262, 0], [0, {}, 0, 0, 0, 3.4262]]"""
 CENTER = 'center_of_mass = { value = [0, 0, 20], unit = "mm"'
 LINEAR = "linear = { value = [1.5934142487900123"
+NPS_LIMIT = 'limit = { value = 25, unit = "1/s"'
 RUDDER = 'name = "rudder"\nposition = { value = [-0.8, 0, 0]'
 PLANES = 'name = "stern_planes"\nposition = { value = [-0.8, 0, 0]'
 
@@ -29,6 +32,15 @@ REFUSED = {
     "a section that is none": (REMUS, "[body]", "[bodies]", r"no key `bodies`: did you mean `body`\?"),
     "a missing section": (REMUS, "[added_mass]\nmatrix", "[pilots]\nmatrix", r"no key `pilots`: did you mean `pilot`\?"),
     "a misspelt key": (REMUS, "center_of_mass", "centre_of_mass", r"\[body\] needs center_of_mass = \{ value"),
+    "a misspelt key of a part": (
+        REMUS, "axial_drag = {", "axialdrag = {",
+        r"hull needs axial_drag = \{.*\}, but has `axialdrag`: did you mean `axial_drag`\?$"),
+    "a number of 401 digits": (REMUS, "value = 1026", f"value = {10**400}", r"fluid_density = 1000+….* larger than anything"),
+    "a number of 5000 digits": (REMUS, "value = 1026", "value = " + 5000 * "9", r"a number that is too long to be read"),
+    "a unit of commands that is none": (
+        NPS, 'command_unit = "1/s"', 'command_unit = "bananas"', r'command_unit has the unit "bananas", in which'),
+    "a limit in another unit than its command": (
+        NPS, NPS_LIMIT, NPS_LIMIT.replace("1/s", "m"), r'limit measures 1/s, but its unit is "m"'),
     "an unknown key": (REMUS, "neutral = true", "neutral = true\nbouyancy = 3", r"no key `bouyancy`: did you mean `buoy"),
     "a bare number": (REMUS, MASS, "mass = 31 #", r"\[body\] mass must say its unit.*write mass = \{ value = 31, unit ="),
     "no unit": (REMUS, 'value = 1.6, unit = "m"', "value = 1.6", r'length has no unit: add unit = "m"'),
@@ -84,8 +96,6 @@ REFUSED = {
     "a prime unit without a length": (
         NPS, 'length = { value = 5.3, unit = "m", source = "MSS" }\n\n[added', "\n[added", r'unit "prime", for which \[body\]'),
     "a curve that is none": (NPS, "quadratic", "cubic", r"curve has no key `cubic`"),
-    "a limit in another unit": (
-        NPS, 'limit = { value = 25, unit = "1/s"', 'limit = { value = 25, unit = "rpm"', r'unit = "SI" or "1/s"'),
     "directions that are missing": (REXROV, "directions = ", "direction = ", r"needs directions = "),
     "a panel file that is missing": (
         REMUS, "matrix = { " + MATRIX + ', unit = "SI"', 'wamit = "hull.1"\naxes = "z_up"\nulen = { value = 1, unit = "m"',
@@ -147,6 +157,27 @@ TOLD = {
         r"no source is given for propeller\.lag"),
     "a source that nobody names": (REMUS, "[sources]", '[sources]\nME = "a book that nobody reads"', r"has ME, which no number"),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "one"), [("1/s", 1 / 60), ("rad/s", np.pi / 30), ("rpm", 1.0)])
+def test_a_limit_may_be_in_another_unit_of_its_command(command: str, one: float) -> None:
+    text = changed(NPS, 'command_unit = "1/s"', f'command_unit = "{command}"')
+    made = vehicle_from_text(changed(text, NPS_LIMIT, NPS_LIMIT.replace("1/s", "rpm")))
+    np.testing.assert_allclose(getattr(made.part("propellers"), "limit"), 25 * one * np.array([-1, 1]))  # noqa: B009
+
+
+def test_a_file_of_notepad_begins_with_a_byte_order_mark_and_is_read(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(REMUS, encoding="utf-8-sig")
+    assert read_vehicle(path).mass == load_vehicle("remus_100").mass
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("mL", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("°", np.pi / 180), ("°/s", np.pi / 180), ("µs", 1e-6)],
+)
+def test_units_of_small_things_are_known(text: str, size: float) -> None:
+    assert unit_of(text, "a number")[0] == pytest.approx(size, rel=1e-15)
 
 
 def changed(text: str, old: str, new: str) -> str:

@@ -60,8 +60,11 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> RunFile | MissionFile
     text = _text(source)
     try:
         table = tomllib.loads(text)
+        _require_short(table)
     except tomllib.TOMLDecodeError as error:
         raise FileError(f"The file {source} is not valid TOML: {_lower(str(error))}.") from error
+    except (ValueError, OverflowError) as error:  # of whole numbers of thousands, or hundreds, of digits
+        raise FileError(f"The file {source} holds a number that is too long to be read.") from error
     _require_run(table, source)
     for change in changes:
         _apply(table, change)
@@ -107,9 +110,18 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
     return RunFile(path=path, text=text, **made, **free)
 
 
+def _require_short(value: Any) -> None:
+    """Raise OverflowError for a whole number that is no float."""
+    if isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _require_short(inner)
+    elif isinstance(value, int):
+        float(value)
+
+
 def _text(source: Path) -> str:
     try:
-        return source.read_text(encoding="utf-8")
+        return source.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise FileError(f"There is no run file {source}.") from error
     except UnicodeDecodeError as error:

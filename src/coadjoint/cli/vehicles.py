@@ -37,7 +37,7 @@ def text_of(name: str) -> str:
 
     if is_path(name):
         loaded(name)
-        return Path(name).read_text(encoding="utf-8")
+        return Path(name).read_text(encoding="utf-8-sig")
     return vehicle_text(name)
 
 

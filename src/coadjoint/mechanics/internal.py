@@ -87,10 +87,13 @@ def _shown(parts: list[tuple[str, tuple[int, ...]]]) -> str:
     return ", ".join(shapes) or "no dictionary"
 
 
-def require_internal(system: System, start: State, h: Any) -> None:
-    """Raise unless the rule of the system advances the internal state of the start to finite float64 numbers."""
+def require_internal(system: System, start: State, h: Any) -> list[str]:
+    """Raise unless the rule of the system advances the internal state of the start to finite float64 numbers.
+
+    Returns warnings: what the rule has as `doubts(h, p)`.
+    """
     if system.internal is None:
-        return
+        return []
     if start.internal is None or start.internal_time is None:
         raise ArgumentError(
             "This system has a rule for its internal state: give its start, as in "
@@ -101,7 +104,7 @@ def require_internal(system: System, start: State, h: Any) -> None:
         return applied(system, state, h)
 
     if traced(system.parameters, start, h):
-        return
+        return []
     what = getattr(system.internal, "what", "The rule `internal`")
     require_float64(rule, what, (start,))
     bad = [
@@ -114,6 +117,8 @@ def require_internal(system: System, start: State, h: Any) -> None:
             f"{what} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
             "for a division by zero."
         )
+    doubts = getattr(system.internal, "doubts", None)
+    return [] if doubts is None else doubts(h, system.parameters)
 
 
 def failure(system: System, t: float, h: float) -> str | None:

@@ -78,6 +78,19 @@ class Rule:
         """Why the step of length h from t has failed, if its pilot knows."""
         return self.pilot.failure(t, h) if isinstance(self.pilot, FunctionPilot) else None
 
+    def doubts(self, h: Any, p: Any) -> list[str]:
+        """A sentence where a step is longer than the period of the pilot."""
+        if self.pilot is None:
+            return []
+        given = p.pilot_period.values if isinstance(p.pilot_period, Each) else p.pilot_period
+        period, step = float(np.min(given)), float(np.abs(h))
+        if step <= period * (1 + 1e-9):
+            return []
+        return [
+            f"{called(self.pilot)} looks every {period:g} s, but a step takes {step:g} s: it acts once a step. Take dt "
+            f"of {period:g} s or less."
+        ]
+
     def report(self, motion: Motion, p: Any) -> dict[str, Any]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
 

@@ -44,6 +44,8 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
     except tomllib.TOMLDecodeError as error:
         shown = str(error)
         raise FileError(f"The file {name} is not valid TOML: {shown[:1].lower()}{shown[1:]}.") from error
+    except ValueError as error:  # of Python, for whole numbers of thousands of digits
+        raise FileError(f"The file {name} holds a number that is too long to be read.") from error
     except RecursionError as error:
         raise FileError(f"The file {name} is nested too deeply to be a vehicle.") from error
     book = Notebook(name)
@@ -193,7 +195,7 @@ def _tell_sources(book: Notebook) -> None:
 
 def _text(source: Path) -> str:
     try:
-        return source.read_text(encoding="utf-8")
+        return source.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise FileError(f"There is no vehicle file {source}.") from error
     except UnicodeDecodeError as error:

@@ -24,6 +24,8 @@ from coadjoint.models.underwater.vehicles.kinds import (
 from coadjoint.models.underwater.vehicles.table import Section, axes_of
 from coadjoint.models.underwater.vehicles.vehicle import Quantity
 
+ELECTRIC = ("V", "A")
+"""Units of commands that no number in a file has."""
 CURVES = ("linear", "quadratic", "polynomial", "table")
 
 
@@ -115,6 +117,7 @@ def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
     from coadjoint.models.underwater.parts.thrusters import Thrusters
 
     unit = section.text("command_unit", "1")
+    size, commands = _command_unit(section, unit)
     values: dict[str, Any] = {"curve": _curve(section), "unit": unit}
     for key, field in (
         ("positions", Field(u.LENGTH, border.body_vector)),
@@ -130,12 +133,24 @@ def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
         values["torque"], _ = section.quantity("torque", u.LENGTH)
     for key in ("limit", "dead_band"):
         if key in section:
-            values[key], _ = section.quantity(key, None, special=(unit,))
+            value, told = section.quantity(key, commands, special=(unit, "SI"))
+            values[key] = value if told in (unit, "SI") else (np.asarray(value) / size).tolist()
     for key, dimension in (("lag", u.TIME), ("density", u.DENSITY)):
         if key in section:
             values[key] = section.number(key, dimension)
     section.done()
     return Thrusters(name=name, **values)
+
+
+def _command_unit(section: Section, unit: str) -> tuple[float, u.Dimension]:
+    """A command's unit in SI, and what it measures: volts and amperes are units of their own."""
+    if unit in ELECTRIC:
+        return 1.0, u.Dimension((0, 0, 0, 0), unit)
+    try:
+        size, powers = u.unit_of(unit, f"{section.title} command_unit")
+    except ArgumentError as error:
+        raise section.book.fail(str(error)) from error
+    return size, u.Dimension(powers, unit, turns=powers == u.REVOLUTIONS.powers)
 
 
 def _columns(value: Any, axes: border.Axes) -> Any:

@@ -58,7 +58,7 @@ class Section:
         self.asked.add(name)
         if name not in self.given:
             if default is None:
-                raise self.fail(f'needs `{name} = "…"`.')
+                raise self.fail(f'needs `{name} = "…"`{self._instead(name)}')
             return default
         value = self.given[name]
         if not isinstance(value, str):
@@ -93,7 +93,7 @@ class Section:
         self.asked.add(name)
         if name not in self.given:
             si = dimension.si if dimension else "SI"
-            raise self.fail(f'needs {name} = {{ value = …, unit = "{si}", source = "…" }}.')
+            raise self.fail(f'needs {name} = {{ value = …, unit = "{si}", source = "…" }}{self._instead(name)}')
         what = f"{self.title} {name}"
         given = self._quantity_table(name, dimension)
         value = given["value"]
@@ -156,6 +156,11 @@ class Section:
                 hint = f"did you mean `{near[0]}`?" if near else f"it knows {', '.join(known)}."
                 raise self.fail(f"has no key `{name}`: {hint}")
 
+    def _instead(self, name: str) -> str:
+        """The end of a sentence on a key that is missing: the key that may have been meant as it."""
+        found = get_close_matches(name, [key for key in self.given if key not in self.asked], n=1, cutoff=0.8)
+        return f", but has `{found[0]}`: did you mean `{name}`?" if found else "."
+
     def _quantity_table(self, name: str, dimension: Dimension | None) -> dict[str, Any]:
         given = self.given[name]
         what = f"{self.title} {name}"
@@ -183,6 +188,8 @@ class Section:
             return found
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.book.fail(f"{what} must be a number, but is {_shown(value)}.")
+        if isinstance(value, int) and abs(value) > LARGEST:
+            raise self.book.fail(f"{what} = {_shown(value)} is larger than anything at sea.")
         if not math.isfinite(value):
             raise self.book.fail(f"{what} must be finite, but is {value}.")
         if abs(value) > LARGEST:

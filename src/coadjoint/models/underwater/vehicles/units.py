@@ -18,14 +18,19 @@ _BASE: dict[str, tuple[float, tuple[int, int, int, int]]] = {
     "lb": (0.45359237, (1, 0, 0, 0)),
     "m": (1.0, (0, 1, 0, 0)),
     "mm": (1e-3, (0, 1, 0, 0)),
+    "µm": (1e-6, (0, 1, 0, 0)),
     "cm": (1e-2, (0, 1, 0, 0)),
     "km": (1e3, (0, 1, 0, 0)),
     "in": (0.0254, (0, 1, 0, 0)),
     "ft": (0.3048, (0, 1, 0, 0)),
     "L": (1e-3, (0, 3, 0, 0)),
     "l": (1e-3, (0, 3, 0, 0)),
+    "mL": (1e-6, (0, 3, 0, 0)),
+    "ml": (1e-6, (0, 3, 0, 0)),
     "s": (1.0, (0, 0, 1, 0)),
     "ms": (1e-3, (0, 0, 1, 0)),
+    "µs": (1e-6, (0, 0, 1, 0)),
+    "us": (1e-6, (0, 0, 1, 0)),
     "min": (60.0, (0, 0, 1, 0)),
     "h": (3600.0, (0, 0, 1, 0)),
     "Hz": (1.0, (0, 0, -1, 0)),
@@ -37,13 +42,14 @@ _BASE: dict[str, tuple[float, tuple[int, int, int, int]]] = {
     "knots": (1852.0 / 3600.0, (0, 1, -1, 0)),
     "rad": (1.0, (0, 0, 0, 1)),
     "deg": (pi / 180, (0, 0, 0, 1)),
+    "°": (pi / 180, (0, 0, 0, 1)),
     "rev": (2 * pi, (0, 0, 0, 1)),
     "rpm": (2 * pi / 60, (0, 0, -1, 1)),
 }
 """Symbols with their SI value and their powers of mass, length, time and angle."""
 
-_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_FACTOR = re.compile(r"^([A-Za-z%]+|1)(?:\^?(-?\d))?$")
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ", "0123456789-µ")  # and the Greek letter as the sign of micro
+_FACTOR = re.compile(r"^([A-Za-zµ°%]+|1)(?:\^?(-?\d))?$")
 
 
 @dataclass(frozen=True)
