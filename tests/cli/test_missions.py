@@ -204,6 +204,7 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({"mission": {**LEVEL, "ends": "bottom", "bottom_m": 0.4}}, "a depth of 0.4 m, but \\[initial\\] is at 0.5 m"),
         ({"mission": {**LEVEL, "ends": "surface"}, "initial": {"position_m": [0, 0, -2]}}, "is 2 m above it"),
         ({"mission": {**LEVEL, "bottom_m": 30}}, 'belongs to ends = "bottom"'),
+        ({"axes": 3}, '"NED/FRD" or "ENU/FLU", but is 3'),
         ({"axes": "END/FRD"}, '"NED/FRD" or "ENU/FLU", but is'),
         ({"initial": {"axes": "END/FRD", "heading_deg": 3}}, '"NED/FRD" or "ENU/FLU", but is'),
         ({"mission": {**LEVEL, "axes": "ENU/FLU"}}, "above all sections"),
@@ -211,6 +212,7 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({"parameters": {"mass": -3}}, "`mass` must be positive"),
         ({"parameters": {"rudder_lift_slope": 0}}, "`lift_slope` of the fin `rudder` must be positive"),
         ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),
+        ({**FLEET, "perturb": {"mass": 0.1}, "mission": {**LEVEL, "ends": "surface"}}, "ends would end each"),
         ({**FLEET, "perturb": {"mass": "nan %"}}, "must be finite"),
         ({"parameters": {"rudder_limit_kg": 1}}, "unit of mass, but `rudder_limit` measures angle"),
         ({"pilot": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
@@ -337,6 +339,9 @@ def test_a_vehicle_that_leaves_the_water_is_warned_of(capsys):
     told = json.loads(capsys.readouterr().out)
     assert any("leaves the water" in sentence for sentence in told["warnings"])
     assert "leaves the water" in told["card"]
+    more = ["--set", "run.members=3", "--set", "perturb.mass=0.01", "--out", "three"]
+    assert main(["run", "up.toml", *given, *quick, *more, "--json"]) == 0
+    assert "3 members leave the water" in json.loads(capsys.readouterr().out)["card"]
     depth, length = co.load("up/trajectory.nc").dataset.q.values[:, 2], 1.33
     assert np.min(depth) < -length
 

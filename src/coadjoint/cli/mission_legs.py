@@ -173,6 +173,8 @@ def require_room_to_end(file: MissionFile, start: Any) -> None:
     """
     given = _plain(file)
     chosen = _ends(given)
+    if chosen and file.run.members > 1:
+        raise ArgumentError("[mission] ends would end each of the members at its own time: leave it out.")
     depth = np.atleast_2d(np.asarray(getattr(start, "values", start), dtype=float))[:, 2]
     if "surface" in chosen and np.min(depth) < 0:
         raise ArgumentError(f'[mission] ends at the "surface", but [initial] is {-np.min(depth):g} m above it.')

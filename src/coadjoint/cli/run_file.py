@@ -191,7 +191,7 @@ def _apply(table: dict[str, Any], change: str) -> None:
     if equals and len(keys) == 1 and not value.strip():
         table.pop(keys[0], None)
         return
-    if not equals or len(keys) < 2 or not all(keys):
+    if not equals or (len(keys) < 2 and keys != ["axes"]) or not all(keys):
         raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
     try:
         parsed = tomllib.loads(f"value = {value}")["value"]
