@@ -155,3 +155,32 @@ def test_a_log_refuses_what_no_log_can_hold():
         Log(t, {"u": np.array([0, np.inf, 0])})
     with pytest.raises(ArgumentError, match="must have no gaps"):
         Log(t, {"u": t}, {"rudder": np.array([0, np.nan, 0])})
+
+
+def test_a_column_that_is_missing_among_several_commands_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    whole = ["command_thrusters[1]_N", "command_thrusters[2]_N", "command_thrusters[3]_N"]
+    for missing in (0, 1):
+        path.write_text(",".join(["time_s", *(name for name in whole if name != whole[missing])]) + "\n0,1,2\n1,1,2\n")
+        with pytest.raises(FileError, match=rf"`command_thrusters\[{missing + 1}\]` is missing"):
+            read_log(path)
+    path.write_text(",".join(["time_s", *whole[:2], "thrusters[3]_N"]) + "\n0,1,2,3\n1,1,2,3\n")
+    with pytest.raises(FileError, match=r"`command_thrusters\[3\]` is missing"):
+        read_log(path)
+
+
+def test_columns_are_ignored_by_name_and_those_that_are_not_there_are_told(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,u_m_s,battery_V\n0,1,12\n1,1,12\n")
+    assert not read_log(path, ignore=["battery"]).inputs
+    assert not read_log(path, ignore=["battery_V"]).inputs
+    with pytest.raises(FileError, match="no column `batt` to ignore"):
+        read_log(path, ignore=["batt"])
+
+
+@pytest.mark.parametrize("header", ["u", "u_furlong"])
+def test_a_speed_without_a_unit_is_told_one_of_speeds(tmp_path, header):
+    path = tmp_path / "log.csv"
+    path.write_text(f"time_s,{header}\n0,1\n1,1\n")
+    with pytest.raises(FileError, match="as in `u_m_s`"):
+        read_log(path)

@@ -108,10 +108,33 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
         (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull_axial_drag`"),
         (["remus_100", "log.csv", "--parameters", "hull", "--noise", "u"], "--noise must be NAME=VALUE"),
         (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "shorter than the log"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--out", "none/fit.png"], "The folder none does not exist"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--still", "rudder"], "the log holds its commands"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--ignore", "wind"], "no column `wind` to ignore"),
     ],
 )  # fmt: skip
 def test_the_command_refuses_in_a_sentence(remus, tmp_path, capsys, monkeypatch, arguments, sentence):
     monkeypatch.chdir(tmp_path)
     write_log(synthetic_log(remus[2], noise=page.NOISE).between(0.0, 20.0), "log.csv")
     assert main(["identify", *arguments]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        ("command_propeller_rad_s", "of `propeller` are in rad/s, but `propeller` takes 1/s"),
+        ("command_propeller_deg", "of `propeller` are in rad, but"),
+        ("set_propeller", "no commands of propeller: add `command_propeller_per_s`"),
+    ],
+)
+def test_commands_in_another_unit_and_missing_ones_are_refused(remus, tmp_path, capsys, header, sentence):
+    path = tmp_path / "log.csv"
+    write_log(synthetic_log(remus[2], noise=page.NOISE).between(0.0, 20.0), path)
+    text = path.read_text()
+    left_out = text.replace(",command_propeller_", ",c_").replace(",propeller_", ",set_actual_propeller_")
+    path.write_text(
+        left_out.replace(next(n for n in left_out.splitlines()[1].split(",") if n.startswith("c_")), header)
+    )
+    assert main(["identify", "remus_100", str(path), "--parameters", "hull_axial_drag"]) == 2
     assert sentence in capsys.readouterr().err

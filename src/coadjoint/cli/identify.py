@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from coadjoint.cli import terminal
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, FileError
 
 if TYPE_CHECKING:
     from coadjoint.identification import Identification
@@ -40,7 +40,9 @@ class Identify:
     settle: float | None = None
     """For how long the log is not fitted, s; by default 2 unless it tells where actuators start."""
     ignore: tuple[str, ...] = ()
-    """Columns to leave out."""
+    """Columns to leave out, by name with or without the unit."""
+    still: tuple[str, ...] = ()
+    """Actuators that the log does not hold and that stay where they start."""
     positive: tuple[str, ...] = ()
     """Parameters that must stay positive."""
     out: Path | None = None
@@ -52,6 +54,8 @@ class Identify:
         from coadjoint.identification import identify, read_log
         from coadjoint.models.underwater import Craft, load_vehicle
 
+        if self.out is not None and not self.out.parent.is_dir():
+            raise FileError(f"The folder {self.out.parent} does not exist: make it first.")
         craft = Craft(load_vehicle(self.vehicle))
         log = read_log(self.log, axes=self.axes, ignore=self.ignore)
         begun = {part.name: log.first(part.name) for part in craft.vehicle.commanded}
@@ -67,6 +71,7 @@ class Identify:
             between=self.between,
             settle=self.settle if self.settle is not None else 0.0 if set(actuators) <= set(log.actual) else 2.0,
             positive=self.positive,
+            still=self.still,
         )
         if self.json:
             print(json_text.dumps(_summary(found), indent=2, ensure_ascii=False))

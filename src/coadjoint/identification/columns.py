@@ -53,9 +53,11 @@ def column(header: str, where: str) -> Column:
         unit = "1" if quantity is None or name in NAMES else unit
     if unit not in UNITS:
         tail = unit or name.removeprefix(f"{quantity}_")
-        near = difflib.get_close_matches(tail, UNITS, 1, 0.0)[0]
+        kind = NAMES.get(quantity or "")
+        likely = [unit for unit, (of, _) in UNITS.items() if kind in (None, of)]
+        near = difflib.get_close_matches(tail, likely, 1, 0.4 if kind else 0.0) or likely
         raise FileError(
-            f"{where} `{header}` has no known unit at its end: give one, as in `{quantity or name}_{near}`."
+            f"{where} `{header}` has no known unit at its end: give one, as in `{quantity or name}_{near[0]}`."
         )
     kind, factor = UNITS[unit]
     if NAMES.get(name, kind) != kind:

@@ -21,6 +21,7 @@ from coadjoint.models.underwater.axes import Axes, body_axes, rotation, space_ax
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
 _COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
+_BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
 
@@ -36,20 +37,22 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     Every other column is an input; name[1], name[2], … are one of several
     numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
     `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
-    Lines that begin with # and columns named in `ignore` are skipped. Attitude, velocity and rates are of body axes,
-    turned from `axes`, "NED/FRD" or "ENU/FLU".
+    Lines that begin with # and columns named in `ignore`, with their unit or without, are skipped. Attitude, velocity
+    and rates are of body axes, turned from `axes`, "NED/FRD" or "ENU/FLU".
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
     Raises FileError naming file, line and column.
     """
     space_axes(axes)
     file = str(path)
     header_line, headers, rows, step = _rows(path)
-    known = [
-        None if name.strip() in ignore else column(name, f"{file}, line {header_line}: column") for name in headers
-    ]
+    where = f"{file}, line {header_line}: column"
+    known = [None if name in ignore else column(name, where) for name in headers]
+    names = {made.name for made in known if made is not None}
+    if strange := [name for name in ignore if name not in headers and name not in names]:
+        raise FileError(f"{file} has no column `{strange[0]}` to ignore; it has {', '.join(headers)}.")
     found: dict[str, tuple[Column, np.ndarray]] = {}
     for place, made in enumerate(known):
-        if made is None:
+        if made is None or made.name in ignore:
             continue
         if made.name in found:
             raise FileError(f"{file}, line {header_line}: `{made.name}` is given twice, as `{made.header}` too.")
@@ -58,7 +61,7 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
     time = _time(file, rows, found.pop("time")[1])
     columns = _vehicle(file, found, axes)
-    driving, did = _driving(found)
+    driving, did = _driving(file, found)
     inputs, units, notes = _inputs(file, rows, driving)
     actual, *_ = _inputs(file, rows, did)
     notes += [
@@ -211,16 +214,35 @@ def _attitude(file: str, given: dict[str, np.ndarray], axes: Axes) -> dict[str, 
 _Found = dict[str, tuple[Column, np.ndarray]]
 
 
-def _driving(found: _Found) -> tuple[_Found, _Found]:
+def _require_whole(file: str, found: _Found, prefix: str) -> None:
+    """Raise FileError where one of several numbers, name[1], name[2], …, is missing among them."""
+    groups: dict[str, list[int]] = {}
+    for name in found:
+        if match := _BRACKETS.match(name):
+            groups.setdefault(match[1], []).append(int(match[2]))
+    for name, there in groups.items():
+        gaps = sorted(set(range(min(1, *there), max(there))) - set(there))
+        if gaps:
+            raise FileError(f"{file}: the column `{prefix}{name}[{gaps[0]}]` is missing among those of {name}.")
+
+
+def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
     """Inputs, which are the commands where there are any and else what was given, and what actuators did.
 
     What an actuator did in another unit than that of its command, newtons for microseconds, is left out.
     """
     rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
     commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}
+    _require_whole(file, commands, "command_")
     plain = {name: pair for name, pair in rest.items() if not name.startswith("command_")}
+    wholes = {match[1] for name in commands if (match := _BRACKETS.match(name))}
+    uncommanded = {name: pair for name, pair in plain.items() if name not in commands}
+    for name in uncommanded:
+        if (match := _BRACKETS.match(name)) and match[1] in wholes:
+            raise FileError(f"{file}: the column `command_{name}` is missing beside the other commands of {match[1]}.")
+    _require_whole(file, uncommanded, "")
     did = {name: pair for name, pair in plain.items() if name in commands and pair[0].unit == commands[name][0].unit}
-    return commands | {name: pair for name, pair in plain.items() if name not in commands}, did
+    return commands | uncommanded, did
 
 
 def _inputs(

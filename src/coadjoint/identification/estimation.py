@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY, Channels, is_vehicle
+from coadjoint.identification.commands import require_commands
 from coadjoint.identification.findings import Identification, judged
 from coadjoint.identification.fitting import fitted
 from coadjoint.identification.log import Log
@@ -37,6 +38,7 @@ def identify(
     between: Between = "held",
     settle: float = 0.0,
     positive: Sequence[str] = (),
+    still: Sequence[str] = (),
     level: float = 0.95,
     method: Method | None = None,
 ) -> Identification:
@@ -55,6 +57,7 @@ def identify(
     between: whether inputs are held between samples or run linearly. settle: for how long, s, the log is not
     fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
     sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
+    still: actuators without commands in the log, which stay where `start` has them; others must have commands.
     level: of the intervals.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
@@ -65,6 +68,7 @@ def identify(
     if between not in get_args(Between):
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     method = Midpoint() if method is None else method
+    require_commands(system, start, log, still)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
@@ -98,9 +102,8 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, value in sorted(given.items(), key=lambda pair: pair[0] not in _GROUPS):
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1, 0.0)[0]
             raise ArgumentError(
-                f"Argument `noise` names `{name}`, which the log does not hold; the nearest is `{near}`."
+                f"Argument `noise` names `{name}`, which the log does not hold: it knows {', '.join(known)}."
             )
         if not (np.isfinite(value) and value > 0):
             raise ArgumentError(f"The noise of `{name}` must be a positive number, but is {value!r}.")
