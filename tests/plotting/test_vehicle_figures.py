@@ -88,7 +88,8 @@ def test_an_ensemble_tells_how_many_are_drawn_and_whose_command_it_is():
     for members, name, of in ((20, "Midpoint(Cayley), 20 members", "the first"), (2, "member 0", "member 0")):
         many = xarray.concat([dataset()] * members, "member").assign_coords(member=np.arange(members))
         many = many.assign_attrs(method="Midpoint(Cayley)")
-        for figure in (Plots(many).actuators(), Plots(many).mission()):
+        drawn = [getattr(Plots(many), of)() for of in ("actuators", "mission", "track", "attitude", "budget")]
+        for figure in drawn:
             (legend,) = figure.legends
             assert legend.get_texts()[0].get_text() == name
         line(Plots(many).actuators().axes[0], f"command of {of}")

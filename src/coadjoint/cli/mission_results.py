@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 LOG, MEMBERS = "trajectory.csv", "members.csv"
 DRAWN = (*OF_VEHICLES, "attitude", "budget")
-"""The figures of a mission unless [output] names others; of many members only the first."""
-MOST_DRAWN = 200
+"""The figures of a mission unless [output] names others."""
+MOST_DRAWN = 100
 """The most members in a figure."""
 MOST_ANIMATED = 8
 """The most members in an animation."""
@@ -35,8 +35,7 @@ def figures(file: MissionFile, folder: Path, dataset: Any) -> list[str]:
     if file.run.members > MOST_DRAWN:
         dataset = dataset.isel(member=np.linspace(0, file.run.members - 1, MOST_DRAWN).astype(int))
     chosen = file.output.figures
-    wanted = DRAWN[:1] if file.run.members > 1 else DRAWN
-    names = [name for name in wanted if name in available(dataset)] if chosen is True else chosen
+    names = [name for name in DRAWN if name in available(dataset)] if chosen is True else chosen
     return save_figures([dataset], folder, names, file.output.format)
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from coadjoint.plotting.entries import Entry, require
+from coadjoint.plotting.entries import Entry, fewest, require
 from coadjoint.plotting.navigation import WANTED
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
@@ -36,7 +36,7 @@ def attitude(runs: Sequence[Entry], unwrap: bool) -> Figure:
         axes.yaxis.set_major_locator(MultipleLocator(90) if 200 < high - low < 500 else MaxNLocator(5))
     time_axis(column, [run.time for run in runs])
     said = {text: line for axes in column for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-    legend(figure, list(said.values()), list(said))
+    legend(figure, list(said.values()), list(said), fewest(runs))
     return figure
 
 

@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 
 from coadjoint.plotting.components import WIDTH
 from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.style import COLOURS, canvas, legend, time_axis
+from coadjoint.plotting.motions import tell_apart
+from coadjoint.plotting.style import COLOURS, canvas, time_axis
 
 _HEIGHT = 3.6
 _STORED = "stored"
@@ -43,8 +44,7 @@ def budget(runs: Sequence[Entry]) -> Figure:
     handles = [Line2D([], [], color=_colour(name, lines), label=text) for name, text in shown.items()]
     above.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     time_axis([above, below], [run.time for run in runs])
-    named = [run for run in runs if not run.label.startswith("_")]
-    legend(figure, [Line2D([], [], color=_DARK, **run.line) for run in named], [run.label for run in named])
+    tell_apart(figure, runs)
     return figure
 
 

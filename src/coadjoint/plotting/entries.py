@@ -125,6 +125,11 @@ def _words(key: str, value: Any) -> str:
     return f"h = {float(value):g} s" if key == "dt" else str(value).replace("()", "")
 
 
+def fewest(runs: Sequence[Entry]) -> int:
+    """How many curves a legend needs: one where a curve stands for many members, else two to tell apart."""
+    return 1 if any(run.crowd > 1 for run in runs) else 2
+
+
 def require(entry: Entry, names: Sequence[str], sentence: str) -> str:
     """The first of `names` that the dataset has; ArgumentError with `sentence` where it has none."""
     for name in names:

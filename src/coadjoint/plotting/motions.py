@@ -13,7 +13,7 @@ from matplotlib.textpath import TextPath
 
 from coadjoint.errors import ArgumentError
 from coadjoint.models.underwater.log.log import Log
-from coadjoint.plotting.entries import Entry
+from coadjoint.plotting.entries import Entry, fewest
 from coadjoint.plotting.navigation import draw_wanted
 from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, legend, time_axis
 
@@ -134,4 +134,4 @@ def tell_apart(figure: Figure, runs: Sequence[Entry]) -> None:
     """Which line style is which run where there are several, and how many members are drawn alike."""
     named = [run for run in runs if not run.label.startswith("_")]
     handles = [Line2D([], [], **{"color": "#444444", **run.line, "alpha": 1.0}) for run in named]
-    legend(figure, handles, [run.label for run in named], least=1 if any(run.crowd > 1 for run in runs) else 2)
+    legend(figure, handles, [run.label for run in named], fewest(runs))

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coadjoint.models.underwater.log.log import Log
-from coadjoint.plotting.entries import Entry
+from coadjoint.plotting.entries import Entry, fewest
 from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
 
 WANTED: dict[str, Any] = {"color": "#555555", "linestyle": (0, (4, 2)), "linewidth": 0.8, "zorder": 1.5}
@@ -23,7 +23,7 @@ def track(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figure
     axes = figure.subplots()
     draw_track(axes, runs, way_points)
     named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    legend(figure, named, [str(line.get_label()) for line in named])
+    legend(figure, named, [str(line.get_label()) for line in named], fewest(runs))
     return figure
 
 
@@ -33,7 +33,7 @@ def depth(runs: Sequence[Entry]) -> Figure:
     axes = figure.subplots()
     draw_depth(axes, runs)
     time_axis([axes], [run.time for run in runs])
-    legend(figure, *axes.get_legend_handles_labels())
+    legend(figure, *axes.get_legend_handles_labels(), fewest(runs))
     return figure
 
 
