@@ -5,16 +5,18 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.cli import mission_results
 from coadjoint.cli.main import main
 from coadjoint.cli.mission_craft import set_up
 from coadjoint.cli.mission_example import example
-from coadjoint.cli.mission_file import from_table
+from coadjoint.cli.mission_file import MissionOutputSection, from_table
 from coadjoint.cli.mission_water import CURRENTS, water
 from coadjoint.cli.run_file import read
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
@@ -364,7 +366,7 @@ def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys
     assert told["mission"]["tracking"]["path"]["error_rms"] < 2.5
 
 
-def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys):
+def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys, monkeypatch):
     more = '[perturb]\nseed = 3\nmass = 0.5\nhull_axial_drag = "10 %"\n'
     Path("fleet.toml").write_text(MISSION.replace("duration = 10", "duration = 5\nmembers = 40") + more)
     assert main(["run", "fleet.toml", "--set", "output.figures=false", "--json"]) == 0
@@ -384,6 +386,11 @@ def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys)
     lengths = [float(row["path_length"]) for row in rows]
     assert told["mission"]["path_length"]["50%"] == pytest.approx(np.median(lengths))
     assert np.allclose(set_up(read("fleet.toml")).system.parameters.mass.values, mass)
+    monkeypatch.setattr(mission_results, "save_figures", lambda datasets, folder, names, ending: names)
+    file = replace(read("fleet.toml"), output=MissionOutputSection())
+    drawn = mission_results.figures(file, Path("fleet"), data)
+    assert drawn == mission_results.figures(file, Path("fleet"), data.isel(member=0))
+    assert {"mission", "track", "actuators", "budget"} <= set(drawn)
 
 
 def test_too_many_members_for_a_file_are_refused_with_a_remedy():
