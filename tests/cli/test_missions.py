@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,16 @@ import pytest
 import coadjoint as co
 from coadjoint.cli import mission_results
 from coadjoint.cli.main import main
-from coadjoint.cli.mission_craft import set_up
+from coadjoint.cli.mission_craft import START, set_up
 from coadjoint.cli.mission_example import example
-from coadjoint.cli.mission_file import MissionOutputSection, from_table
-from coadjoint.cli.mission_water import CURRENTS, water
+from coadjoint.cli.mission_file import FREE, SECTIONS, MissionOutputSection, from_table
+from coadjoint.cli.mission_legs import ENDS, OTHERS
+from coadjoint.cli.mission_water import CURRENTS, DENSITIES, PROFILES, water
 from coadjoint.cli.run_file import read
+from coadjoint.cli.sections import MethodSection
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.models.underwater.vehicles.kinds import PILOTS
+from coadjoint.plotting.plots import ANIMATION, FIGURES
 from coadjoint.report.mission import mission_summary
 
 MISSION = """
@@ -430,3 +435,17 @@ def test_a_mission_is_resumed_from_its_folder_alone(tmp_path, monkeypatch):
     assert float(data.inputs_heading[-1]) == pytest.approx(np.radians(40))
     with pytest.raises(FileError, match=r"legs\.csv"):
         _ = read("dive.toml").companions
+
+
+def test_every_key_of_a_mission_stands_on_its_page():
+    page = (Path(__file__).parents[2] / "docs" / "missions.md").read_text(encoding="utf-8")
+    tables = page[page.index("## Every section") : page.index("## Logs as CSV")]
+    said = {
+        word.removesuffix("_radius_m").removesuffix("_m").removesuffix("_s") for word in re.findall(r"`(\w+)`", tables)
+    }
+    said |= set(re.findall(r'`"?([\w ]+)"?`', tables)) | set(
+        re.findall(r"`([a-z_]+?)(?:_m_s|_deg_s|_deg|_m|_s)`", tables)
+    )
+    keys = [*SECTIONS, *FREE, *OTHERS, *ENDS, *START, *CURRENTS, *DENSITIES, *PROFILES, *PILOTS, *FIGURES, ANIMATION]
+    keys += [field.name for kind in SECTIONS.values() if kind is not MethodSection for field in fields(kind)]
+    assert not [key for key in keys if key not in said and f"`[{key}]`" not in tables]
