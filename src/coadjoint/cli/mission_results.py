@@ -111,8 +111,6 @@ def _shown(file: MissionFile, done: int) -> list[str]:
     found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if file.output.csv else []
     if file.output.animation and done > MOST_ANIMATED:
         found.append(f"the animation shows {MOST_ANIMATED} of the members")
-    if file.output.figures is True:
-        found.append(f"figures = true draws `{DRAWN[0]}` alone, a list others")
     if file.output.figures is not False and file.run.members > MOST_DRAWN:
         found.append(f"figures show {MOST_DRAWN} of the members")
     return [f"Of an ensemble {'; '.join(found)}."] if found else []
