@@ -74,7 +74,7 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
 def _initial(vehicle: Any, speed: float) -> str:
     return f"""[initial]
 position_m = [0, 0, {0.5 if vehicle.pilot is not None else 20}]
-speed_m_s = {speed}  # through the water
+speed_m_s = {speed if vehicle.pilot is not None else 0.5}  # through the water
 heading_deg = 0"""
 
 
