@@ -13,10 +13,13 @@ from test_crafts import remus
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.mechanics.internal import require_internal
 from coadjoint.models.underwater import Craft, Cruise, FunctionPilot, Pilot
 from coadjoint.models.underwater.vehicles.actuators import seen
 from coadjoint.simulation import store as streaming
+from coadjoint.simulation.inputs import with_inputs
 from coadjoint.simulation.progress import Progress
+from coadjoint.spaces.named import Named
 
 DT, VEHICLE = 0.05, remus()
 
@@ -183,14 +186,14 @@ def test_a_pilot_in_numpy_that_fails_on_the_way_is_named_and_what_was_computed_i
 
     with pytest.raises(co.StepError, match=r"t = 0\.3 s\): The pilot `lost` failed: KeyError: 'lost'") as caught:
         fly(lost, duration=1.0)
-    assert caught.value.run.count == 6
+    assert caught.value.run is not None and caught.value.run.count == 6
 
 
 def test_a_pilot_in_numpy_that_returns_no_number_or_other_shapes_is_named():
     craft = Craft(PLAIN)
     start = craft.start(speed=1.5)
     motion = craft.system.motion(start.xi, start.n, start.nu, start.a, start.t, None, start.internal)
-    sight = seen(craft.water, PLAIN, motion, craft.parameters, None)
+    sight = seen(craft.water, PLAIN, motion, craft.parameters, Named())
 
     def law(sight, p):
         turns = {0: 0.1, 1: np.nan, 2: [0.1, 0.2]}
@@ -200,6 +203,57 @@ def test_a_pilot_in_numpy_that_returns_no_number_or_other_shapes_is_named():
     with jax.enable_x64(True):
         steer = jax.jit(lambda t: pilot.steer(sight._replace(t=t), {}, {}, PLAIN)[0]["rudder"])
         assert steer(0.0) == 0.1 and pilot.failure(0.0, DT) is None
-        assert np.isnan(steer(1.0)) and "`law` returned numbers that are not finite" in pilot.failure(1.0, DT)
-        assert np.isnan(steer(2.0)) and "`law` returned other names or shapes" in pilot.failure(2.0, DT)
+        assert np.isnan(steer(1.0)) and "`law` returned numbers that are not finite" in str(pilot.failure(1.0, DT))
+        assert np.isnan(steer(2.0)) and "`law` returned other names or shapes" in str(pilot.failure(2.0, DT))
         assert pilot.failure(3.0, DT) is None
+
+
+def prepare(pilot, **inputs):
+    """The checks of co.simulate before the first step; nothing is compiled."""
+    craft = Craft(PLAIN, pilot=pilot)
+    require_internal(*with_inputs(craft.system, craft.start(speed=1.5), inputs or None), DT)
+
+
+@pytest.mark.parametrize("law", [traceable, with_numpy])
+def test_an_input_that_a_pilot_never_reads_is_refused(law):
+    prepare(law, heading=0.5)
+    with pytest.raises(ArgumentError, match=r"never reads the input `dpeth` \(it reads heading\)"):
+        prepare(law, heading=0.5, dpeth=3.0)
+
+
+def test_an_input_that_a_pilot_reads_later_or_with_all_others_is_taken():
+    def later(sight, p):
+        return {"rudder": float(sight.inputs.heading) if float(sight.t) > 5 else 0.0}
+
+    prepare(later, heading=0.5)
+    prepare(lambda sight, p: {"rudder": sum(sight.inputs.asdict().values())}, heading=0.1, more=0.2)
+
+
+@pytest.mark.parametrize(
+    ("remembered", "what"), [({"total": 0.0, "x": 1.0}, "returned `x`"), ({}, "not return `total`")]
+)
+def test_a_memory_of_other_names_than_it_began_with_is_refused(remembered, what):
+    def law(sight, memory, p):
+        return {"rudder": 0.1}, remembered
+
+    with pytest.raises(ArgumentError, match=f"The pilot `law` .*{what} in its memory"):
+        prepare(FunctionPilot(function=law, remembers={"total": 0.0}))
+
+
+class Helm(Pilot):
+    def steer(self, sight, memory, own, vehicle):
+        return {"rudder": 0.1}, {}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("inputs", ("heading",), "`inputs` of the pilot `Wrong` must be a dictionary of units by name"),
+        ("memory", {"total": 0.0}, "`memory` of the pilot `Wrong` must be a method"),
+        ("steer", lambda *given: {"rudder": 0.1}, r"`Wrong` must return \(commands, memory\), but returned dict"),
+    ],
+)
+def test_a_class_of_pilots_that_is_none_is_told_in_one_sentence(name, value, sentence):
+    prepare(Helm())
+    with pytest.raises(ArgumentError, match=sentence):
+        prepare(type("Wrong", (Helm,), {name: value})())

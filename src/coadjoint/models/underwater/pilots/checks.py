@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from coadjoint.errors import ArgumentError
@@ -26,6 +27,20 @@ def require_positive(pilot: Any, names: tuple[str, ...]) -> None:
         raise ArgumentError(
             f"Argument `{_of(pilot, 'delay')}` must be at most the period, {pilot.period:g} s, but is "
             f"{pilot.delay:g} s."
+        )
+
+
+def require_declared(pilot: Any) -> None:
+    """Raise ArgumentError unless a pilot says its set points and its memory by name."""
+    name, inputs, memory = type(pilot).__name__, pilot.inputs, pilot.memory
+    if not isinstance(inputs, Mapping) or not all(isinstance(text, str) for pair in inputs.items() for text in pair):
+        raise ArgumentError(
+            f"`inputs` of the pilot `{name}` must be a dictionary of units by name, such as {{'heading': 'rad'}}, but "
+            f"is {inputs!r}."
+        )
+    if not callable(memory) or not isinstance(memory(), Mapping):
+        raise ArgumentError(
+            f"`memory` of the pilot `{name}` must be a method that returns a dictionary, such as {{'total': 0.0}}."
         )
 
 

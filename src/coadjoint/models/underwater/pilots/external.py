@@ -18,6 +18,7 @@ from coadjoint.kernels.evaluate import traced
 from coadjoint.models.underwater.pilots.checks import require_positive
 from coadjoint.models.underwater.pilots.mistakes import called
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
+from coadjoint.models.underwater.pilots.reading import Read, require_read
 from coadjoint.spaces.named import Named
 
 _NOT_TRACEABLE = (
@@ -52,12 +53,15 @@ class FunctionPilot(Pilot):
         return dict(self.remembers or {})
 
     def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        if isinstance(sight.inputs, Named):
+            sight = sight._replace(inputs=Read(**sight.inputs.asdict()))
         arguments = (sight, own) if self.remembers is None else (sight, memory, own)
         try:
-            found = self.function(*arguments)
+            found, read = self.function(*arguments), sight.inputs
         except _NOT_TRACEABLE:
             _tell(self.function)
-            found = _from_outside(self.function, arguments, called(self))
+            found, read = _from_outside(self.function, arguments, called(self))
+        require_read(self.function, read, [part.name for part in vehicle.commanded], called(self))
         if self.remembers is None:
             return found, {}
         if not isinstance(found, tuple) or len(found) != 2:
@@ -106,10 +110,13 @@ def _tell(function: Callable[..., Any]) -> None:
         )
 
 
-def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> Any:
-    """What a function gives that takes numbers only, with the shapes that it has at rest."""
+def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> tuple[Any, Any]:
+    """What a function gives that takes numbers only, with the shapes that it has at rest, and the inputs it read."""
+    resting = _at_rest(arguments)
+    if isinstance(resting[0].inputs, Named):
+        resting = (resting[0]._replace(inputs=Read(**resting[0].inputs.asdict())), *resting[1:])
     try:
-        example = _numbers(function(*_at_rest(arguments)))
+        example = _numbers(function(*resting))
     except Exception as error:
         raise ArgumentError(
             f"The pilot's function failed for a craft at rest and level: {type(error).__name__}: {error}"
@@ -141,7 +148,7 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
         )
 
     all_of = jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(arguments)])
-    return structure.unflatten(_split(outside(all_of), expected))
+    return structure.unflatten(_split(outside(all_of), expected)), resting[0].inputs
 
 
 def _row(function: Callable[..., Any], numbers: Any, name: str, expected: tuple[Any, list[Any], int]) -> np.ndarray:

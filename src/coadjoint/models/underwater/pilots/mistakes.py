@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -20,13 +21,29 @@ MANY = 12
 def steer(pilot: Pilot, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """What the pilot says and remembers; raises ArgumentError for whatever fails inside it."""
     try:
-        return pilot.steer(sight, memory, own, vehicle)
+        found = pilot.steer(sight, memory, own, vehicle)
     except (CoadjointError, Untraceable):
         raise
     except Exception as error:
         if "dtype promotion" in str(error):  # float32, which is told elsewhere
             raise
         raise ArgumentError(f"{called(pilot)} {_what(error, sight)}") from error
+    return _require_memory(pilot, found)
+
+
+def _require_memory(pilot: Pilot, found: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Raise ArgumentError unless a pilot returned commands, and a memory with the names that it began with."""
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise ArgumentError(f"{called(pilot)} must return (commands, memory), but returned {type(found).__name__}.")
+    commands, memory = found
+    begun = set(pilot.memory())
+    if not isinstance(memory, (Mapping, Named)):
+        raise ArgumentError(f"{called(pilot)} must return its memory as a dictionary, but returned {memory!r}.")
+    if set(memory) != begun:
+        wanted, name = ", ".join(sorted(begun)) or "nothing", sorted(set(memory) ^ begun)[0]
+        what = "returned" if name in memory else "did not return"
+        raise ArgumentError(f"{called(pilot)} {what} `{name}` in its memory, but begins with {wanted}: match the two.")
+    return commands, dict(memory) if isinstance(memory, Mapping) else memory.asdict()
 
 
 def called(pilot: Any) -> str:

@@ -15,6 +15,7 @@ from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal import sampled, sampling
 from coadjoint.mechanics.state import Motion
 from coadjoint.models.underwater.parts.part import Part
+from coadjoint.models.underwater.pilots.checks import require_declared
 from coadjoint.models.underwater.pilots.external import FunctionPilot
 from coadjoint.models.underwater.pilots.mistakes import called, steer
 from coadjoint.models.underwater.pilots.pilot import Pilot, Sight
@@ -43,6 +44,10 @@ class Rule:
         """What it is, at the beginning of a sentence."""
         others = f"an actuator or the water of `{self.vehicle.name}`"
         return f"A{others[1:]}" if self.pilot is None else f"{called(self.pilot)}, {others}"
+
+    def __post_init__(self) -> None:
+        if self.pilot is not None:
+            require_declared(self.pilot)
 
     def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
         """The internal state at the start, with these actuators."""
