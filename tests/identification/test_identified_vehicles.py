@@ -138,3 +138,13 @@ def test_commands_in_another_unit_and_missing_ones_are_refused(remus, tmp_path, 
     )
     assert main(["identify", "remus_100", str(path), "--parameters", "hull_axial_drag"]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_a_column_that_the_simulation_misses_is_told(remus):
+    system, start, run, _, _ = remus
+    log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
+    names = ["hull_axial_drag"]
+    assert not any("misses" in doubt for doubt in identify(system, log, start=start, parameters=names).doubts)
+    wrong = replace(log, columns={**log.columns, "roll": np.degrees(log.columns["roll"])})
+    doubts = identify(system, wrong, start=start, parameters=names).doubts
+    assert any(doubt.startswith("The simulation misses roll (") and "axes and units" in doubt for doubt in doubts)

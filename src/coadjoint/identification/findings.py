@@ -12,6 +12,7 @@ from coadjoint.identification.fitting import Fit, Fitted
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
 from coadjoint.identification.shooting import Prediction
+from coadjoint.identification.smoothing import noise as rough_noise
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
@@ -22,6 +23,12 @@ COARSE = 0.3
 
 ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
 """|correlation| of two parameters, interval over estimate, and lag-one correlation of residuals, that are told."""
+
+STRONGEST = 3
+"""How many names a sentence on parameters that cannot be separated holds."""
+
+WILD, SWALLOWED = 20.0, 0.7
+"""Residuals over the noise between neighbouring samples, and over the signal's own spread, from which they are told."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +132,7 @@ def judged(found: Fitted, level: float) -> Identification:
     correlation, hidden = spread.correlation, spread.hidden
     doubts = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
     doubts += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
+    doubts += _missed(fit.log, names, rms, found.estimated)
     doubts += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
     return Identification(
         system=shooting.unknowns.replaced(found.solution.place.shared),
@@ -191,23 +199,48 @@ def _lag_one(off: np.ndarray, there: np.ndarray) -> float:
 
 
 def _hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lost: np.ndarray) -> list[str]:
-    names = list(estimates)
-    told = [
-        f"The log cannot separate {' and '.join(names[i] for i in np.flatnonzero(np.abs(row) > 1e-2))}: "
-        "keep one of them at its known value."
-        for row in V[lost]
-        if np.sum(np.abs(row) > 1e-2) > 1
-    ]
-    alone = [names[i] for i in np.flatnonzero(hidden) if not any(names[i] in sentence for sentence in told)]
-    return told + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
+    names, shared = list(estimates), np.zeros(len(estimates), bool)
+    told: dict[str, None] = {}
+    for row in np.abs(V[lost]):
+        if np.sum(row > 1e-2) > 1:
+            shared |= row > 1e-2
+            strongest = sorted(sorted(np.flatnonzero(row > 1e-2), key=lambda i: -row[i])[:STRONGEST])
+            others = int(np.sum(row > 1e-2)) - len(strongest)
+            listed = " and ".join(names[i] for i in strongest) + (f", with {others} others" if others else "")
+            told[f"The log cannot separate {listed}: keep one of them at its known value."] = None
+    alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
+    return list(told) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
 
 
 def _vague(estimates: dict[str, Estimate]) -> list[str]:
-    vague = [
-        e for e in estimates.values() if np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value)
-    ]
+    """Wide intervals: beside the value, or of one that may be zero, to which nothing is relative."""
+    told = []
+    for e in estimates.values():
+        if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
+            told.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
+        elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
+            half = (e.high - e.low) / 2 / abs(e.value)
+            told.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
+    return told
+
+
+def _missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndarray) -> list[str]:
+    """Where residuals are no noise: far above what neighbouring samples have of it, or as large as the signal."""
+    found = []
+    for name, off, own in zip(names, rms, estimated, strict=True):
+        if not own:
+            continue
+        turning, values = log.units.get(name) == "rad", log.columns[name][np.isfinite(log.columns[name])]
+        typical = rough_noise(log, name)
+        signal = float(np.std(np.unwrap(values) if turning else values))
+        far = off > WILD * typical or (off > SWALLOWED * signal and off > 3 * typical) or (turning and off > 1.0)
+        if far:
+            found.append(f"{name} ({np.degrees(off):.3g}°)" if turning else f"{name} ({off:.3g})")
+    if not found:
+        return []
     return [
-        f"The log hardly excites {e.name}: its interval is ±{(e.high - e.low) / 2 / abs(e.value):.0%}." for e in vague
+        f"The simulation misses {', '.join(found)} by far more than the noise between neighbouring samples: check axes "
+        "and units of the log, and that every command is there; do not rely on the intervals."
     ]
 
 

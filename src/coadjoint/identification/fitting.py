@@ -189,8 +189,8 @@ def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int, final: bool) 
         solution = least_squares(fit, place, fit.accepted)
         if solution is None:
             raise ArgumentError(
-                "The simulation fails already with the parameters that the system has: start from better ones, or take "
-                "shorter segments or a smaller `dt`."
+                "The simulation fails already with the parameters that the system has: check axes and units of the "
+                "log, start from better ones, or take shorter segments or a smaller `dt`."
             )
         place, trips = solution.place, trips + solution.trips
         if not (solution.converged or final):
@@ -220,7 +220,7 @@ def _lost(shooting: Shooting, solution: Solution, trips: int) -> str:
     if far := _far(shooting, solution):
         return (
             f"Least squares ran away with {', '.join(far)}: the log hardly excites that, or the search began too far "
-            "away; leave it at a known value, or start from better ones."
+            "away, or the log is in other axes or units; leave it at a known value, or start from better ones."
         )
     return (
         f"Least squares did not converge in {trips} iterations: check axes and units of the log, start from better "
