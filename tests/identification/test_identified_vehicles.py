@@ -14,6 +14,7 @@ from scipy import stats
 
 import coadjoint as co
 from coadjoint.cli.main import main
+from coadjoint.errors import ArgumentError
 from coadjoint.identification import identify, synthetic_log, write_log
 from coadjoint.identification.channels import VEHICLE, Channels
 from coadjoint.identification.setting import setting
@@ -148,3 +149,9 @@ def test_a_column_that_the_simulation_misses_is_told(remus):
     wrong = replace(log, columns={**log.columns, "roll": np.degrees(log.columns["roll"])})
     doubts = identify(system, wrong, start=start, parameters=names).doubts
     assert any(doubt.startswith("The simulation misses roll (") and "axes and units" in doubt for doubt in doubts)
+
+
+def test_the_tables_of_all_thrusters_are_too_many_numbers_to_seek():
+    system = co.models.underwater.Craft(co.models.underwater.load_vehicle("bluerov2_heavy_von_benzon")).system
+    with pytest.raises(ArgumentError, match=r"stands for \d+ numbers \(.*thrusters_.* \d+.*\), but at most 40"):
+        unknowns(system, ["thrusters"], [])

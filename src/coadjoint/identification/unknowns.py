@@ -17,6 +17,9 @@ from coadjoint.mechanics.system import System
 
 _ENTRY = re.compile(r"^(?P<name>[\w.]+)(\[(?P<index>[\d,\s]+)\])?$")
 
+MOST = 40
+"""The most numbers that are sought at once: no log tells more, and each costs a simulation at every iteration."""
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -95,7 +98,8 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     The name of a part of a craft stands for all its parameters: `"hull"` for `hull_axial_drag`, … Of a whole array
     those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
     those named in `positive` and the diagonals of positive definite matrices.
-    Raises ArgumentError, with the nearest name there is, and where `positive` names what is not sought.
+    Raises ArgumentError, with the nearest name there is, where `positive` names what is not sought, and for more than
+    MOST numbers.
     """
     if system.parameters is None:
         raise ArgumentError("This system has no parameters to identify: give it co.Parameters(…).")
@@ -127,9 +131,21 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
             )
     if not chosen:
         raise ArgumentError(f"All entries of {', '.join(parameters)} are zero: name those to find, as in `name[0]`.")
+    _require_few([unknown.label for unknown in chosen.values()])
     _require_sought(positive, [unknown.label for unknown in chosen.values()])
     numbers = np.concatenate([array.reshape(-1) for _, array in known.values()])
     return Unknowns(system, tuple(chosen.values()), numbers, tuple(matrices.items()))
+
+
+def _require_few(labels: Sequence[str]) -> None:
+    """Raise ArgumentError for more numbers than any log tells, with how many there are of each name."""
+    if len(labels) > MOST:
+        names = [label.partition("[")[0] for label in labels]
+        counts = ", ".join(f"{name} {names.count(name)}" for name in dict.fromkeys(names))
+        raise ArgumentError(
+            f"Argument `parameters` stands for {len(names)} numbers ({counts}), but at most {MOST} are sought at once: "
+            f"name those that matter, or entries such as `{labels[-1]}`."
+        )
 
 
 def _require_sought(positive: Sequence[str], labels: Sequence[str]) -> None:
