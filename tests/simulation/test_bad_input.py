@@ -166,7 +166,9 @@ def test_forces_and_inputs_that_hold_float32_numbers_are_refused(torque):
     vehicle = system(forces=lambda motion, p: co.Force(torque=torque(motion)))
     said = sentence_of(lambda: co.simulate(vehicle, start(vehicle), dt=0.01, steps=3))
     assert said.startswith("The function `forces` holds float32 numbers")
-    said = sentence_of(lambda: simulate(inputs=lambda motion: {"torque": torque(motion)[2]}))
+    driven = system(forces=lambda motion, p: co.Force(torque=motion.inputs.torque * np.ones(3)))
+    inputs = {"torque": lambda motion: torque(motion)[2]}
+    said = sentence_of(lambda: co.simulate(driven, start(driven), dt=0.01, steps=3, inputs=inputs))
     assert said.startswith("The function `inputs` holds float32 numbers")
 
 
