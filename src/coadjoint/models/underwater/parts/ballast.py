@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import positive, vector
-from coadjoint.models.underwater.parts.moving_mass import between, followed, lag_of
+from coadjoint.models.underwater.parts.bounded_travel import between, followed, lag_of
 from coadjoint.models.underwater.parts.part import Command, Flow, Part
 
 
