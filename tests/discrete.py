@@ -24,16 +24,22 @@ def random_group_system(world: str, forced: bool = False) -> tuple[co.System, co
     system, start = random_system(world, forced)
     group, Q, V = system.places
 
-    def group_lagrangian(F, *rest, t):
+    def discrete(t, F, *rest):
         n, s = rest[:2] if Q.ambient(group) else (np.zeros(0), np.zeros(0))
         a = rest[-3] if V.ambient(group) else np.zeros(0)
         h = rest[-1]
         n, s, a = flat(n), flat(s), flat(a)
         return h * system.reduced_lagrangian(velocity(group, F, h), n, (s - n) / h, a, t)
 
+    def timed(F, *rest, t):
+        return discrete(t, F, *rest)
+
+    def timeless(F, *rest):
+        return discrete(0.0, F, *rest)
+
     made = co.System(
         group,
-        group_lagrangian=group_lagrangian,
+        group_lagrangian=timed if forced else timeless,
         additional=Q,
         advected=V,
         forces=system.forces,

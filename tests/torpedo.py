@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
-from coadjoint.models.underwater.general_form import lagrangian
+from coadjoint.models.general_form import lagrangian
 
 LINEAR, QUADRATIC = (3.0, 30.0, 30.0, 0.3, 4.0, 4.0), (5.0, 100.0, 100.0, 0.1, 10.0, 10.0)
 ADDED = (0.84, 29.0, 29.0, 0.03, 3.4, 3.4)
@@ -33,7 +33,7 @@ def fins(motion, p):
 
 
 def torpedo():
-    base = co.models.underwater.general_vehicle(
+    base = co.models.general_vehicle(
         mass=31.0, inertia=(0.2, 4.0, 4.0), added_mass=ADDED, center_of_mass=(0.0, 0.0, 0.02)
     )
     assert base.parameters is not None

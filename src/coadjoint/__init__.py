@@ -36,6 +36,8 @@ _HOMES = {
         "Sp",
         "Translation",
         "UnitQuaternion",
+        "complex_form",
+        "real_form",
     ),
     "coadjoint.kernels.float64": ("float64",),
     "coadjoint.mechanics.casimirs": ("casimirs",),
@@ -45,6 +47,7 @@ _HOMES = {
     "coadjoint.mechanics.damping": ("quadratic_drag", "rayleigh"),
     "coadjoint.mechanics.each": ("each",),
     "coadjoint.mechanics.internal": ("sampled", "sampling"),
+    "coadjoint.mechanics.internal_rule": ("InternalRule",),
     "coadjoint.mechanics.mechanical_connection": ("mechanical_connection",),
     "coadjoint.mechanics.noether": ("KelvinNoether",),
     "coadjoint.mechanics.parameters": ("Parameters",),
@@ -76,9 +79,13 @@ _HOMES = {
         "Variational",
         "Yoshida4",
     ),
+    "coadjoint.methods.hamiltonian_midpoint": ("HamiltonianMidpoint",),
+    "coadjoint.simulation.events": ("Event",),
     "coadjoint.simulation.recording": ("load",),
     "coadjoint.simulation.resume": ("resume",),
     "coadjoint.simulation.simulate": ("simulate",),
+    "coadjoint.simulation.steppers.file": ("load_stepper",),
+    "coadjoint.simulation.steppers.stepper": ("Stepper",),
     "coadjoint.simulation.trajectory": ("trajectory",),
     "coadjoint.spaces": (
         "Adjoint",
@@ -96,6 +103,8 @@ _HOMES = {
     "coadjoint.theory.discrete_mechanical_connection": ("discrete_mechanical_connection",),
     "coadjoint.theory.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
 }
+EXTENSIONS = ["coadjoint.vehicles.extension"]
+"""Modules that add to the rooms below them, see `coadjoint.extensions`."""
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = {
     "attitude": "coadjoint.groups.attitude",
@@ -103,6 +112,7 @@ _MODULES = {
     "models": "coadjoint.models",
     "stability": "coadjoint.stability",
     "theory": "coadjoint.theory",
+    "vehicles": "coadjoint.vehicles",
 }
 
 __version__ = "0.1.0"
@@ -113,6 +123,7 @@ if TYPE_CHECKING:
     from coadjoint import models as models
     from coadjoint import stability as stability
     from coadjoint import theory as theory
+    from coadjoint import vehicles as vehicles
     from coadjoint.difference_maps import *  # noqa: F403
     from coadjoint.errors import *  # noqa: F403
     from coadjoint.groups import *  # noqa: F403
@@ -128,6 +139,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.each import each as each
     from coadjoint.mechanics.internal import sampled as sampled
     from coadjoint.mechanics.internal import sampling as sampling
+    from coadjoint.mechanics.internal_rule import InternalRule as InternalRule
     from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
     from coadjoint.mechanics.parameters import Parameters as Parameters
@@ -140,9 +152,13 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.state import State as State
     from coadjoint.mechanics.system import System as System
     from coadjoint.methods import *  # noqa: F403
+    from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint as HamiltonianMidpoint
+    from coadjoint.simulation.events import Event as Event
     from coadjoint.simulation.recording import load as load
     from coadjoint.simulation.resume import resume as resume
     from coadjoint.simulation.simulate import simulate as simulate
+    from coadjoint.simulation.steppers.file import load_stepper as load_stepper
+    from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import *  # noqa: F403
     from coadjoint.theory.discrete_mechanical_connection import (

@@ -4,6 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
+LONGEST = 80
+"""Characters of a value that a sentence shows."""
+
+
+def shown(value: Any) -> str:
+    """A value in one short line, as a sentence shows what was given; its kind where it has no such words."""
+    try:
+        words = " ".join(repr(value).split())
+    except Exception:
+        return f"an object of {type(value).__name__}"
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}…"
+
+
+def told(error: BaseException) -> str:
+    """An error of another library in one short line: its kind and the first line of what it says."""
+    try:
+        first = next(iter(str(error).strip().splitlines()), "").rstrip(".")
+    except Exception:
+        first = ""
+    return f"{type(error).__name__}: {first[: 2 * LONGEST]}" if first else type(error).__name__
+
 
 class CoadjointError(Exception):
     """Base of every error that the library raises on purpose."""
@@ -18,7 +39,7 @@ class LagrangianError(CoadjointError, ValueError):
 
 
 class GroupError(CoadjointError, ValueError):
-    """A group, a space and a difference map do not fit together."""
+    """A group, a space and a difference map do not fit together, or one of them contradicts itself."""
 
 
 class FileError(CoadjointError, OSError):

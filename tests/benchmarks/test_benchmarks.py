@@ -93,7 +93,7 @@ def test_results_stay_out_of_the_repository():
 
 @pytest.mark.long
 def test_the_quick_form_of_the_command_runs(tmp_path: Path):
-    sections = ["one", "many_1", "gradients", "instructions", "precision"]
+    sections = ["one", "many_1", "gradients", "stepping", "instructions", "precision"]
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks", "--quick", "--out", str(tmp_path), "--only", *sections],
         cwd=ROOT, capture_output=True, text=True, check=False,

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import signal
 import subprocess
 import sys
 import time
 
+import jax
+import llvmlite
 import numpy as np
 import pytest
-from files import TOP, TOP_OF_CATALOGUE, write
 
 import coadjoint
+from coadjoint.cli import commands
 from coadjoint.cli.main import main
-from coadjoint.plotting.plots import FIGURES, OF_VEHICLES
+from coadjoint.plotting.plots import OWN
 from coadjoint.simulation.recording import load
+from files import TOP, TOP_OF_CATALOGUE, write
 
 MAIN = [sys.executable, "-c", "import sys; from coadjoint.cli.main import main; sys.exit(main(sys.argv[1:]))"]
 
@@ -40,7 +44,7 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert "Kelvin–Noether" in out
     assert err == ""
     folder = tmp_path / "top"
-    drawn = {f"{name}.png" for name in FIGURES if name not in ("trajectory", "budget", *OF_VEHICLES)}
+    drawn = {f"{name}.png" for name in OWN if name not in ("trajectory", "budget")}
     assert {path.name for path in folder.iterdir()} == {"run.toml", "top.py", "trajectory.nc", "summary.json", *drawn}
     assert (folder / "run.toml").read_text() == TOP
     summary = json.loads((folder / "summary.json").read_text())
@@ -160,7 +164,7 @@ def test_an_error_nobody_expected_is_one_sentence_too(tmp_path, capsys, monkeypa
     def broken(*_, **__):
         raise KeyError("nobody\nknows")
 
-    monkeypatch.setattr("coadjoint.cli.running.simulate", broken)
+    monkeypatch.setattr("coadjoint.runs.running.simulate", broken)
     assert main(["run", str(write(tmp_path, TOP))]) == 1
     assert "KeyError" in told(capsys)[1]
     assert not (tmp_path / "top").exists()
@@ -214,6 +218,27 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
     assert done.stderr == ""
 
 
-def test_the_version_is_that_of_the_package(capsys):
+PACKAGES = f"JAX {jax.__version__}, llvmlite {llvmlite.__version__}, NumPy {np.__version__}"
+WITH = f"Python {platform.python_version()}, {PACKAGES}"
+
+
+def test_the_version_names_the_package_and_what_it_runs_with(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"coadjoint {coadjoint.__version__}\n"
+    assert capsys.readouterr().out == f"coadjoint {coadjoint.__version__} with {WITH}\n"
+
+
+def test_an_error_that_nobody_foresaw_names_the_versions_and_asks_for_a_report(capsys, monkeypatch):
+    def fail(self):
+        raise KeyError("num_consts")
+
+    monkeypatch.delenv("COADJOINT_TRACEBACK", raising=False)
+    monkeypatch.setattr(commands.Models, "__call__", fail)
+    assert main(["models"]) == commands.FAILED
+    told = capsys.readouterr().err
+    assert "KeyError: 'num_consts'" in told
+    assert WITH in told
+    assert all(word in told for word in ("Please report", "the command", "the file", "COADJOINT_TRACEBACK=1"))
+    assert "Traceback" not in told
+    monkeypatch.setenv("COADJOINT_TRACEBACK", "1")
+    with pytest.raises(KeyError):
+        main(["models"])

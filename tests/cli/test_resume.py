@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 import pytest
-from files import TOP, write
 
 import coadjoint as co
 from coadjoint.cli.main import main
+from files import TOP, write
 
 MAIN = [sys.executable, "-c", "import sys; from coadjoint.cli.main import main; sys.exit(main(sys.argv[1:]))"]
 GRID = ["--set", "run.steps=3000001", "--set", "run.save_every=1000"]

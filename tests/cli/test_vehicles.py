@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from coadjoint import vehicles
 from coadjoint.cli.main import main
-from coadjoint.models.underwater import load_vehicle, vehicle_names
-from coadjoint.models.underwater.vehicles.shelf import vehicle_text
-from coadjoint.models.underwater.vehicles.summary import summary
+from coadjoint.vehicles.files.shelf import vehicle_text
+from coadjoint.vehicles.files.summary import summary
 
 
 def told(capsys, *arguments: str, status: int = 0) -> str:
@@ -23,12 +23,12 @@ def told(capsys, *arguments: str, status: int = 0) -> str:
 
 def test_all_vehicles_are_listed_with_mass_length_parts_pilot_and_source(capsys) -> None:
     lines = told(capsys).splitlines()
-    assert lines[0].split("  ")[0] == "vehicle" and len(lines) == 1 + len(vehicle_names())
+    assert lines[0].split("  ")[0] == "vehicle" and len(lines) == 1 + len(vehicles.names())
     row = next(line for line in lines if line.startswith("remus_100 "))
     for word in ("31.029", "1.6", "fin", "propeller", "cruise", "cybergalactic/PythonVehicleSimulator"):
         assert word in row
     rows = json.loads(told(capsys, "--json"))
-    assert [row["name"] for row in rows] == vehicle_names()
+    assert [row["name"] for row in rows] == vehicles.names()
 
 
 def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys) -> None:
@@ -37,7 +37,7 @@ def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys
         assert words in out
     assert "Doubtful: [added_mass] matrix is not symmetric: row 3, column 6 is 10.774" in out
     assert "manoeuvre; set points: depth (m), heading (rad), speed (m/s)" in out
-    vehicle = load_vehicle("rexrov")
+    vehicle = vehicles.load("rexrov")
     for key, number in vehicle.provenance.items():
         line = next(line for line in out.splitlines() if line.startswith(f"{key} "))
         assert number.source in line and number.note in line
@@ -56,9 +56,9 @@ def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_spe
     assert "no terminal speed: its drag does not hold" in out and "Doubtful: X_u|u| of" in out
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", vehicles.names())
 def test_every_shipped_vehicle_can_be_shown(capsys, name: str) -> None:
-    assert load_vehicle(name).name in told(capsys, "show", name)
+    assert vehicles.load(name).name in told(capsys, "show", name)
     assert json.loads(told(capsys, "show", name, "--json"))["summary"]["mass"] > 0
 
 
@@ -93,7 +93,7 @@ def test_terminal_speeds_are_where_thrust_is_drag() -> None:
         thrust = 0.9 * rho * D**4 * n * (0.4566 * n + slope * 0.944 * u / D)
         return thrust - 0.5 * rho * 0.42 * np.pi / 4 * 0.19**2 * u**2 - 1.5934142487900123 * np.exp(-3 * u) * u
 
-    assert summary(load_vehicle("remus_100")).terminal_speed == pytest.approx(brentq(push, 0.1, 5), rel=1e-9)
+    assert summary(vehicles.load("remus_100")).terminal_speed == pytest.approx(brentq(push, 0.1, 5), rel=1e-9)
     held = 0.012 * 2 * np.pi * 25  # where 0.012 n/u is 1
-    assert summary(load_vehicle("nps_auv_ii")).terminal_speed == pytest.approx(held, rel=1e-9)
-    assert summary(load_vehicle("ellipsoid")).terminal_speed is None
+    assert summary(vehicles.load("nps_auv_ii")).terminal_speed == pytest.approx(held, rel=1e-9)
+    assert summary(vehicles.load("ellipsoid")).terminal_speed is None

@@ -12,12 +12,12 @@ import matplotlib
 import matplotlib.pyplot
 import pytest
 
-from coadjoint.cli import run_file
 from coadjoint.cli.main import Command
+from coadjoint.runs import run_file
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 WITH_CODE = [page for page in PAGES if BLOCK.search(page.read_text(encoding="utf-8"))]
 LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#]*)#?([^)]*)\)")
@@ -66,7 +66,17 @@ def test_the_readme_has_its_example_and_both_commands() -> None:
 def test_the_index_leads_to_every_page() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
-    assert {target for target, _ in LINK.findall(index) if target.endswith(".md")} - {"../README.md"} == pages
+    linked = {target for target, _ in LINK.findall(index) if target.endswith(".md")}
+    assert {target for target in linked if not target.startswith("../")} == pages
+
+
+def test_every_file_that_contributing_names_exists() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = {name for name in re.findall(r"`([\w./]+/[\w.]*)`", text) if "NAME" not in name}
+    assert len(named) > 30
+    homes = (ROOT, ROOT / "src", ROOT / "src" / "coadjoint")
+    missing = [name for name in sorted(named) if not any((home / name).exists() for home in homes)]
+    assert not missing, f"CONTRIBUTING.md names {missing}."
 
 
 def test_every_room_is_in_the_index_and_imports_only_from_those_above_it() -> None:

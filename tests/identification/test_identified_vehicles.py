@@ -15,10 +15,11 @@ from scipy import stats
 import coadjoint as co
 from coadjoint.cli.main import main
 from coadjoint.errors import ArgumentError
-from coadjoint.identification import identify, synthetic_log, write_log
+from coadjoint.identification import identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
+from coadjoint.vehicles.logs import write_log
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures" / "identification.py"
 spec = importlib.util.spec_from_file_location("identification_page", PAGE)
@@ -126,7 +127,7 @@ def test_the_command_refuses_in_a_sentence(remus, tmp_path, capsys, monkeypatch,
     [
         ("command_propeller_rad_s", "of `propeller` are in rad/s, but `propeller` takes 1/s"),
         ("command_propeller_deg", "of `propeller` are in rad, but"),
-        ("set_propeller", "no commands of propeller: add `command_propeller_per_s`"),
+        ("set_propeller", "no commands of propeller: add `command_propeller`"),
     ],
 )
 def test_commands_in_another_unit_and_missing_ones_are_refused(remus, tmp_path, capsys, header, sentence):
@@ -152,6 +153,6 @@ def test_a_column_that_the_simulation_misses_is_told(remus):
 
 
 def test_the_tables_of_all_thrusters_are_too_many_numbers_to_seek():
-    system = co.models.underwater.Craft(co.models.underwater.load_vehicle("bluerov2_heavy_von_benzon")).system
+    system = co.vehicles.Craft(co.vehicles.load("bluerov2_heavy_von_benzon")).system
     with pytest.raises(ArgumentError, match=r"stands for \d+ numbers \(.*thrusters_.* \d+.*\), but at most 40"):
         unknowns(system, ["thrusters"], [])

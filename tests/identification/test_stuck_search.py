@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 import coadjoint as co
+from coadjoint import vehicles
 from coadjoint.identification import identify, synthetic_log
-from coadjoint.models.underwater import Craft, load_vehicle
+from coadjoint.vehicles import Craft
 
 NOISE = {"north": 0.1, "east": 0.1, "depth": 0.02, "roll": 0.005, "pitch": 0.005, "heading": 0.01}
 NOISE |= {"u": 0.01, "v": 0.01, "w": 0.01, "p": 0.003, "q": 0.003, "r": 0.003}
@@ -23,7 +24,7 @@ def steps(t, size, seed):
 
 
 def test_a_search_that_is_stuck_begins_again_and_comes_to_the_truth():
-    vehicle = load_vehicle("bluerov2_heavy_von_benzon")
+    vehicle = vehicles.load("bluerov2_heavy_von_benzon")
     craft = Craft(vehicle)
     thrusters: Any = next(part for part in vehicle.parts if part.name == "thrusters")
     t = np.arange(0.0, 40.0, 0.1)

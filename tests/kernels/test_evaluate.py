@@ -42,6 +42,9 @@ LANGUAGE = {
     "einsum": lambda a, b: jnp.einsum("ij,jk,k->i", a, a, b),
     "interpolation": lambda a, b: jnp.interp(0.3, jnp.array([0.0, 1.0, 2.0]), b),
     "sorting": lambda a, b: (jnp.sort(b), jnp.argsort(a, axis=1)),
+    "polynomial": lambda a, b: jnp.polyval(b, a) + jax.grad(lambda x: jnp.polyval(b, x))(b[1]),
+    "logarithms": lambda a, b: jnp.log2(jnp.abs(b)) + jnp.log10(jnp.abs(b)) + jax.grad(jnp.log2)(jnp.abs(b[0])),
+    "derivative of tanh": lambda a, b: jax.vmap(jax.grad(jnp.tanh))(b),
     "elementary": lambda a, b: jax.nn.softplus(b) + jnp.hypot(b[0], b[1]) + jnp.cbrt(b) + jnp.arctan2(b, b[0]),
 }
 

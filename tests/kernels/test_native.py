@@ -12,8 +12,8 @@ import pytest
 from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 
 from coadjoint.kernels import ensemble, native, newton, xla
-from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.untraceable import Untraceable
 
 H = 0.01
 

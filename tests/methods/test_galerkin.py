@@ -11,13 +11,13 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
-from coadjoint.cli.methods import method as method_of
-from coadjoint.cli.sections import MethodSection
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import reference
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum
 from coadjoint.methods.quadrature import gauss
+from coadjoint.runs.methods import method as method_of
+from coadjoint.runs.sections import MethodSection
 from stepping import Stepper
 from systems import MAPS, WORLDS, generator, random_system
 from two_form import carry, tangents

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.models import heavy_top, rigid_body, underwater
+from coadjoint import models
+from coadjoint.models import heavy_top, paper_form, rigid_body
+from coadjoint.vehicles import hydrodynamics
 
-VEHICLE = {**underwater.TABLE_1}
+VEHICLE = {**models.TABLE_1}
 GENERAL = {"mass": 30.0, "inertia": (1.0, 2.0, 2.0), "added_mass": np.diag([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])}
 TOP = {"mass": 1.0, "center_of_mass": (0, 0, 1), "inertia": (2, 2, 1)}
 SKEWED = [[5.0, 0.1, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]]
@@ -20,11 +22,11 @@ INDEFINITE = [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 def vehicle(**changes):
-    return underwater.vehicle(**{**VEHICLE, **changes})
+    return paper_form.vehicle(**{**VEHICLE, **changes})
 
 
 def general(**changes):
-    return underwater.general_vehicle(**{**GENERAL, **changes})
+    return models.general_vehicle(**{**GENERAL, **changes})
 
 
 def top(**changes):
@@ -73,15 +75,15 @@ def tilted(A, entry=(0, 3), by=0.5):
             "added mass is positive here, the negative of",
         ),
         (lambda: general(inertia=SINGULAR), "Argument `inertia` must be positive definite, but is singular"),
-        (lambda: underwater.se3_vehicle(**{**GENERAL, "mass": -1.0}), "Argument `mass` must be positive"),
+        (lambda: models.se3_vehicle(**{**GENERAL, "mass": -1.0}), "Argument `mass` must be positive"),
         (lambda: top(inertia=INDEFINITE), "Argument `inertia` must be positive definite"),
         (
             lambda: top(inertia_about="centre"),
             'must be "pivot" or "center_of_mass", but is \'centre\'.',
         ),
         (lambda: rigid_body.make(inertia=SKEWED), "Argument `inertia` must be symmetric"),
-        (lambda: underwater.ellipsoid(semi_axes=(1, 0, 1)), "Argument `semi_axes` must be positive"),
-        (lambda: underwater.ellipsoid_added_mass((1, 1, 1), -5), "Argument `fluid_density` must be positive"),
+        (lambda: hydrodynamics.ellipsoid(semi_axes=(1, 0, 1)), "Argument `semi_axes` must be positive"),
+        (lambda: hydrodynamics.ellipsoid_added_mass((1, 1, 1), -5), "Argument `fluid_density` must be positive"),
     ],
 )
 def test_a_body_that_cannot_be_is_refused_in_one_sentence(make, says):
@@ -107,8 +109,8 @@ def test_a_body_that_cannot_be_is_refused_in_one_sentence(make, says):
     ],
 )
 def test_a_start_that_cannot_be_is_refused_in_one_sentence(changes, says):
-    for begin, make in ((underwater.start, underwater.vehicle), (underwater.se3_start, None)):
-        system = make(**VEHICLE) if make else underwater.se3_vehicle(**GENERAL)
+    for begin, make in ((paper_form.start, paper_form.vehicle), (models.se3_start, None)):
+        system = make(**VEHICLE) if make else models.se3_vehicle(**GENERAL)
         with pytest.raises(co.ArgumentError) as caught:
             begin(system, **changes)
         assert says.replace("SO3", "SE3" if make is None else "SO3") in str(caught.value)
@@ -120,7 +122,7 @@ def test_a_body_of_revolution_may_have_no_added_mass_in_roll():
 
 
 def test_a_vehicle_without_a_stated_buoyancy_is_neutral_to_the_last_digit():
-    p = values(underwater.vehicle(mass=123.8, added_mass=(1, 1, 1), inertia=(1, 1, 1)))
+    p = values(paper_form.vehicle(mass=123.8, added_mass=(1, 1, 1), inertia=(1, 1, 1)))
     assert p.mass * p.gravity - p.buoyancy == 0.0
 
 
@@ -134,7 +136,7 @@ def test_inertia_about_the_mass_centre_is_moved_to_the_pivot_by_steiner():
 def test_a_model_made_inside_grad_is_differentiated_through_its_checks():
     def depth(mass):
         system = vehicle(mass=mass)
-        start = underwater.start(system, velocity=(0, 0, 0.5))
+        start = paper_form.start(system, velocity=(0, 0, 0.5))
         return co.trajectory(system, start, dt=0.05, steps=20).final.q[2]
 
     with co.float64():

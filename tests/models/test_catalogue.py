@@ -5,14 +5,15 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.models import Entry, catalogue, underwater
+from coadjoint import models
+from coadjoint.extensions import located
+from coadjoint.models import Entry, catalogue
 
 ENTRIES = list(catalogue.values())
 
@@ -29,7 +30,7 @@ def test_listing_names_and_descriptions_imports_no_jax():
     listing = (
         "import sys, coadjoint.models as m\n"
         "lines = [f'{e.name} {e.description} {dict(e.parameters)} {dict(e.initial)}' for e in m.catalogue.values()]\n"
-        "assert len(lines) >= 7 and m.underwater.TABLE_1['mass'] == 123.8\n"
+        "assert len(lines) >= 7 and m.TABLE_1['mass'] == 123.8\n"
         "assert not {'jax', 'numpy', 'scipy'} & set(sys.modules), 'a listing imported numerics'\n"
     )
     subprocess.run([sys.executable, "-c", listing], check=True)
@@ -38,9 +39,7 @@ def test_listing_names_and_descriptions_imports_no_jax():
 @pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
 def test_defaults_name_every_argument_of_the_model(entry: Entry):
     for path, defaults, skipped in ((entry.maker, entry.parameters, 0), (entry.starter, entry.initial, 1)):
-        module, name = path.split(":")
-        function = getattr(import_module(f"coadjoint.models.{module}"), name)
-        assert set(defaults) == set(list(inspect.signature(function).parameters)[skipped:]), path
+        assert set(defaults) == set(list(inspect.signature(located(path)).parameters)[skipped:]), path
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
@@ -72,10 +71,10 @@ def cancellation(records: co.State) -> float:
 
 def test_the_entry_of_the_papers_vehicle_is_the_paper():
     entry = catalogue["underwater_vehicle"]
-    made, paper = entry.make(), underwater.paper_vehicle()
+    made, paper = entry.make(), models.paper_vehicle()
     for name, value in values(paper).asdict().items():
         assert np.array_equal(values(made).asdict()[name], value), name
-    found, expected = entry.start(made), underwater.paper_start(paper)
+    found, expected = entry.start(made), models.paper_start(paper)
     for name in ("g", "n", "nu", "xi", "a", "mu", "pi"):
         assert np.max(np.abs(getattr(found, name) - getattr(expected, name))) <= 1e-14, name
 

@@ -7,7 +7,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels import native
 from coadjoint.kernels.control import CONTROL
-from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.kernels.jaxprs import jaxpr_of
 from coadjoint.kernels.numeric import NUMERIC
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 import xarray
-from made_runs import dataset
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.plotting.plots import FIGURES, Plots, available, save_figures
+from coadjoint.plotting.plots import Plots, available, figure_names, save_figures
+from made_runs import dataset
 
 
 def curves(figure, axes=0):
@@ -145,7 +146,7 @@ def test_an_ensemble_shows_every_member(members):
     assert np.allclose(highest, 2e-7 * (1 + np.arange(members)), rtol=1e-2)
     labels = figure.axes[0].get_legend_handles_labels()[1]
     assert labels == (["member 0", "member 1", "member 2"] if members == 3 else ["Midpoint(Cayley), 40 members"])
-    for name in FIGURES:
+    for name in figure_names(films=False):
         getattr(Plots(ensemble(members)), name)()
 
 
@@ -176,7 +177,7 @@ def test_bad_arguments_are_refused_in_one_sentence(call, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", [*FIGURES, "variable"])
+@pytest.mark.parametrize("name", [*figure_names(films=False), "variable"])
 @pytest.mark.parametrize("group", ["SO3()", "SE3()"])
 def test_nothing_is_cut_off_at_the_edge_of_a_figure(name, group):
     plots, labels = Plots(dataset(group=group)), ["LeftRectangle(Exponential)", "Midpoint(Cayley)", "a third run"]
@@ -197,7 +198,7 @@ def test_nothing_is_cut_off_at_the_edge_of_a_figure(name, group):
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_figures_are_written_whole(tmp_path, ending):
     names = save_figures([dataset()], tmp_path, ending=ending)
-    assert sorted(names) == sorted(f"{name}.{ending}" for name in FIGURES)
+    assert sorted(names) == sorted(f"{name}.{ending}" for name in figure_names(films=False))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert all(path.stat().st_size > 3000 for path in tmp_path.iterdir())
 
@@ -230,4 +231,4 @@ def test_drawing_needs_neither_pyplot_nor_jax_nor_a_display():
         "Plots(dataset()).trajectory();"
         "assert not {'matplotlib.pyplot', 'jax'} & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", code, __file__.rpartition("/")[0]], check=True, env={"PATH": ""})
+    subprocess.run([sys.executable, "-c", code, str(Path(__file__).parents[1])], check=True, env={"PATH": ""})

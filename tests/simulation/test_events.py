@@ -115,12 +115,6 @@ def test_a_function_that_is_no_event_is_refused(vehicle, until, sentence):
         co.simulate(system, start, dt=0.1, steps=5, until=until, progress=False)
 
 
-def test_an_ensemble_has_no_event(vehicle):
-    system, start = vehicle
-    with pytest.raises(co.ArgumentError, match="`until`"):
-        co.simulate(system.replace(mass=co.each([120.0, 130.0])), start, dt=0.1, steps=5, until=deep, progress=False)
-
-
 @pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
 def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
     system, start = top

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint import vehicles
 from coadjoint.errors import ArgumentError
 from coadjoint.models import rigid_body
-from coadjoint.models.underwater import ellipsoid, load_vehicle, start
+from coadjoint.models.paper_form import start
 from coadjoint.stability import steady_motion, step_modes
-from coadjoint.stability.flight import SteadyFlight
+from coadjoint.vehicles.hydrodynamics import ellipsoid
+from coadjoint.vehicles.trim import SteadyFlight
 
 
 def test_symplectic_steps_keep_the_modes_of_a_stable_conservative_motion_on_the_unit_circle():
@@ -23,7 +25,7 @@ def test_symplectic_steps_keep_the_modes_of_a_stable_conservative_motion_on_the_
 
 @pytest.fixture(scope="module")
 def remus():
-    return SteadyFlight(load_vehicle("remus_100")).at(1.5)
+    return SteadyFlight(vehicles.load("remus_100")).at(1.5)
 
 
 @pytest.mark.parametrize(("method", "order"), [(co.Midpoint(), 2), (co.LeftRectangle(), 1)])

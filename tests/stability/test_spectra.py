@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint import vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.models import heavy_top, integrable_tops, rigid_body
-from coadjoint.models.underwater import ellipsoid, general_vehicle, load_vehicle, se3_start, se3_vehicle
-from coadjoint.models.underwater import start as place
+from coadjoint.models import general_vehicle, heavy_top, integrable_tops, rigid_body, se3_start, se3_vehicle
+from coadjoint.models.paper_form import start as place
 from coadjoint.stability import Search, stability, steady_motion
+from coadjoint.vehicles.hydrodynamics import ellipsoid
 
 
 def turning(inertia, omega):
@@ -81,7 +82,7 @@ def test_a_hanging_top_is_stable_and_one_that_stands_still_falls():
         np.testing.assert_allclose(rates, np.sqrt(9.81 * 0.5 / np.array([2.0, 1.0])), rtol=1e-12)
 
 
-REMUS = load_vehicle("remus_100")
+REMUS = vehicles.load("remus_100")
 
 
 def bare_torpedo(make=general_vehicle, **changes):

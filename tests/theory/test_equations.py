@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
+
 import jax
 import numpy as np
 import pytest
@@ -9,13 +11,14 @@ import pytest
 import coadjoint as co
 from coadjoint import theory
 from discrete import moser_veselov, random_group_system
-from systems import MAPS, RULES, random_system
+from systems import MAPS, RULES, flat, random_system
 
 H, STEPS = 0.1, 12
 ROUND_OFF = 2e-13
 """Of each equation's own scale: the momenta, levers and points in it."""
 
 SPATIAL = {"P38 F", "P38 s", "P39", "P43", "P44", "P42 μ", "P42 π", "P50", "P52"}
+MOMENTA = {"F⁻ μ", "F⁻ π", "F⁺ μ", "F⁺ π"}
 
 
 @pytest.mark.parametrize(
@@ -32,7 +35,7 @@ def test_the_equations_of_theorems_6_and_7_hold_on_runs_of_every_rule(world, tau
     system, start = random_system(world)
     run = co.simulate(system, start, dt=H, steps=STEPS, method=RULES[rule](MAPS[tau]))
     found = theory.printed_equations(run)
-    assert {row.equation for row in found} == SPATIAL | {"P47"}
+    assert {row.equation for row in found} == SPATIAL | MOMENTA | {"P47"}
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
@@ -44,7 +47,7 @@ def test_the_equations_of_both_papers_hold_on_runs_in_group_form(world, more):
     system, start = random_group_system(world)
     run = co.simulate(system, start, dt=H, steps=STEPS, method=co.GroupVariational(co.Exponential(), "velocity"))
     found = theory.printed_equations(run)
-    assert {row.equation for row in found} == SPATIAL | {"P37", "B8 g", "B8 q"} | more
+    assert {row.equation for row in found} == SPATIAL | MOMENTA | {"P37", "B8 g", "B8 q"} | more
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
@@ -75,6 +78,14 @@ def test_a_momentum_that_was_changed_on_the_way_is_seen():
     assert found["P42 μ"].largest > 1e-8
     assert found["B19"].largest > 1e-8
     assert found["P44"].largest < ROUND_OFF
+
+
+def test_a_run_that_ends_inside_a_step_raises_no_false_alarm():
+    system, start = random_system("SO3 alone")
+    run = co.simulate(system, start, dt=H, steps=STEPS, until=lambda s: s.t - 0.92, monitors=False)
+    assert len(run.records.t) < STEPS
+    found = theory.printed_equations(run)
+    assert found.worst.largest < ROUND_OFF, str(found)
 
 
 def test_a_wrong_difference_map_is_seen():
@@ -109,11 +120,69 @@ def test_runs_without_one_discrete_lagrangian_a_step_are_refused(method, options
         theory.printed_equations(run)
 
 
-def test_forces_are_refused():
-    system, start = random_system("SO3", forced=True)
-    run = co.simulate(system, start, dt=H, steps=4)
-    with pytest.raises(co.ArgumentError, match="without forces"):
-        theory.printed_equations(run)
+FORCED = {
+    **RULES, "simpson": co.Simpson, "galerkin": partial(co.Galerkin, degree=2), "variational": co.Variational,
+    "adjoint": co.AdjointVariational,
+}  # fmt: skip
+
+
+@lru_cache
+def forced_system(world: str, rule: str) -> tuple[co.System, co.State]:
+    """A system with time and dissipative forces; its Λ for the methods of Λ: that of the left rule, a little bent."""
+    system, start = random_system(world, forced=True)
+    if rule not in ("variational", "adjoint"):
+        return system, start
+    Q, V = system.additional.ambient(system.group), system.advected.ambient(system.group)
+
+    def discrete(xi, *rest, t):
+        h, n, s = rest[-1], *map(flat, rest[:2] if Q else (np.zeros(0),) * 2)
+        a = flat(rest[-3]) if V else np.zeros(0)
+        return h * system.reduced_lagrangian(xi, 0.7 * n + 0.3 * s, (s - n) / h, a, t + 0.4 * h)
+
+    made = co.System(
+        system.group, discrete_lagrangian=discrete, additional=system.additional, advected=system.advected,
+        forces=system.forces, parameters=system.parameters,
+    )  # fmt: skip
+    return made, start.replace(from_velocities=False)
+
+
+@pytest.mark.parametrize(
+    ("world", "rule"),
+    [
+        ("SO3", "left"),
+        ("SL2", "right"),
+        ("SE2", "trapezoidal"),
+        ("SO3 on a sphere", "midpoint"),
+        ("SE2", "simpson"),
+        ("SO3", "galerkin"),
+        ("SE2", "variational"),
+        ("SO3", "adjoint"),
+    ],
+)
+def test_the_equations_of_lagrange_and_d_alembert_hold_on_forced_runs(world, rule):
+    """With dissipation, and ℓ and forces of t: the forces' covectors are those of the virtual work of the nodes."""
+    system, start = forced_system(world, rule)
+    run = co.simulate(system, start, dt=H, steps=6, method=FORCED[rule](co.Cayley()), monitors=False)
+    found = theory.printed_equations(run)
+    assert found.worst.largest < ROUND_OFF, str(found)
+    free = theory.equations_of(system.unforced, run.method, run.records, H)
+    assert min(free[row].largest for row in ("P42 μ", "P52", "F⁺ μ" if rule in ("right", "adjoint") else "F⁻ μ")) > 1e-3
+
+
+@pytest.mark.parametrize("part", ["mu", "pi"])
+@pytest.mark.parametrize("form", ["algebra", "group"])
+def test_records_whose_momenta_were_overwritten_are_seen(form, part):
+    system, start = random_system("SO3") if form == "algebra" else random_group_system("SO3")
+    method = co.Midpoint() if form == "algebra" else co.GroupVariational(co.Exponential(), "velocity")
+    run = co.simulate(system, start, dt=H, steps=STEPS, method=method, monitors=False)
+    assert theory.printed_equations(run).worst.largest < ROUND_OFF
+    values = getattr(run.records, part).copy()
+    values[5] *= 1 + 1e-6
+    found = theory.equations_of(system, method, run.records.replace(**{part: values}), H)
+    sign = "μ" if part == "mu" else "π"
+    for row in (f"F⁻ {sign}", f"F⁺ {sign}"):
+        assert found[row].largest > 1e-8
+        assert np.sum(found[row].values > 1e-8 * found[row].scale) == 1
 
 
 def test_what_is_no_run_is_refused():

@@ -44,12 +44,12 @@ def statements(system, L, path, a0, eta, w):
     dg, dq = jax.vmap(moved)(path.g, eta), jax.vmap(turned)(path.g, n, w)
     first = jax.jvp(lambda p: theory.action(L, p, a0, H), (path,), (theory.Configuration(dg, dq),))[1]
 
-    links = jax.vmap(lambda x, y: theory.reduction._link(system.places, x, y, a0))(
+    links = jax.vmap(lambda x, y: theory.link_of(system.places, x, y, a0))(
         at(path, slice(None, -1)), at(path, slice(1, None))
     )
     change = jax.vmap(
         lambda *parts: theory.induced_variation(system, theory.Link(*parts[:4]), theory.Variation(*parts[4:]))
-    )(*links, eta[:-1], w[:-1], eta[1:], w[1:])
+    )(*links[:4], eta[:-1], w[:-1], eta[1:], w[1:])
     third = jax.jvp(lambda p: theory.reduced_action(system, p, H), (links,), (change,))[1]
 
     second, fourth, size = 0.0, 0.0, 0.0

@@ -122,12 +122,68 @@ def test_the_first_variation_of_the_action_is_the_residual_on_any_sequence(name,
     assert abs(slope - expected) <= 1e-12 * max(1.0, np.max(np.abs(residual)))
 
 
+@cache
+def driven(name: str) -> tuple[co.System, co.State]:
+    """ℓ and forces that see time, a signal, an input that is held over each step, and an internal state."""
+    plain, _ = random_system(name)
+    group = plain.group
+
+    def lagrangian(xi, x, v, *, t, inputs, internal):
+        extra = jnp.sin(t) + inputs.push + inputs.pull + internal.lag
+        return plain.reduced_lagrangian(xi, x, v, np.zeros(0)) + 0.2 * extra * (jnp.sum(xi) + v[0])
+
+    def forces(motion):
+        extra = jnp.cos(motion.t) + motion.inputs.push - motion.inputs.pull + motion.internal.lag
+        return co.Force(0.3 * extra - 0.5 * motion.xi, 0.2 * extra * jnp.sin(motion.n) - 0.3 * motion.nu)
+
+    def rule(motion, h):
+        return {"lag": motion.internal.lag + h * (motion.xi[0] - motion.internal.lag)}
+
+    system = co.System(group, lagrangian, additional=co.Trivial(SIZE), forces=forces, internal=rule)
+    random = generator("driven", name)
+    start = system.state(
+        xi=0.5 * random.normal(size=group.dim), q=0.5 * random.normal(size=SIZE), qdot=random.normal(size=SIZE), t=0.4,
+        inputs={"push": 0.0, "pull": 0.0}, internal={"lag": 0.3},
+    )  # fmt: skip
+    return system, start
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"), [pytest.param("SE2", "trapezoidal", marks=pytest.mark.long), ("SO3", "midpoint")]
+)
+def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rule):
+    """Lagrange–d'Alembert–Poincaré: (B35), (B36) with (T∓, φ∓), whatever the connection, against co.simulate."""
+    system, start = driven(name)
+    inputs = {"push": co.Signal(lambda t: jnp.sin(2 * t)), "pull": lambda motion: 0.5 * motion.xi[0] + motion.t}
+    method, connection = RULES[rule](co.Cayley()), random_connection(name)
+    run = co.simulate(system, start, dt=H, steps=5, method=method, inputs=inputs, monitors=False)
+    g, x, given = run.records.g, run.records.n, {"dt": H, "method": method, "connection": connection}
+    found = co.lagrange_poincare(run.system, start, steps=5, **given)
+    assert max(apart(found.g, g), apart(found.x, x)) <= 2e-13 * max(1.0, largest(g))
+    scale = np.max(np.abs(run.records.mu)) + 1.0
+    residual = co.lagrange_poincare_residual(run.system, start, g=g, x=x, **given)
+    assert np.max(np.abs(residual)) <= 2e-13 * scale
+    still = co.lagrange_poincare_residual(run.system.unforced, start, g=g, x=x, **given)
+    assert np.min(np.max(np.abs(still), axis=1)) > 1e-3, "forces that do nothing prove nothing"
+
+
+def test_the_discrete_mechanical_connection_does_not_see_forces():
+    system, _ = driven("SO2")
+    free = co.System(
+        co.SO2(), lambda xi, x, v: xi @ xi + v @ v + xi[0] * v[0] * jnp.cos(x[0]), additional=co.Trivial(1)
+    )
+    pushed = co.System(
+        co.SO2(), free.lagrangian, additional=co.Trivial(1), forces=lambda motion: co.Force([3.0], [2.0])
+    )
+    both = [co.discrete_mechanical_connection(s, co.Midpoint(), H)([0.3], [0.5]) for s in (free, pushed)]
+    assert apart(*both) == 0.0
+    with pytest.raises(co.ArgumentError, match="alone, but this one takes `t`"):
+        co.discrete_mechanical_connection(system, co.Midpoint(), H)
+
+
 def test_what_does_not_fit_is_refused_in_one_sentence():
     system, start = random_system("SO3")
     good = {"dt": H, "steps": 2, "method": co.Midpoint(), "connection": random_connection("SO3")}
-    forced = co.System(
-        co.SO2(), lambda xi, x, v: xi @ xi + v @ v, additional=co.Trivial(1), forces=lambda motion: co.Force()
-    )
     for change, says in (
         ({"connection": random_connection("SE2")}, "The connection is on SE2() with 2 shape coordinates"),
         ({"connection": None}, "must be a co.DiscreteConnection"),
@@ -138,8 +194,6 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
     ):
         with pytest.raises(co.ArgumentError, match=says.replace("(", "\\(").replace(")", "\\)")):
             co.lagrange_poincare(system, start, **{**good, **change})
-    with pytest.raises(co.ArgumentError, match="hold without forces"):
-        co.lagrange_poincare(forced, forced.state(q=[0.0]), **{**good, "connection": TRIVIAL})
 
 
 def test_a_step_that_has_no_solution_says_so():

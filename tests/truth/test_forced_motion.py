@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.models import catalogue
-from coadjoint.models.underwater.general_form import general_vehicle, kinetic, potential
+from coadjoint.models.general_form import general_vehicle, kinetic, potential
 
 MASS, ADDED = 123.8, np.array([65.0, 70.0, 75.0])
 METHODS = {

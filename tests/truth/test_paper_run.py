@@ -8,19 +8,17 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.models import underwater
+from coadjoint import models
 from coadjoint.simulation.run import Run
 
 MAPS = [co.Cayley(), co.Exponential()]
-VEHICLE = underwater.paper_vehicle()
-START = underwater.paper_start(VEHICLE)
+VEHICLE = models.paper_vehicle()
+START = models.paper_start(VEHICLE)
 
 
 @lru_cache(maxsize=8)
-def run(method: co.Method, dt: float = underwater.PAPER_STEP) -> Run:
-    made = co.simulate(
-        VEHICLE, START, dt=dt, duration=underwater.PAPER_DURATION, method=method, save_every=round(1 / dt)
-    )
+def run(method: co.Method, dt: float = models.PAPER_STEP) -> Run:
+    made = co.simulate(VEHICLE, START, dt=dt, duration=models.PAPER_DURATION, method=method, save_every=round(1 / dt))
     print(made)
     return made
 

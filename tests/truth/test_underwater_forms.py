@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint import models
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.continuous import energy, reference
-from coadjoint.models import underwater
+from coadjoint.models import paper_form
 
 SEED = 20260117
 TIMES = np.array([1.0, 4.0, 10.0])
@@ -49,14 +50,14 @@ def cross_matrix(r: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=4)
 def moves(form: str) -> tuple[co.System, co.State, co.State]:
     """The general vehicle in a form, its start, and its continuous motion at TIMES."""
-    vehicle = underwater.general_vehicle(**GENERAL) if form == "SO(3)" else underwater.se3_vehicle(**GENERAL)
-    begin = underwater.start if form == "SO(3)" else underwater.se3_start
+    vehicle = models.general_vehicle(**GENERAL) if form == "SO(3)" else models.se3_vehicle(**GENERAL)
+    begin = paper_form.start if form == "SO(3)" else models.se3_start
     start = begin(vehicle, **INITIAL, angular_velocity=OMEGA)
     return vehicle, start, reference(vehicle, start, TIMES)
 
 
 def test_the_general_form_about_the_mass_centre_is_the_papers():
-    special, general = underwater.paper_vehicle(), underwater.general_vehicle(**PAPER)
+    special, general = models.paper_vehicle(), models.general_vehicle(**PAPER)
     random = np.random.default_rng(SEED)
     for _ in range(5):
         point = tuple(random.normal(size=(4, 3)))
@@ -67,7 +68,7 @@ def test_the_general_form_about_the_mass_centre_is_the_papers():
         found, expected = (evaluate(value_and_slopes, system, *point) for system in (general, special))
         for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
             assert np.max(np.abs(a - b)) <= 4e-13 * (1 + np.max(np.abs(b)))
-    starts = [underwater.paper_start(vehicle) for vehicle in (special, general)]
+    starts = [models.paper_start(vehicle) for vehicle in (special, general)]
     runs = [
         co.simulate(vehicle, start, dt=0.01, duration=5.0, method=co.LeftRectangle(start="velocity"))
         for vehicle, start in zip((special, general), starts, strict=True)
@@ -82,7 +83,7 @@ def test_the_choice_of_the_body_origin_does_not_change_the_motion():
     vehicle, start, motion = moves("SO(3)")
     T = np.eye(6)
     T[:3, 3:] = cross_matrix(OFFSET)
-    shifted = underwater.general_vehicle(
+    shifted = models.general_vehicle(
         **{
             **GENERAL,
             "added_mass": T.T @ GENERAL["added_mass"] @ T,
@@ -90,7 +91,7 @@ def test_the_choice_of_the_body_origin_does_not_change_the_motion():
             "center_of_buoyancy": np.array(GENERAL["center_of_buoyancy"]) - OFFSET,
         }
     )
-    other = underwater.start(
+    other = paper_form.start(
         shifted,
         **{**INITIAL, "position": start.q + start.g @ OFFSET},
         angular_velocity=OMEGA,
@@ -137,13 +138,13 @@ def test_on_se3_steps_approach_that_motion_and_conserve_horizontal_momentum_and_
 
 def test_with_z_up_the_run_is_the_mirror_image_turned():
     """Half a turn about x takes axes that point down to axes that point up: q, R and ω follow, body vectors stay."""
-    vehicle = underwater.paper_vehicle()
+    vehicle = models.paper_vehicle()
     turn = np.diag([1.0, -1.0, -1.0])
     R = co.attitude.zyx(0.4, -0.3, 0.9)
     q, qdot = np.array([0.3, -0.2, 1.0]), np.array([0.3, 0.1, 0.5])
     common = {"angular_velocity": OMEGA}
-    below = underwater.start(vehicle, position=q, velocity=qdot, rotation=R, **common)
-    above = underwater.start(
+    below = paper_form.start(vehicle, position=q, velocity=qdot, rotation=R, **common)
+    above = paper_form.start(
         vehicle, position=turn @ q, velocity=turn @ qdot, rotation=turn @ R, down=(0, 0, -1), **common
     )
     down, up = (co.simulate(vehicle, start, dt=0.05, duration=20.0) for start in (below, above))
@@ -154,10 +155,10 @@ def test_with_z_up_the_run_is_the_mirror_image_turned():
 def test_small_pitch_swings_with_the_period_of_the_righting_moment():
     """T = 2π√(J₂/(Bl)) for a neutrally buoyant vehicle; the amplitude θ lengthens it by 1 + θ²/16."""
     lever, angle = 0.007, 0.02
-    vehicle = underwater.vehicle(
+    vehicle = paper_form.vehicle(
         mass=123.8, added_mass=(65, 70, 75), inertia=(5.46, 5.29, 5.72), center_of_buoyancy=(0, 0, -lever)
     )
-    start = underwater.start(vehicle, euler_zyx=(0.0, angle, 0.0))
+    start = paper_form.start(vehicle, euler_zyx=(0.0, angle, 0.0))
     run = co.simulate(vehicle, start, dt=0.01, duration=100.0, method=co.Suzuki4(co.Midpoint()))
     pitch, t = -np.arcsin(run.records.g[:, 2, 0]), run.records.t
     down = np.flatnonzero((pitch[:-1] > 0) & (pitch[1:] <= 0))

@@ -12,8 +12,8 @@ from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
 from coadjoint.audit.systems import PROBLEMS, QUICK, Problem
 from coadjoint.audit.tables import COLUMNS, rows
 from coadjoint.cli import terminal
-from coadjoint.cli.units import letters, unknown
 from coadjoint.errors import ArgumentError
+from coadjoint.runs.units import letters, unknown
 
 
 def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:

@@ -13,8 +13,8 @@ from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from coadjoint.cli.running import Written
     from coadjoint.report.reproduction import Reproduction
+    from coadjoint.runs.running import Written
 
 OK, FAILED = 0, 1
 
@@ -60,16 +60,16 @@ class Run:
     """Repeat a run that the folder holds already."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.mission_file import MissionFile
-        from coadjoint.cli.run_file import read
-        from coadjoint.cli.running import check, execute, require_fit, set_up
+        from coadjoint.runs.run_file import read
+        from coadjoint.runs.running import check, execute, require_fit
+        from coadjoint.vehicles.missions.file import MissionFile
 
         file = read(self.file, self.set)
         folder = self.out or file.folder
         if self.check:
             check(file, folder, self.overwrite)
             if isinstance(file, MissionFile):
-                require_fit(file, set_up(file))
+                require_fit(file, file.set_up())
             print('{"valid": true}' if self.json else f"{self.file} is a run file; its results would go to {folder}/.")
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)
@@ -87,7 +87,7 @@ class Resume:
     """Print the summary as JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.cli.running import resume
+        from coadjoint.runs.running import resume
 
         written = resume(self.folder, False if self.json else None)
         _show_run(written, self.json)
@@ -203,7 +203,7 @@ class Vehicles:
         elif self.action == "mission":
             if self.json:
                 raise ArgumentError("A mission is TOML, and no JSON: leave --json out.")
-            from coadjoint.cli.mission_example import example
+            from coadjoint.vehicles.missions.example import example
 
             print(example(self.name), end="")
         elif self.toml:

@@ -51,8 +51,10 @@ class Identify:
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.identification import identify, read_log
-        from coadjoint.models.underwater import Craft, load_vehicle
+        from coadjoint.identification import identify
+        from coadjoint.vehicles.files.shelf import load_vehicle
+        from coadjoint.vehicles.logs import read_log
+        from coadjoint.vehicles.model.craft import Craft
 
         if self.out is not None and not self.out.parent.is_dir():
             raise FileError(f"The folder {self.out.parent} does not exist: make it first.")

@@ -9,11 +9,11 @@ from typing import Annotated
 
 import tyro
 
-import coadjoint
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
 from coadjoint.cli.stability import Stability
+from coadjoint.cli.versions import unexpected, versions
 from coadjoint.errors import CoadjointError, StepError
 
 USAGE, INTERRUPTED = 2, 130
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     description = "Variational integrators on Lie groups from a reduced Lagrangian."
     given = sys.argv[1:] if arguments is None else list(arguments)
     if given == ["--version"]:
-        terminal.line(f"coadjoint {coadjoint.__version__}")
+        terminal.line(versions())
         return commands.OK
     command = tyro.cli(
         Command,  # pyright: ignore[reportArgumentType]
@@ -69,11 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("COADJOINT_TRACEBACK"):
             raise
-        first = (str(error).strip().split("\n") or [""])[0]
-        terminal.complain(
-            f"coadjoint met an error that it did not expect, {type(error).__name__}: {first} "
-            "Set COADJOINT_TRACEBACK=1 to see where."
-        )
+        terminal.complain(unexpected(error))
         return commands.FAILED
 
 

@@ -14,9 +14,9 @@ from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from coadjoint.models.underwater import Vehicle
     from coadjoint.stability import Stability as Report
-    from coadjoint.stability.flight import SteadyFlight, Trim
+    from coadjoint.vehicles.model.vehicle import Vehicle
+    from coadjoint.vehicles.trim.flight import SteadyFlight, Trim
 
 MOST = 200
 """Speeds in a range, at most."""
@@ -48,8 +48,8 @@ class Stability:
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.models.underwater import load_vehicle
-        from coadjoint.stability.flight import SteadyFlight
+        from coadjoint.vehicles.files.shelf import load_vehicle
+        from coadjoint.vehicles.trim.flight import SteadyFlight
 
         speeds = speeds_from(self.speed)
         if not -90 <= self.climb <= 90:
@@ -126,7 +126,7 @@ def _without(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:
 def _fly(flight: SteadyFlight, speeds: list[float]) -> tuple[dict[float, tuple[Trim, Report]], dict[float, str]]:
     """Trim and stability at each speed where steady flight was found, and why it was not at the others."""
     from coadjoint.stability import stability
-    from coadjoint.stability.flight import trim
+    from coadjoint.vehicles.trim.flight import trim
 
     found, failures, motion = {}, {}, None
     for speed in speeds:

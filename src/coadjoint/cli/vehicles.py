@@ -10,19 +10,19 @@ import numpy as np
 from coadjoint.cli import terminal
 
 if TYPE_CHECKING:
-    from coadjoint.models.underwater.vehicles.vehicle import Quantity, Vehicle
+    from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 
 def shelf() -> list[dict[str, Any]]:
     """Every shipped vehicle: name, mass, length, kinds of parts, pilot, first source, description."""
-    from coadjoint.models.underwater import load_vehicle, vehicle_names
+    from coadjoint.vehicles.files.shelf import load_vehicle, vehicle_names
 
     return [_row(name, load_vehicle(name)) for name in vehicle_names()]
 
 
 def loaded(name: str) -> Vehicle:
     """A shipped vehicle, or that of a path; its warnings are shown, not warned of. Raises ArgumentError, FileError."""
-    from coadjoint.models.underwater import load_vehicle
+    from coadjoint.vehicles.files.shelf import load_vehicle
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -33,7 +33,7 @@ def text_of(name: str) -> str:
     """The file of a vehicle, as it stands."""
     from pathlib import Path
 
-    from coadjoint.models.underwater.vehicles.shelf import is_path, vehicle_text
+    from coadjoint.vehicles.files.shelf import is_path, vehicle_text
 
     if is_path(name):
         loaded(name)
@@ -43,7 +43,7 @@ def text_of(name: str) -> str:
 
 def described(vehicle: Vehicle) -> dict[str, Any]:
     """All that is known of a vehicle, for JSON."""
-    from coadjoint.models.underwater.vehicles.summary import summary
+    from coadjoint.vehicles.files.summary import summary
 
     return {
         "name": vehicle.name,
@@ -112,7 +112,7 @@ def _row(name: str, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _total(vehicle: Vehicle) -> float:
-    from coadjoint.models.underwater.vehicles.loads import total_mass
+    from coadjoint.vehicles.model.loads import total_mass
 
     return total_mass(vehicle)
 
@@ -123,7 +123,7 @@ def _cited(vehicle: Vehicle) -> str:
 
 
 def _kind(part: Any) -> str:
-    from coadjoint.models.underwater.vehicles.kinds import kind_of
+    from coadjoint.vehicles.files.kinds import kind_of
 
     return kind_of(part)
 
@@ -159,7 +159,7 @@ def _height(height: float) -> str:
 
 
 def _terminal(vehicle: Vehicle, speed: float | None) -> str:
-    from coadjoint.models.underwater.vehicles.summary import without_terminal_speed
+    from coadjoint.vehicles.files.summary import without_terminal_speed
 
     if speed is None:
         return without_terminal_speed(vehicle)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element, transpose
 
@@ -27,7 +27,9 @@ class Pade(DifferenceMap):
 
     def __post_init__(self):
         if not isinstance(self.order, int) or isinstance(self.order, bool) or not 1 <= self.order <= 8:
-            raise ArgumentError(f"Argument `order` of Pade must be a whole number from 1 to 8, but is {self.order!r}.")
+            raise ArgumentError(
+                f"Argument `order` of Pade must be a whole number from 1 to 8, but is {shown(self.order)}."
+            )
 
     def _coefficients(self) -> list[float]:
         m = self.order

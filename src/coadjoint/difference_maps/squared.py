@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 
@@ -26,7 +26,7 @@ class Squared(DifferenceMap):
 
     def __post_init__(self):
         if not isinstance(self.half, DifferenceMap):
-            raise ArgumentError(f"Squared needs a difference map such as co.Cayley(), but got {self.half!r}.")
+            raise ArgumentError(f"Squared needs a difference map such as co.Cayley(), but got {shown(self.half)}.")
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         root = self.half.tau(group, 0.5 * xi)

@@ -1,6 +1,7 @@
 """Matrix Lie groups: elements, algebra coordinates, Ad, ad and their duals (mathematics: section 1)."""
 
 from coadjoint.groups.classical import SLn, SOn, Sp
+from coadjoint.groups.complex_form import complex_form, real_form
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import LieGroup
 from coadjoint.groups.heisenberg import Heisenberg
@@ -27,4 +28,6 @@ __all__ = [
     "Sp",
     "Translation",
     "UnitQuaternion",
+    "complex_form",
+    "real_form",
 ]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 
 SINGULAR = 1e-12
 """Up to this |sin θ| (ZXZ) or |cos pitch| (ZYX) the outer two axes count as one."""
@@ -245,7 +245,16 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 
 def _finite(name: str, value: ArrayLike, *axes: int) -> np.ndarray:
     """`value` as a finite float64 array whose last axes are `axes`."""
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value)
+        real = array.dtype.kind in "fiu" and not np.ma.is_masked(value)
+    except Exception:
+        array, real = np.zeros(()), False
+    if not real:
+        raise ArgumentError(
+            f"Argument `{name}` must be real numbers, an angle in radians or an array, but is {shown(value)}."
+        )
+    array = array.astype(np.float64)
     if array.shape[array.ndim - len(axes) :] != axes:
         raise ArgumentError(f"Argument `{name}` must have last axes {axes}, but its shape is {array.shape}.")
     if not np.all(np.isfinite(array)):

@@ -8,14 +8,14 @@ from itertools import combinations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements
 
 
 def _require_size(group: str, size: object, least: int) -> None:
     if not isinstance(size, int) or isinstance(size, bool) or size < least:
-        raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {size!r}.")
+        raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
 
 
 def _unit(size: int, i: int, j: int) -> np.ndarray:

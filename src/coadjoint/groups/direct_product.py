@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup
 
 
@@ -26,7 +26,7 @@ class DirectProduct(LieGroup):
             raise GroupError("DirectProduct needs at least one factor: DirectProduct(SO3(), SO2()).")
         strangers = [factor for factor in factors if not isinstance(factor, LieGroup)]
         if strangers:
-            raise GroupError(f"DirectProduct needs Lie groups such as SO3(), but got {strangers[0]!r}.")
+            raise GroupError(f"DirectProduct needs Lie groups such as SO3(), but got {shown(strangers[0])}.")
         object.__setattr__(self, "factors", tuple(factors))
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, LieGroup
 
 
@@ -22,7 +22,7 @@ class Heisenberg(LieGroup):
 
     def __post_init__(self):
         if not isinstance(self.size, int) or isinstance(self.size, bool) or self.size < 1:
-            raise GroupError(f"Argument `size` of Heisenberg must be a whole number from 1, but is {self.size!r}.")
+            raise GroupError(f"Argument `size` of Heisenberg must be a whole number from 1, but is {shown(self.size)}.")
 
     @property
     def basis(self) -> np.ndarray:

@@ -9,10 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown, told
+from coadjoint.groups.algebra import require_algebra
+from coadjoint.groups.complex_form import off_real_form, real_form
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements
 from coadjoint.kernels.evaluate import evaluate
+
+_ROUND_OFF = 1e-14
+"""An imaginary part up to this, relative to the largest entry of its matrix, is round-off."""
 
 
 class MatrixGroup(MatrixElements):
@@ -20,6 +25,9 @@ class MatrixGroup(MatrixElements):
 
     `basis`: dim matrices (N, N), linearly independent and closed under the bracket. `constraint`: a function
     g ↦ array that vanishes on the group (SL: det g − 1); with it the group has `project` and `defect`.
+    A basis of complex matrices spans a real algebra, as that of su(n) does: it is taken in its real form
+    [[A, −B], [B, A]] for A + iB (`co.real_form`, `co.complex_form`), and elements and the argument of `constraint` are
+    real matrices (2N, 2N).
     Raises GroupError for a basis that is dependent or not closed, and for a constraint that exp(ξ) does not satisfy.
 
         SL2 = MatrixGroup([[[1, 0], [0, -1]], [[0, 1], [0, 0]], [[0, 0], [1, 0]]],
@@ -28,51 +36,53 @@ class MatrixGroup(MatrixElements):
 
     def __init__(self, basis, constraint: Callable[[Array], Array] | None = None, name: str = "MatrixGroup"):
         try:
-            matrices = np.array(basis, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise GroupError(f"Argument `basis` of MatrixGroup must be square matrices, but is {basis!r}.") from error
-        if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not np.all(np.isfinite(matrices)):
+            given = np.array(None if np.ma.is_masked(basis) else basis)
+            entries = given if given.dtype.kind == "c" else given.astype(np.float64)
+        except Exception as error:
+            raise GroupError(
+                f"Argument `basis` of MatrixGroup must be square matrices, but is {shown(basis)}."
+            ) from error
+        if entries.ndim != 3 or entries.shape[1] != entries.shape[2] or not np.all(np.isfinite(entries)):
             raise GroupError(
                 f"Argument `basis` of MatrixGroup must be dim finite square matrices, shape (dim, N, N), "
-                f"but has shape {matrices.shape}."
+                f"but has shape {entries.shape}."
             )
+        sizes = np.max(np.abs(entries), axis=(1, 2), keepdims=True, initial=0.0)
+        self._complex = bool(np.any(np.abs(np.imag(entries)) > _ROUND_OFF * sizes))
+        matrices = np.ascontiguousarray(real_form(entries) if self._complex else np.real(entries), dtype=np.float64)
         matrices.flags.writeable = False
         self._basis = matrices
         self._constraint = constraint
         self._name = name
-        self._key = (matrices.shape, matrices.tobytes(), constraint)
-        self._check_algebra()
+        self._key = (matrices.shape, matrices.tobytes(), constraint, self._complex)
+        self._require_algebra(name)
         if constraint is not None:
             self._check_constraint()
 
-    def _check_algebra(self) -> None:
-        # Every matrix in its own unit: independence and closure do not depend on the scale of a basis.
-        sizes = np.max(np.abs(self._basis), axis=(1, 2), keepdims=True)
-        unit = self._basis / np.where(sizes > 0, sizes, 1.0)
-        flat = unit.reshape(self.dim, -1)
-        if np.linalg.matrix_rank(flat) < self.dim:
+    def _require_algebra(self, name: str) -> None:
+        try:
+            require_algebra(self._basis, name)
+        except GroupError as error:
+            if not self._complex:
+                raise
             raise GroupError(
-                f"The basis of {self._name} must be linearly independent, but its rank is smaller than {self.dim}."
-            )
-        products = np.einsum("iab,jbc->ijac", unit, unit)
-        brackets = (products - products.transpose(1, 0, 2, 3)).reshape(self.dim**2, -1)
-        outside = brackets - brackets @ np.linalg.pinv(flat) @ flat
-        if not np.max(np.abs(outside), initial=0.0) <= 1e-10:
-            raise GroupError(
-                f"The basis of {self._name} must be closed under the bracket, but [e_i, e_j] leaves its span by "
-                f"{np.max(np.abs(outside)):.1e} of |e_i||e_j|; add the missing matrices."
-            )
+                f"{error} Complex matrices are a basis over the real numbers: Hermitian ones, such as Pauli's, need a "
+                "factor i."
+            ) from error
 
     def _check_constraint(self) -> None:
         xi = np.random.default_rng(2).normal(size=self.dim)
         xi *= 0.5 / np.max(np.abs(np.einsum("k,kij->ij", xi, self._basis)))
+        if not callable(self._constraint):
+            raise GroupError(
+                f"Argument `constraint` of {self._name} must be a function g ↦ array, but is {shown(self._constraint)}."
+            )
         try:
             off = float(evaluate(lambda xi: self.defect(self.exp(xi)), xi))
         except Exception as error:
             raise GroupError(
                 f"Argument `constraint` of {self._name} must be a function g ↦ array written with jax.numpy, but with "
-                f"a matrix ({self.matrix_size}, {self.matrix_size}) it raised {type(error).__name__}: "
-                f"{str(error).splitlines()[0]}"
+                f"a matrix ({self.matrix_size}, {self.matrix_size}) it raised {told(error)}."
             ) from error
         if not off <= 1e-10:
             raise GroupError(
@@ -122,7 +132,8 @@ class MatrixGroup(MatrixElements):
     def _equations(self, g: Array) -> Array:
         if self._constraint is None:
             raise GroupError(f"{self!r} has no projection or defect: give MatrixGroup a constraint.")
-        return jnp.ravel(self._constraint(g))
+        equations = jnp.ravel(self._constraint(g))
+        return jnp.concatenate([equations, off_real_form(g)]) if self._complex else equations
 
     def defect(self, g: Array) -> Array:
         return jnp.max(jnp.abs(self._equations(g)))

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.groups.matrix_exponential import exponential_minus_one
 from coadjoint.groups.small_angle import cubic_ratio, versine_ratio
@@ -57,13 +57,17 @@ class SemidirectProduct(LieGroup):
 
     def __post_init__(self):
         if not isinstance(self.group, LieGroup):
-            raise GroupError(f"SemidirectProduct needs a Lie group such as SO3(), but got {self.group!r}.")
+            raise GroupError(f"SemidirectProduct needs a Lie group such as SO3(), but got {shown(self.group)}.")
         V = self.representation
-        if not isinstance(V, LinearAction) or not V.flat:
-            raise GroupError(f"SemidirectProduct needs a representation such as co.Defining(), but got {V!r}.")
+        try:
+            acts = isinstance(V, LinearAction) and bool(V.flat)
+        except Exception:  # Of a member that raises where it is only asked for.
+            acts = False
+        if not acts:
+            raise GroupError(f"SemidirectProduct needs a representation such as co.Defining(), but got {shown(V)}.")
         V.require_fit(self.group)
         if V.ambient(self.group) == 0:
-            raise GroupError(f"SemidirectProduct needs a representation of dimension 1 or more, but got {V!r}.")
+            raise GroupError(f"SemidirectProduct needs a representation of dimension 1 or more, but got {shown(V)}.")
         origin = _moved(self, np.zeros(V.ambient(self.group)))
         if not np.max(np.abs(origin)) <= 1e-9:
             raise GroupError(

@@ -1,10 +1,10 @@
 """Parameters of a system from a logged trajectory.
 
-    log = identification.read_log("zigzag.csv")
-    found = identification.identify(vehicle, log, start=start, parameters=["damping", "added_mass"])
+    log = co.vehicles.logs.read_log("zigzag.csv")
+    found = co.identification.identify(vehicle, log, start=start, parameters=["damping", "added_mass"])
     print(found)
 
-`read_log` and `write_log` for CSV files, `Log` for what they hold, `identify` for the estimates with their intervals.
+`Log` for what was measured, `identify` for the estimates with their intervals; `co.vehicles.logs` reads CSV files.
 """
 
 from __future__ import annotations
@@ -17,18 +17,14 @@ _HOME_OF = {
     "Identification": "findings",
     "Log": "log",
     "identify": "estimation",
-    "read_log": "csv_files",
     "seen": "channels",
     "synthetic_log": "synthetic",
-    "write_log": "csv_files",
 }
 
 __all__ = [*_HOME_OF]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
     from coadjoint.identification.channels import seen as seen
-    from coadjoint.identification.csv_files import read_log as read_log
-    from coadjoint.identification.csv_files import write_log as write_log
     from coadjoint.identification.estimation import identify as identify
     from coadjoint.identification.findings import Estimate as Estimate
     from coadjoint.identification.findings import Identification as Identification

@@ -8,11 +8,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.interpreters.partial_eval import dce_jaxpr
 
 from coadjoint.groups import SE3, SO3
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.jaxprs import depends
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -88,8 +88,8 @@ def velocities(system: System, state: State) -> tuple[Array, Array]:
 
     mass = jax.jacfwd(momentum)
     guess = jnp.concatenate([state.xi, state.nu])
-    _, used = dce_jaxpr(jax.make_jaxpr(mass)(guess).jaxpr, [True])
-    quadratic = not used[0]
+    (used,) = depends(mass, guess)
+    quadratic = not used
     z = jnp.zeros_like(guess) if quadratic else guess
     for _ in range(1 if quadratic else TRIPS):
         z = z + jnp.linalg.solve(mass(z), momenta - momentum(z))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.columns import ending
 from coadjoint.identification.log import Log
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -24,8 +23,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
         given, wanted = log.units.get(name, "1"), units.get(name, "1")
         if name in units and given not in ("1", wanted):
             raise ArgumentError(
-                f"The log's commands of `{name}` are in {given}, but `{name}` takes {wanted}: give them in that unit"
-                + (f", as in `command_{name}{ending(wanted)}`." if ending(wanted) else ".")
+                f"The log's commands of `{name}` are in {given}, but `{name}` takes {wanted}: give them in that unit."
             )
     parts = start.internal.asdict() if isinstance(start.internal, Named) else {}
     commanded = [] if "pilot" in parts else [name for name in parts if name in units]
@@ -43,7 +41,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
             raise ArgumentError(f"`still` names `{name}`, but the log holds its commands: leave out one of them.")
     missing = [name for name in commanded if name not in log.inputs and name not in still]
     if missing:
-        columns = ", ".join(f"`command_{name}{ending(units[name])}`" for name in missing)
+        columns = ", ".join(f"`command_{name}` ({units[name]})" for name in missing)
         raise ArgumentError(
             f"The log holds no commands of {', '.join(missing)}: add {columns}, or say that it stays where it starts, "
             f"still={missing} or --still {' '.join(missing)}."

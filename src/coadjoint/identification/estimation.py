@@ -47,7 +47,7 @@ def identify(
     min ½ Σ ((y_i − y(t_i; p, starts))/σ)² over the parameters p and over the start of every segment of the log, by
     Levenberg–Marquardt with exact derivatives through every step. Covariance is (JᵀJ)⁻¹ with the starts eliminated.
 
-    log: `co.identification.read_log`, or a Log. start: a state of the system, for what the log does not tell: the
+    log: a Log, as of `co.vehicles.logs.read_log`. start: a state of the system, for what the log does not tell: the
     advected parameters, the internal state. parameters: names of whole arrays (their entries that are not zero) or
     entries, ["damping", "added_mass[1,1]"]; the system's own values are where the search starts.
     noise: standard deviations in SI units by column, or for position, attitude, velocity, rates; those not given are

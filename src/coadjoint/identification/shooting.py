@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.interpreters.partial_eval import dce_jaxpr
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
@@ -22,7 +21,7 @@ from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels import driven
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.function import NativeFunction
-from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.kernels.jaxprs import depends
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.start import legendre
@@ -209,8 +208,7 @@ def followed(system: Any, state: State, name: str) -> bool:
         return system.body_force(motion), legendre(system, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal)
 
     def uses(function: Any) -> bool:
-        closed, _ = jaxpr_of(function, getattr(state.inputs, name))
-        return dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1][0]
+        return depends(function, getattr(state.inputs, name))[0]
 
     return system.internal is not None and uses(rule) and not uses(direct)
 

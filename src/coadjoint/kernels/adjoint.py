@@ -15,9 +15,9 @@ from coadjoint.kernels.differentiation import backward, forward
 from coadjoint.kernels.emitter import DOUBLE, WHOLE, Emitter, outer
 from coadjoint.kernels.expression import Graph, Node, substitute
 from coadjoint.kernels.increments import Increment, linear_solve
-from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.plan import Plan
 from coadjoint.kernels.solving import increment_values
+from coadjoint.kernels.untraceable import Untraceable
 
 NAME = "adjoint"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import warnings
 from typing import Any, Literal
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels import ensemble, native, xla
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
-from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Program
+from coadjoint.kernels.untraceable import Untraceable
 
 Backend = Literal["auto", "native", "xla"]
 
@@ -25,22 +25,32 @@ def choose(program: Program, parameters: Any, state: Any, monitors: bool, backen
     "auto" falls back to XLA where the program cannot be traced and says so once, naming the primitive; "native"
     raises ArgumentError there.
     """
-    if backend not in ("auto", "native", "xla"):
-        raise ArgumentError(f'Argument `backend` must be "auto", "native" or "xla", but is {backend!r}.')
+    require_backend(backend)
     if backend == "xla":
         return "xla"
     try:
         native.compile(program, parameters, state, monitors)
     except Untraceable as reason:
-        what = OUTSIDE if reason.primitive in CALLBACKS else reason
-        sentence = f"{what} It runs by XLA, which is slower for small systems."
-        if backend == "native":
-            raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
-        if sentence not in _told:
-            _told.add(sentence)
-            warnings.warn(sentence, stacklevel=3)
+        fall_back(reason, backend)
         return "xla"
     return "native"
+
+
+def require_backend(backend: Backend) -> None:
+    """Raise ArgumentError unless there is such a backend."""
+    if not isinstance(backend, str) or backend not in ("auto", "native", "xla"):
+        raise ArgumentError(f'Argument `backend` must be "auto", "native" or "xla", but is {shown(backend)}.')
+
+
+def fall_back(reason: Untraceable, backend: Backend) -> None:
+    """Say once that XLA takes over; raises ArgumentError where only native code was asked for."""
+    what = OUTSIDE if reason.primitive in CALLBACKS else reason
+    sentence = f"{what} It runs by XLA, which is slower for small systems."
+    if backend == "native":
+        raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
+    if sentence not in _told:
+        _told.add(sentence)
+        warnings.warn(sentence, stacklevel=4)
 
 
 def run(

@@ -2,66 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from coadjoint.kernels.interpreter import Array, Interpreter, Rule, Untraceable, symbolic
+from coadjoint.kernels import jaxprs
+from coadjoint.kernels.interpreter import Array, Interpreter, Rule, symbolic
+from coadjoint.kernels.jaxprs import Atom, Equation
+from coadjoint.kernels.untraceable import Untraceable
 
 MAX_TRIPS = 2_000
 """A longer unrolled loop of expressions would take minutes to compile; it goes to XLA instead."""
 
 
-def _call(key: str) -> Rule:
-    def rule(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
-        return interpreter.closed(parameters[key], inputs)
-
-    return rule
+def _call(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
+    return interpreter.run(jaxprs.body(equation), inputs)
 
 
-def _cond(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
+def _cond(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
     """One branch where the index is known, else all of them and a selection (every branch is pure)."""
-    index, operands, branches = inputs[0], inputs[1:], parameters["branches"]
+    index, operands, branches = inputs[0], inputs[1:], equation.parameters["branches"]
     if not symbolic(index):
-        return interpreter.closed(branches[int(np.clip(index, 0, len(branches) - 1))], operands)
-    outcomes = [interpreter.closed(branch, operands) for branch in branches]
+        return interpreter.run(branches[int(np.clip(index, 0, len(branches) - 1))], operands)
+    outcomes = [interpreter.run(branch, operands) for branch in branches]
     select = interpreter.expressions["select_n"]
     return [np.asarray(select({}, index, *values)) for values in zip(*outcomes, strict=True)]
 
 
-def _scan(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
-    consts, carries = parameters["num_consts"], parameters["num_carry"]
-    constants, carry, slices = inputs[:consts], inputs[consts : consts + carries], inputs[consts + carries :]
-    length = parameters["length"]
-    _check_trips("scan", length, inputs)
-    order = range(length - 1, -1, -1) if parameters["reverse"] else range(length)
+def _scan(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
+    loop = jaxprs.scan(equation)
+    end = loop.constants + loop.carried
+    constants, carry, slices = inputs[: loop.constants], inputs[loop.constants : end], inputs[end:]
+    _check_trips("scan", loop.length, inputs)
+    order = range(loop.length - 1, -1, -1) if loop.reverse else range(loop.length)
     rows: list[tuple[int, list[Array]]] = []
     for i in order:
-        outputs = interpreter.closed(parameters["jaxpr"], [*constants, *carry, *(np.asarray(s[i]) for s in slices)])
-        carry = outputs[:carries]
-        rows.append((i, outputs[carries:]))
+        outputs = interpreter.run(loop.body, [*constants, *carry, *(np.asarray(s[i]) for s in slices)])
+        carry = outputs[: loop.carried]
+        rows.append((i, outputs[loop.carried :]))
     rows.sort(key=lambda row: row[0])
-    avals = parameters["jaxpr"].out_avals[carries:]
-    return [*carry, *(_stack([row[j] for _, row in rows], aval) for j, aval in enumerate(avals))]
+    results = equation.outputs[loop.carried :]
+    return [*carry, *(_stack(interpreter, [row[j] for _, row in rows], v) for j, v in enumerate(results))]
 
 
-def _stack(rows: list[Array], aval: Any) -> Array:
-    return np.stack(rows) if rows else np.zeros((0, *aval.shape), aval.dtype)
+def _stack(interpreter: Interpreter, rows: list[Array], variable: Atom) -> Array:
+    if not rows:
+        return np.zeros(jaxprs.shape(variable), jaxprs.dtype(variable))
+    return interpreter.expressions["stack"]({"axis": 0}, *rows) if any(map(symbolic, rows)) else np.stack(rows)
 
 
-def _while(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
-    tests, consts = parameters["cond_nconsts"], parameters["body_nconsts"]
-    of_test, of_body, carry = inputs[:tests], inputs[tests : tests + consts], inputs[tests + consts :]
+def _while(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
+    loop = jaxprs.while_loop(equation)
+    end = loop.of_test + loop.of_body
+    of_test, of_body, carry = inputs[: loop.of_test], inputs[loop.of_test : end], inputs[end:]
     trips = 0
     while True:
-        (again,) = interpreter.closed(parameters["cond_jaxpr"], [*of_test, *carry])
+        (again,) = interpreter.run(loop.test, [*of_test, *carry])
         if symbolic(again):
             raise Untraceable("while", "the number of its trips depends on values")
         if not again.any():
             return carry
         trips += 1
         _check_trips("while", trips, carry)
-        moved = interpreter.closed(parameters["body_jaxpr"], [*of_body, *carry])
+        moved = interpreter.run(loop.body, [*of_body, *carry])
         carry = moved if again.all() else [_choose(again, new, old) for new, old in zip(moved, carry, strict=True)]
 
 
@@ -75,39 +76,34 @@ def _check_trips(name: str, trips: int, values: list[Array]) -> None:
         raise Untraceable(name, f"it has more than {MAX_TRIPS} trips")
 
 
-def _platform(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
+def _platform(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
     """Which branch is meant for CPUs."""
-    for i, platforms in enumerate(parameters["platforms"]):
+    for i, platforms in enumerate(equation.parameters["platforms"]):
         if platforms is None or "cpu" in platforms:
             return [np.asarray(i, np.int32)]
     raise Untraceable("platform_index", "no branch is meant for CPUs")
 
 
-def _linear_solve(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
+def _linear_solve(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
     """On numbers the solve that JAX carries along; on expressions our own elimination of the operator."""
-    lengths, jaxprs = parameters["const_lengths"], parameters["jaxprs"]
-    count = sum(lengths)
-    right = inputs[count:]
-    of_operator = inputs[: lengths.matvec]
+    system = jaxprs.linear_solve(equation)
+    of_operator, right = inputs[: system.of_operator], inputs[system.constants :]
     if not any(map(symbolic, [*of_operator, *right])):
-        start = lengths.matvec + lengths.vecmat
-        return interpreter.closed(jaxprs.solve, [*inputs[start : start + lengths.solve], *right])
+        return interpreter.run(system.solve, [*inputs[system.of_solve], *right])
     solve = interpreter.expressions["custom_linear_solve"]
-    return solve(lambda x: interpreter.closed(jaxprs.matvec, [*of_operator, *x]), right)
+    return solve(lambda x: interpreter.run(system.operator, [*of_operator, *x]), right)
 
 
-def _custom_jvp(interpreter: Interpreter, parameters: Any, inputs: list[Array]) -> list[Array]:
-    """The function itself; JAX writes determinants as exp(log|det|), which the tracer takes apart again."""
+def _custom_jvp(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
+    """The function itself; a determinant, which JAX writes in many ways, is known as one."""
     table = interpreter.expressions if any(map(symbolic, inputs)) else interpreter.numeric
-    if parameters.get("name") == "_det" and "det" in table:
+    if "det" in table and jaxprs.is_determinant(equation):
         return [np.asarray(table["det"]({}, inputs[0]))]
-    return interpreter.closed(parameters["call_jaxpr"], inputs)
+    return _call(interpreter, equation, inputs)
 
 
 CONTROL: dict[str, Rule] = {
-    **dict.fromkeys(("jit", "pjit", "checkpoint", "remat", "remat2", "composite"), _call("jaxpr")),
-    **dict.fromkeys(("closed_call", "core_call", "custom_vjp_call"), _call("call_jaxpr")),
-    "custom_vjp_call_jaxpr": _call("fun_jaxpr"),
+    **dict.fromkeys(jaxprs.CALLS, _call),
     "custom_jvp_call": _custom_jvp,
     "cond": _cond,
     "scan": _scan,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from coadjoint.kernels.expression import TRUTH, Graph, Node, reachable
-from coadjoint.kernels.interpreter import Untraceable
+from coadjoint.kernels.untraceable import Untraceable
 
 Partial = Callable[[Graph, Node], Sequence[Node]]
 
@@ -91,6 +91,7 @@ PARTIALS: dict[str, Partial] = {
     "exp2": _unary(lambda g, x, y: g.mul(g.constant(math.log(2)), y)),
     "expm1": _unary(lambda g, x, y: g.add(y, g.one)),
     "log": _unary(lambda g, x, y: g.div(g.one, x)),
+    "log2": _unary(lambda g, x, y: g.div(g.constant(1 / math.log(2)), x)),
     "log1p": _unary(lambda g, x, y: g.div(g.one, g.add(g.one, x))),
     "sin": _unary(lambda g, x, y: g.apply("cos", x)),
     "cos": _unary(lambda g, x, y: g.neg(g.apply("sin", x))),

@@ -9,15 +9,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.core import Tracer
-from jax.extend import core
 
 from coadjoint.errors import LagrangianError
+from coadjoint.kernels import jaxprs
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
-_NAMES_ONLY = {"name", "jvp_jaxpr_fun", "jvp_jaxpr_thunk", "fwd_jaxpr_thunk", "bwd", "debug_info", "ctx_mesh"}
-
-
 TRACED_OUTSIDE = (
     "The Lagrangian, or another function of the system, uses a value from outside that JAX is tracing: "
     "put it into co.Parameters and set it with system.replace."
@@ -43,12 +39,10 @@ class _Feed:
         self.update("\x1f".join(_ADDRESS.sub("", str(part)) for part in parts).encode() + b"\x1e")
 
     def value(self, value: Any) -> None:
-        if isinstance(value, Tracer):
+        if isinstance(value, jaxprs.Tracer):
             raise LagrangianError(TRACED_OUTSIDE)
-        if isinstance(value, core.ClosedJaxpr):
-            self.value(list(value.consts))
-            _Feed(self.update).jaxpr(value.jaxpr)
-        elif isinstance(value, core.Jaxpr):
+        if jaxprs.is_jaxpr(value):
+            self.value(jaxprs.constants(value))
             _Feed(self.update).jaxpr(value)
         elif isinstance(value, (np.ndarray, np.generic, jax.Array)):
             array = np.asarray(value)
@@ -57,7 +51,7 @@ class _Feed:
         elif isinstance(value, Mapping):
             self.word("mapping", len(value))
             for key in sorted(value, key=str):
-                if key not in _NAMES_ONLY:
+                if key not in jaxprs.NAMES_ONLY:
                     self.word(key)
                     self.value(value[key])
         elif isinstance(value, (tuple, list)):
@@ -70,16 +64,17 @@ class _Feed:
             self.word(type(value).__name__, repr(value))
 
     def jaxpr(self, jaxpr: Any) -> None:
-        for variables in (jaxpr.constvars, jaxpr.invars):
-            self.word("inputs", *(self.atom(v) for v in variables))
-        for equation in jaxpr.eqns:
-            self.word(equation.primitive.name, *(self.atom(v) for v in equation.invars))
-            self.value(equation.params)
-            self.word("gives", *(self.atom(v) for v in equation.outvars))
-        self.word("outputs", *(self.atom(v) for v in jaxpr.outvars))
+        variables = jaxprs.variables(jaxpr)
+        for group in (variables.constants, variables.inputs):
+            self.word("inputs", *(self.atom(v) for v in group))
+        for equation in jaxprs.equations(jaxpr):
+            self.word(equation.name, *(self.atom(v) for v in equation.inputs))
+            self.value(equation.parameters)
+            self.word("gives", *(self.atom(v) for v in equation.outputs))
+        self.word("outputs", *(self.atom(v) for v in variables.outputs))
 
-    def atom(self, atom: Any) -> str:
-        if isinstance(atom, core.Literal):
-            value = np.asarray(atom.val)
+    def atom(self, atom: jaxprs.Atom) -> str:
+        value = jaxprs.number(atom)
+        if value is not None:
             return f"{value.dtype}{value.shape}{value.tobytes().hex()}"
-        return f"{self.order.setdefault(atom, len(self.order))}:{atom.aval.str_short()}"
+        return f"{self.order.setdefault(atom, len(self.order))}:{jaxprs.type_name(atom)}"

@@ -1,4 +1,4 @@
-"""Many short runs that are driven from tables, and their tangents: a run a lane, all steps of all runs kept.
+"""Many short runs driven from tables, and their tangents: one run in each SIMD lane, all steps of all runs kept.
 
 What drives a run is written into its state before every step, so that a table may be as long as one likes.
 """

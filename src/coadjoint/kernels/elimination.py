@@ -114,6 +114,35 @@ def determinant(graph: Graph, a: Matrix) -> Node:
     return result
 
 
+def factors(graph: Graph, a: Matrix) -> tuple[Matrix, list[Node], list[Node]]:
+    """L below the diagonal and U above it, the row taken as each pivot, and the order of the rows: a[order] = L U.
+
+    As LAPACK does it: a column without a pivot is left as it is.
+    """
+    n = len(a)
+    rows, order, pivots = [list(row) for row in a], [graph.constant(float(i)) for i in range(n)], []
+    for k in range(n):
+        best, place = graph.apply("abs", rows[k][k]), graph.constant(float(k))
+        for i in range(k + 1, n):
+            size = graph.apply("abs", rows[i][k])
+            larger = graph.apply("lt", best, size)
+            best, place = graph.select(larger, size, best), graph.select(larger, graph.constant(float(i)), place)
+        pivots.append(place)
+        first, label = rows[k], order[k]
+        for i in range(k + 1, n):
+            here = graph.apply("eq", place, graph.constant(float(i)))
+            rows[k] = [graph.select(here, y, x) for x, y in zip(rows[k], rows[i], strict=True)]
+            rows[i] = [graph.select(here, x, y) for x, y in zip(first, rows[i], strict=True)]
+            order[k], order[i] = graph.select(here, order[i], order[k]), graph.select(here, label, order[i])
+        empty = graph.apply("eq", best, graph.zero)
+        over = graph.select(empty, graph.zero, graph.div(graph.one, rows[k][k]))
+        for i in range(k + 1, n):
+            rows[i][k] = graph.mul(rows[i][k], over)
+            for j in range(k + 1, n):
+                rows[i][j] = graph.sub(rows[i][j], graph.mul(rows[i][k], rows[k][j]))
+    return rows, pivots, order
+
+
 def cholesky(graph: Graph, a: Matrix) -> Matrix:
     """The lower triangular L with L Lᵀ = a, from the lower triangle of a."""
     n = len(a)

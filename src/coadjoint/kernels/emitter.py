@@ -1,6 +1,6 @@
 """Expressions as LLVM instructions, each emitted once in the outermost place that a section allows.
 
-A value is a double, or a vector of doubles with one trajectory a lane; truth values are bits alike.
+A value is a double, or a vector of doubles with one trajectory in each SIMD lane; truth values are bits alike.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import ir
 
 from coadjoint.kernels.expression import Node, reachable
-from coadjoint.kernels.interpreter import Untraceable
+from coadjoint.kernels.untraceable import Untraceable
 
 DOUBLE = ir.DoubleType()
 WHOLE = ir.IntType(64)
@@ -23,13 +23,13 @@ FUSED = ("contract",)
 """Products and sums may fuse; nothing is reassociated, and NaN and infinity keep their meaning."""
 
 FREE = ("contract", "reassoc", "nsz")
-"""For what only steers Newton, the derivatives and the linear solve: sums may be reordered as well."""
+"""For what affects only Newton's convergence, the derivatives and the linear solve: sums may be reordered as well."""
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
 _INTRINSICS = {
-    **{name: name for name in ("sqrt", "sin", "cos", "exp", "exp2", "log", "pow", "floor", "ceil")},
+    **{name: name for name in ("sqrt", "sin", "cos", "exp", "exp2", "log", "log2", "pow", "floor", "ceil")},
     "abs": "fabs",
     "round_even": "rint",
     "round_away": "round",

@@ -1,4 +1,4 @@
-"""Runs many members of one program at once: a trajectory a lane of the processor's vectors, groups on threads."""
+"""Runs many members of one program at once: a trajectory in each SIMD lane, groups of lanes on threads."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def run_ensemble(
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language; ValueError if the
     members cannot be counted.
     """
-    shape_p, p = _members(parameters, axes[0])
-    shape_s, s = _members(state, axes[1])
+    shape_p, p = members_of(parameters, axes[0])
+    shape_s, s = members_of(state, axes[1])
     steps = np.asarray(h, np.float64).reshape(-1)
     count = _count(len(p), len(s), len(steps))
     width = lanes()
@@ -101,7 +101,7 @@ def _launch(kernel: Kernel, inputs: tuple, result: Result, records: int, save_ev
         list(pool.map(run, range(0, groups, share)))
 
 
-def _members(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
+def members_of(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
     """The layout of one member, and the numbers of all: (members, size), or (1, size) where all share them."""
     flags = jax.tree_util.tree_leaves(jax.tree_util.tree_broadcast(axes, tree))
     leaves, structure = jax.tree_util.tree_flatten(tree)

@@ -10,11 +10,12 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.core import Tracer
 
 from coadjoint.kernels.control import CONTROL
-from coadjoint.kernels.interpreter import Interpreter, Untraceable, jaxpr_of
+from coadjoint.kernels.interpreter import Interpreter
+from coadjoint.kernels.jaxprs import Tracer, jaxpr_of
 from coadjoint.kernels.numeric import NUMERIC
+from coadjoint.kernels.untraceable import Untraceable
 
 _NUMBERS = Interpreter(NUMERIC, CONTROL)
 
@@ -54,7 +55,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
         if not compiled:
             try:
                 with np.errstate(all="ignore"):
-                    outputs = _NUMBERS.closed(closed, leaves)
+                    outputs = _NUMBERS.run(closed, leaves)
                 return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
             except Untraceable:
                 compiled.append(jax.jit(function))

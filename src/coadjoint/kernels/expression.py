@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from coadjoint.kernels.interpreter import TooLarge
 from coadjoint.kernels.numeric import BINARY, UNARY
+from coadjoint.kernels.untraceable import TooLarge
 
 MAX_NODES = 120_000
 """A larger program would compile for minutes; it goes to XLA instead."""

@@ -9,7 +9,7 @@ from typing import Any
 import llvmlite.binding as llvm
 
 from coadjoint.kernels import store
-from coadjoint.kernels.interpreter import Untraceable
+from coadjoint.kernels.untraceable import Untraceable
 
 _RECIPE = "1"
 """Changes whenever `object_code` would make other code of the same assembly."""
@@ -49,17 +49,27 @@ def object_code(assembly: str) -> bytes:
 
 def machine(assembly: str) -> Machine:
     """A module, compiled or taken from the store, and loaded."""
-    features = llvm.get_host_cpu_features().flatten()
-    version = ".".join(map(str, llvm.llvm_version_info))
-    name = store.key(_RECIPE, version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features, assembly)
-    code = store.fetch(name)
     try:
-        if code is None:
-            code = object_code(assembly)
-            store.keep(name, code)
-        return Machine(code)
+        return Machine(compiled(assembly))
     except RuntimeError as error:
         raise Untraceable("step", f"LLVM refused its code ({str(error).splitlines()[0]})") from None
+
+
+def compiled(assembly: str) -> bytes:
+    """The machine code of a module for this processor, compiled or taken from the store."""
+    name = store.key(_RECIPE, *processor(), assembly)
+    code = store.fetch(name)
+    if code is None:
+        code = object_code(assembly)
+        store.keep(name, code)
+    return code
+
+
+def processor() -> tuple[str, ...]:
+    """What machine code depends on in addition to the assembly: LLVM, the kind of machine, and its features."""
+    version = ".".join(map(str, llvm.llvm_version_info))
+    features = llvm.get_host_cpu_features().flatten()
+    return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
 
 
 class Machine:
@@ -73,6 +83,6 @@ class Machine:
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
 
-    def function(self, name: str, *arguments: type) -> Any:
-        """A void function by its name; calling it lets other threads run."""
-        return ctypes.CFUNCTYPE(None, *arguments)(self._engine.get_function_address(name))
+    def function(self, name: str, *arguments: type, result: type | None = None) -> Any:
+        """A function by its name, void unless it has a result; calling it lets other threads run."""
+        return ctypes.CFUNCTYPE(result, *arguments)(self._engine.get_function_address(name))

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from jax import lax
 
-from coadjoint.kernels.interpreter import Array, Rule, Untraceable, symbolic
+from coadjoint.kernels.interpreter import Array, Rule, symbolic
+from coadjoint.kernels.untraceable import Untraceable
 
 
 def filled(shape: tuple[int, ...], value: Any, like: Array) -> Array:
@@ -103,7 +104,7 @@ def _windows(
 
 
 def _gather(p: Any, operand: Array, indices: Array) -> Array:
-    d, sizes = p["dimension_numbers"], list(p["slice_sizes"])
+    d, sizes = p.fields("dimension_numbers"), list(p["slice_sizes"])
     clip = p["mode"] == lax.GatherScatterMode.CLIP
     batching = (d.operand_batching_dims, d.start_indices_batching_dims)
     numbers, inside = _windows("gather", operand.shape, indices, sizes, d.start_index_map, batching, clip)
@@ -129,7 +130,7 @@ def arranged(dimensions: Any, windows: Array, lead: int) -> Array:
 
 def _scatter(name: str, combine: Callable[[Any, Any], Any]) -> Rule:
     def rule(p: Any, operand: Array, indices: Array, updates: Array) -> Array:
-        d = p["dimension_numbers"]
+        d = p.fields("dimension_numbers")
         window = list(d.update_window_dims)
         gone = {*d.inserted_window_dims, *d.operand_batching_dims}
         kept = iter(updates.shape[axis] for axis in window)

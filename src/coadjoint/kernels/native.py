@@ -39,7 +39,7 @@ class Kernel(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What the machine wrote: a last axis of lanes everywhere."""
+    """What the machine code wrote, with a last axis of SIMD lanes everywhere."""
 
     state: np.ndarray
     records: np.ndarray

@@ -32,7 +32,7 @@ class _Iterate(NamedTuple):
 def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, groups: tuple[int, ...]) -> Root:
     """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_g|∞ ≤ TOLERANCE·|z_g|∞ + FLOOR/|h| in every group.
 
-    `groups` are the sizes of the groups of unknowns; `program.TOLERANCE` tells the rule for groups at round-off.
+    `groups` are the sizes of the groups of unknowns; `program.TOLERANCE` states the rule for groups at round-off.
     Derivatives of the result follow from the implicit function theorem, ∂z = −J⁻¹ ∂r: they cost one linear solve
     and do not depend on how Newton went.
     """
@@ -53,7 +53,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
             together = jnp.max(sizes) <= TOLERANCE * jnp.max(scales) + floor
             stalled = together & iterate.together & (sizes > STALLED * iterate.sizes)
             settled = jnp.all((sizes <= TOLERANCE * scales + floor) | stalled)
-            # A NaN compares false and would go on for ever: it settles here and is told apart below.
+            # A NaN compares false and would never end the loop: it counts as settled here and is distinguished below.
             settled = settled | ~jnp.all(jnp.isfinite(sizes))
             return _Iterate(z, iterate.iterations + 1, settled, sizes, together)
 

@@ -187,7 +187,7 @@ class StageLoop:
 
 
 def finite(emit: Emitter, values: Iterable[Any]) -> Any:
-    """Whether the sum is finite, which it is not if a term is infinite or NaN; nobody needs terms near 1e308."""
+    """Whether the sum is finite, not so if a term is infinite or NaN, or where terms near 1e308 overflow."""
     b = emit.builder
     sums = list({id(v): v for v in values}.values())
     while len(sums) > 1:

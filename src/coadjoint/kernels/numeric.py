@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ import scipy.linalg
 import scipy.special
 from jax import lax
 
-from coadjoint.kernels.interpreter import Array, Rule, Untraceable
+from coadjoint.kernels.interpreter import Array, Rule
 from coadjoint.kernels.movement import MOVEMENT, scatters
+from coadjoint.kernels.untraceable import Untraceable
 
 UNARY: dict[str, Callable] = {
     **{name: getattr(np, name) for name in ("abs", "sign", "floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "log")},
-    **{name: getattr(np, name) for name in ("expm1", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    **{name: getattr(np, name) for name in ("log2", "expm1", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
     "neg": np.negative,
     "asin": np.arcsin,
     "acos": np.arccos,
@@ -66,7 +68,7 @@ def _select(p: Any, which: Array, *cases: Array) -> Array:
 
 
 def round_name(parameters: Any) -> str:
-    """The name of the rounding that a `round` equation asks for."""
+    """The name of the rounding that a `round` equation specifies."""
     even = parameters["rounding_method"] == lax.RoundingMethod.TO_NEAREST_EVEN
     return "round_even" if even else "round_away"
 
@@ -124,6 +126,11 @@ def _iota(p: Any) -> Array:
     return np.broadcast_to(np.arange(p["shape"][p["dimension"]]).reshape(line), p["shape"])
 
 
+def _polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
+    """a₀ + x (a₁ + x (a₂ + …))."""
+    return np.broadcast_arrays(reduce(lambda y, a: y * x + a, coefficients[::-1]), x)[0]
+
+
 def _lu(p: Any, a: Array) -> list[Array]:
     if a.ndim > 2:
         parts = [_lu(p, b) for b in a]
@@ -160,6 +167,14 @@ def _sort(p: Any, *operands: Array) -> list[Array]:
     raise Untraceable("sort", "several keys along one of several axes")
 
 
+def _cholesky(a: np.ndarray) -> np.ndarray:
+    """L with LLᵀ = a; NaN where a is not positive definite, as JAX has it."""
+    try:
+        return np.linalg.cholesky(a)
+    except np.linalg.LinAlgError:
+        return np.full_like(a, np.nan)
+
+
 NUMERIC: dict[str, Rule] = {
     **MOVEMENT,
     **{name: (lambda p, x, f=f: f(x)) for name, f in UNARY.items()},
@@ -168,7 +183,7 @@ NUMERIC: dict[str, Rule] = {
     "add_any": lambda p, x, y: np.add(x, y),
     "argmax": _arg(np.argmax),
     "argmin": _arg(np.argmin),
-    "cholesky": lambda p, a: np.linalg.cholesky(a),
+    "cholesky": lambda p, a: _cholesky(a),
     "clamp": lambda p, low, x, high: np.minimum(np.maximum(x, low), high),
     "convert_element_type": lambda p, x: x.astype(p["new_dtype"]),
     "cummax": _cumulative(np.maximum.accumulate),
@@ -189,6 +204,8 @@ NUMERIC: dict[str, Rule] = {
     "iota": _iota,
     "logistic": lambda p, x: scipy.special.expit(x),
     "lu": _lu,
+    "one_minus_square": lambda p, x: (1 - x) * (1 + x),
+    "polynomial": _polynomial,
     "reduce_and": _reduction(np.all),
     "reduce_max": _extremum(np.max, lowest=True),
     "reduce_min": _extremum(np.min, lowest=False),

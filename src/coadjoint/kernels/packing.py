@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.interpreter import Untraceable
+from coadjoint.kernels.untraceable import Untraceable
 
 
 class Layout(NamedTuple):

@@ -11,10 +11,10 @@ import numpy as np
 
 from coadjoint.kernels.expression import Graph, Node
 from coadjoint.kernels.increments import Increment, Scheme, scheme
-from coadjoint.kernels.interpreter import Untraceable
 from coadjoint.kernels.program import Program, Stage
 from coadjoint.kernels.symbolic import nodes
 from coadjoint.kernels.tracer import Tracer, flat
+from coadjoint.kernels.untraceable import Untraceable
 
 MAX_UNKNOWNS = 60
 """A larger stage would be mostly linear algebra, which XLA does as well."""

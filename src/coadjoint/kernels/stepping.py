@@ -25,10 +25,14 @@ POINTER = DOUBLE.as_pointer()
 
 def assemble(plan: Plan, width: int = 1) -> str:
     """The module as LLVM assembly."""
-    return str(_Stepper(plan, width).module)
+    return str(StepFunction(plan, width).module)
 
 
-class _Stepper:
+class StepFunction:
+    """Writes that function; `kernels.online` writes one that goes on where the last call ended."""
+
+    emitter = Emitter
+
     def __init__(self, plan: Plan, width: int) -> None:
         self.plan, self.width = plan, width
         self.module = ir.Module(name="coadjoint")
@@ -42,7 +46,7 @@ class _Stepper:
                 argument.add_attribute("noalias")
         self.arguments = function.args
         self.builder = b = ir.IRBuilder(function.append_basic_block("entry"))
-        self.emit = Emitter(self.module, b, width)
+        self.emit = self.emitter(self.module, b, width)
         self._function()
 
     # Memory: arrays of lanes.
@@ -77,11 +81,7 @@ class _Stepper:
             self.emit.bind(node, self.load(p, i))
         self.emit.bind(plan.h, self.load(h, 0))
         self.state = [self.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
-        zero = self.emit.counts(0)
-        self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
-        self.most = self.variable(self.emit.counter, zero)
-        self.code = self.variable(self.emit.counter, zero)
-        self.alive = self.variable(self.emit.truth, self.emit.bit(True))
+        self._begin(status)
         self.done, self.row = self.variable(WHOLE, WHOLE(0)), self.variable(WHOLE, WHOLE(0))
         self.due = self.variable(WHOLE, WHOLE(0))
         number = b.mul(records, every)
@@ -89,7 +89,7 @@ class _Stepper:
         self.emit.keep_exact(reachable(self._results()))
         self.emit.values(outer(self._roots(), self._varying()))
         loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
-        b.cbranch(b.icmp_signed(">", number, WHOLE(0)), loop, end)
+        b.cbranch(self._opens(b.icmp_signed(">", number, WHOLE(0))), loop, end)
         b.position_at_end(loop)
         with self.emit.scope():
             self._step()
@@ -102,6 +102,22 @@ class _Stepper:
         for i, place in enumerate((self.steps, self.code, self.total, self.most)):
             self.store(b.load(place), status, i)
         b.ret_void()
+
+    def _begin(self, status: Any) -> None:
+        """How the run stands when it begins: nothing done, every lane alive."""
+        zero = self.emit.counts(0)
+        self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
+        self.most = self.variable(self.emit.counter, zero)
+        self.code = self.variable(self.emit.counter, zero)
+        self.alive = self.variable(self.emit.truth, self.emit.bit(True))
+
+    def _opens(self, wanted: Any) -> Any:
+        """Whether there is a first step, if one is wanted."""
+        return wanted
+
+    def _held(self, number: int) -> Any:
+        """Number `number` of the state at the node where a step begins."""
+        return self.builder.load(self.state[number])
 
     def _results(self) -> list[Node]:
         """What must be computed as it is written, the residuals among them."""
@@ -131,8 +147,8 @@ class _Stepper:
 
     def _step(self) -> None:
         b, plan = self.builder, self.plan
-        for node, place in zip(plan.state, self.state, strict=True):
-            self.emit.bind(node, b.load(place))
+        for number, node in enumerate(plan.state):
+            self.emit.bind(node, self._held(number))
         idle = self.emit.bit(False) if self.width == 1 else b.xor(b.load(self.alive), self.emit.bit(True))
         if plan.inner is None:
             done = self._stages(idle)

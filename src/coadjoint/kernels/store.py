@@ -32,7 +32,7 @@ def folder() -> Path | None:
 
 def _trusted(place: Path) -> bool:
     """Whether only this user can put machine code there; raises OSError where there is no such folder."""
-    if not hasattr(os, "geteuid"):  # no owners and modes to look at
+    if not hasattr(os, "geteuid"):  # no owners and modes to check
         return True
     found = place.stat()
     return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

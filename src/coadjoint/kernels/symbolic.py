@@ -13,9 +13,10 @@ from coadjoint.kernels import elimination
 from coadjoint.kernels.differentiation import forward
 from coadjoint.kernels.expression import Graph, Node
 from coadjoint.kernels.indexing import indexing_rules
-from coadjoint.kernels.interpreter import Array, Rule, Untraceable, symbolic
+from coadjoint.kernels.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.movement import MOVEMENT, scatters
 from coadjoint.kernels.numeric import BINARY, UNARY, matricize, round_name
+from coadjoint.kernels.untraceable import Untraceable
 
 
 def lift(graph: Graph, array: Array) -> Array:
@@ -51,7 +52,7 @@ def expression_rules(graph: Graph) -> dict[str, Rule]:
     unary = {name: elementwise(named(name), 1) for name in UNARY}
     binary = {name: elementwise(named(name), 2) for name in BINARY}
     return {
-        **{name: _lifted(graph, rule) for name, rule in MOVEMENT.items()},
+        **{name: _lifted(graph, rule, name in _JOINED) for name, rule in MOVEMENT.items()},
         **{name: _lifted(graph, rule) for name, rule in scatters(*map(named, _COMBINE)).items()},
         **indexing_rules(graph, lambda x: lift(graph, x)),
         **unary,
@@ -63,13 +64,14 @@ def expression_rules(graph: Graph) -> dict[str, Rule]:
 
 
 _COMBINE = ("add", "sub", "mul", "min", "max")
+_JOINED = ("concatenate", "pad", "stack")
 
 
-def _lifted(graph: Graph, rule: Rule) -> Rule:
-    """Data movement places expressions only; its indices stay numbers."""
+def _lifted(graph: Graph, rule: Rule, whole: bool = False) -> Rule:
+    """Data movement places expressions only; its indices stay numbers, which `whole` says that there are none of."""
 
     def lifted(p: Any, *xs: Array) -> Any:
-        return rule(p, *(lift(graph, x) if x.dtype.kind == "f" else x for x in xs))
+        return rule(p, *(lift(graph, x) if whole or x.dtype.kind == "f" else x for x in xs))
 
     return lifted
 
@@ -87,6 +89,12 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
             raise Untraceable("convert_element_type", f"to {kind.name}")
         return np.asarray(each(lambda n: _converted(graph, n, kind.kind), x))
 
+    def polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
+        """a₀ + x (a₁ + x (a₂ + …))."""
+        horner = elementwise(lambda y, x, a: graph.add(graph.mul(y, x), a), 3)
+        value = reduce(lambda y, a: np.asarray(horner(p, y, x, a)), coefficients[::-1])
+        return np.broadcast_arrays(value, x)[0]
+
     def select(p: Any, which: Array, *cases: Array) -> Array:
         if len(cases) == 2:
             return elementwise(lambda c, no, yes: graph.select(_truth(graph, c), yes, no), 3)(p, which, *cases)
@@ -101,6 +109,8 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
         "clamp": elementwise(clamp, 3),
         "convert_element_type": convert,
         "div": elementwise(graph.div, 2),
+        "one_minus_square": elementwise(lambda x: graph.mul(graph.sub(graph.one, x), graph.add(graph.one, x)), 1),
+        "polynomial": polynomial,
         "integer_pow": lambda p, x: each(lambda n: graph.power(n, p["y"]), x),
         "div_whole": elementwise(lambda a, b: graph.apply("truncate", graph.div(a, b)), 2),
         "eq_to": elementwise(lambda a, b: graph.apply("eq", a, b), 2),
@@ -210,16 +220,21 @@ def _linear(graph: Graph) -> dict[str, Rule]:
         "custom_linear_solve": solve,
         "det": stacked(lambda a: elimination.determinant(graph, a), 0),
         "dot_general": product,
-        "lu": lambda p, a: _no_factors(graph, a),
+        "lu": lambda p, a: _factors(graph, a),
         "triangular_solve": lambda p, a, b: _triangular(graph, p, lift(graph, a), lift(graph, b)),
     }
 
 
-def _no_factors(graph: Graph, a: Array) -> list[Array]:
-    """Placeholders: JAX hands the factors to a linear solve that is done by our own elimination instead.
+def _factors(graph: Graph, a: Array) -> list[Array]:
+    """Factors up to 3×3, for the derivative of a determinant; placeholders beyond.
 
-    Whoever uses them otherwise is told by the emitter that `lu` has no code.
+    JAX hands them to a linear solve that is done by our own elimination instead; any other use of placeholders is
+    refused by the emitter, which has no code for `lu`.
     """
+    if a.shape[-2] == a.shape[-1] <= 3:
+        found = [elimination.factors(graph, matrix.tolist()) for matrix in a.reshape(-1, *a.shape[-2:])]
+        shapes = a.shape, a.shape[:-1], a.shape[:-1]
+        return [nodes(np.ravel(np.array(x, object)), s) for x, s in zip(zip(*found, strict=True), shapes, strict=True)]
     factors = np.asarray(each(lambda _: graph.placeholder("lu"), a))
     return [factors, factors[..., 0], factors[..., 0]]
 

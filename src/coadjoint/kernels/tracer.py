@@ -10,7 +10,8 @@ import numpy as np
 
 from coadjoint.kernels.control import CONTROL
 from coadjoint.kernels.expression import Graph, Node
-from coadjoint.kernels.interpreter import Interpreter, jaxpr_of
+from coadjoint.kernels.interpreter import Interpreter
+from coadjoint.kernels.jaxprs import jaxpr_of
 from coadjoint.kernels.numeric import NUMERIC
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.symbolic import expression_rules, lift, nodes
@@ -44,7 +45,7 @@ class Tracer:
         closed, structure = self._jaxpr(function, args)
         inputs = [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(args)]
         with np.errstate(all="ignore"):
-            outputs = self._interpreter.closed(closed, inputs)
+            outputs = self._interpreter.run(closed, inputs)
             outputs = [lift(self.graph, output) for output in outputs]
         return jax.tree_util.tree_unflatten(structure, outputs)
 

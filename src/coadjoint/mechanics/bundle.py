@@ -13,9 +13,10 @@ from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.check import trace
+from coadjoint.kernels.jaxprs import results
 from coadjoint.mechanics.connection import Connection, finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
+from coadjoint.mechanics.reading import trace
 from coadjoint.mechanics.start import checked_element
 from coadjoint.spaces.numbers import float64
 
@@ -153,7 +154,7 @@ def _transports(connection: Connection, path: Callable[[Array], Array], times: n
     """What each interval turns, in so many pieces that twice as many change nothing over 1e-12."""
     if not callable(path):
         raise ArgumentError("A continuous connection lifts a function t → x (m,): give `shapes` as such, with `times`.")
-    found = trace(path, "The path of shapes", (times[0],)).out_avals
+    found = results(trace(path, "The path of shapes", (times[0],)))
     if len(found) != 1 or found[0].shape != (connection.size,):
         raise ArgumentError(
             f"The path of shapes must return an array of shape ({connection.size},), but returns "

@@ -22,10 +22,10 @@ from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 
 DEGREE = 4
-"""The highest degree of the polynomials that are looked for."""
+"""The highest degree of the polynomials that are computed."""
 
 MONOMIALS = 1500
-"""More monomials than these are not looked at: so(5) with a vector reaches degree 3 or 4."""
+"""More monomials than these are not computed: so(5) with a vector reaches degree 3 or 4."""
 
 KERNEL = 1e-9
 """An eigenvalue up to this fraction of the largest counts as zero."""
@@ -72,13 +72,13 @@ class Casimir:
 
 
 def casimirs(system: System) -> dict[str, Casimir]:
-    """The polynomial Casimir functions of a system; runs of `system.watching(co.casimirs(system))` watch them.
+    """The polynomial Casimir functions of a system; runs of `system.watching(co.casimirs(system))` observe them.
 
     A basis of those that generate all others up to degree 4, found from the structure constants of 𝔤 and its action
     on V: C is a Casimir where it is constant along m ↦ ad*_ξ m, a ↦ −ξ·a and along m ↦ w⋄a, for every ξ ∈ 𝔤 and
     w ∈ V. Unforced steps move (m, a) by Ad*_F (m + w⋄a), F⁻¹a and so keep every one of them, whatever the step.
     Casimirs that are no polynomials of degree ≤ 4, as those of a group without enough invariants, are not found, and a
-    degree with more than 1500 monomials is not looked at: a warning says so where functions are missing for it, as
+    degree with more than 1500 monomials is not computed: a warning says so where functions are missing for it, as
     with the quartic one of so(6), sl(4) and sp(6).
     """
     found, stopped = _casimirs(system.group, system.advected)
@@ -93,14 +93,14 @@ def casimirs(system: System) -> dict[str, Casimir]:
 
 @lru_cache(maxsize=64)
 def _casimirs(group: LieGroup, V: Space) -> tuple[tuple[Casimir, ...], int | None]:
-    """The functions, and the degree that was too large to look at while some were still missing."""
+    """The functions, and the degree that was too large to compute while some were still missing."""
     return kept_by(_fields(group, V), group.dim)
 
 
 def kept_by(fields: np.ndarray, dim: int) -> tuple[tuple[Casimir, ...], int | None]:
     """The polynomials that affine vector fields X_j(y) = A_j (y, 1), (j, size, size + 1), all keep.
 
-    Also the degree that was too large to look at while some were still missing. dim: how many of y are called m.
+    Also the degree that was too large to compute while some were still missing. dim: how many of y are called m.
     """
     size, expected = fields.shape[1], _corank(fields)
     found: list[tuple[np.ndarray, np.ndarray]] = []

@@ -13,15 +13,15 @@ from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.kernels.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
+from coadjoint.mechanics.reading import in_words, require_float64, require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
-from coadjoint.spaces.numbers import is_short
 
 SINGULAR = 1e-13
 """The smallest |eigenvalue| of the scaled mass matrix that round-off cannot explain."""
 
 
-def check(system: System, start: State) -> list[str]:
+def check(system: System, start: State, regular: bool = True) -> list[str]:
     """Raise LagrangianError where ℓ or ℋ cannot be integrated from `start`; return warnings, a sentence each.
 
     ℓ must return one float64 number that is finite with finite gradient, hold no float32 constants, and have a
@@ -38,14 +38,16 @@ def check(system: System, start: State) -> list[str]:
     require_scalar(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
     if traced(system.parameters, start):
         return []
-    _require_finite(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
-    _require_symmetric(system, start)
-    if system.hamiltonian is not None:
-        require_regular_hamiltonian(system, start)
-        return []
-    return _require_regular(
-        system, partial(function, t=start.t, inputs=start.inputs, internal=start.internal), arguments
-    )
+    with in_words(what):
+        _require_finite(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
+        _require_symmetric(system, start)
+        if system.hamiltonian is not None:
+            if regular:
+                require_regular_hamiltonian(system, start)
+            return []
+        return _require_regular(
+            system, partial(function, t=start.t, inputs=start.inputs, internal=start.internal), arguments
+        )
 
 
 def given(system: System) -> tuple[str, Callable[..., Any]]:
@@ -92,14 +94,14 @@ def _check_forces(system: System, start: State) -> None:
     try:
         require_float64(at, "The forces", (velocities, start.t))
     except CoadjointError:
-        for i, name in enumerate(what):  # One by one, to tell which.
+        for i, name in enumerate(what):  # One by one, to identify which.
             require_float64(lambda *given, i=i: at(*given)[i], name, (velocities, start.t))
         raise
     if traced(system.parameters, start):
         return
-    for name, value, slope in zip(
-        what, *evaluate(lambda *given: (at(*given), jax.jacfwd(at)(*given)), velocities, start.t), strict=True
-    ):
+    with in_words("The forces"):
+        values, slopes = evaluate(lambda *given: (at(*given), jax.jacfwd(at)(*given)), velocities, start.t)
+    for name, value, slope in zip(what, values, slopes, strict=True):
         if _finite(value) and not _finite(slope):
             raise LagrangianError(
                 f"The derivative of {name[0].lower()}{name[1:]} in the velocities must be finite at the start, but is "
@@ -109,77 +111,6 @@ def _check_forces(system: System, start: State) -> None:
 
 def _finite(tree: Any) -> bool:
     return all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(tree))
-
-
-def trace(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
-    """The jaxpr of a user's function; whatever goes wrong inside it becomes one sentence."""
-    try:
-        with jax.enable_x64(True):
-            return jax.make_jaxpr(function)(*arguments)
-    except CoadjointError:
-        raise
-    except Exception as error:
-        first = str(error).strip().split("\n")[0]
-        kind = type(error).__name__
-        if "dtype promotion" in first:
-            raise
-        if type(error).__module__.startswith("jax"):
-            raise LagrangianError(
-                f"{what} cannot be differentiated by JAX ({kind}): write it with jax.numpy, without `if` on values, "
-                "float() or NumPy functions of its arguments."
-            ) from error
-        if "Tracer has no attribute" in first and any(isinstance(given, State) for given in arguments):
-            name = first.split()[-1]
-            raise LagrangianError(
-                f"{what} asks an array for `{name}`, which it does not have: what a dictionary of spaces has named is "
-                f"read by `state.named`, as in state.named.a.{name}."
-            ) from error
-        raise LagrangianError(f"{what} raised {kind}: {first}") from error
-
-
-def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
-    """Raise LagrangianError unless the function returns one float64 number and holds no float32."""
-    outputs = trace(function, what, arguments).out_avals
-    if len(outputs) != 1 or outputs[0].shape != ():
-        found = ", ".join(str(o.shape) for o in outputs) or "nothing"
-        raise LagrangianError(f"{what} must return one number, but returns {found}; use @ or jnp.sum.")
-    if not np.issubdtype(outputs[0].dtype, np.floating):
-        raise LagrangianError(f"{what} must return a float64 number, but returns {outputs[0].dtype}.")
-    require_float64(function, what, arguments)
-
-
-def require_float64(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
-    """Raise LagrangianError where the function holds or returns float32 numbers."""
-    closed = trace(function, what, arguments)
-    shorts = any(is_short(output.dtype) for output in closed.out_avals)
-    if shorts or _holds_float32(closed.jaxpr) or _promotes_float32(function, what, arguments):
-        raise LagrangianError(
-            f"{what} holds float32 numbers, which have lost digits already (5.46 becomes 5.460000038): make its "
-            "constants with NumPy or put them into co.Parameters, and leave out float32."
-        )
-
-
-def _promotes_float32(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> bool:
-    """Whether a float32 constant is promoted before JAX writes it down, so that the jaxpr does not show it."""
-    try:
-        with jax.numpy_dtype_promotion("strict"):
-            trace(function, what, arguments)
-    except Exception as error:
-        return "float32" in str(error) or "float16" in str(error)
-    return False
-
-
-def _holds_float32(jaxpr: Any) -> bool:
-    for equation in jaxpr.eqns:
-        for variable in (*equation.invars, *equation.outvars):
-            if hasattr(variable.aval, "dtype") and is_short(variable.aval.dtype):
-                return True
-        for value in equation.params.values():
-            for inner in value if isinstance(value, (tuple, list)) else (value,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns") and _holds_float32(inner):
-                    return True
-    return False
 
 
 def _require_finite(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
@@ -271,8 +202,8 @@ def require_regular_hamiltonian(system: System, state: State) -> None:
     if empty or abs(eigenvalues).min() <= SINGULAR:
         raise LagrangianError(
             "The Legendre transform of the Hamiltonian must be regular, but ∂²ℋ/∂(μ, π)² is singular: the velocities "
-            f"do not change with the momentum (μ, π) along {np.round(direction, 3).tolist()}; give it a mass, or leave "
-            "that direction out."
+            f"do not change with the momentum (μ, π) along {np.round(direction, 3).tolist()}; give it a mass, leave "
+            "that direction out, or start from momenta, system.state(mu=…), with method=co.HamiltonianMidpoint()."
         )
     if not solved:
         raise LagrangianError(
@@ -284,9 +215,14 @@ def require_regular_hamiltonian(system: System, state: State) -> None:
 def _weakest(hessian: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
     """Whether H has a zero row, the eigenvalues of D⁻¹HD⁻¹ with D = √(row maxima of |H|), and its weakest direction.
 
-    D makes the test blind to units: a mass of 1e-12 kg beside an inertia of 1e-27 kg m² is regular. The direction v,
-    D v the eigenvector of the smallest |eigenvalue|, is told in (ξ, ν) with largest entry 1.
+    D makes the test independent of units: 1e-12 kg with 1e-27 kg m² is regular. The direction v,
+    D v the eigenvector of the smallest |eigenvalue|, is reported in (ξ, ν) with largest entry 1.
     """
+    if not np.all(np.isfinite(hessian)):
+        raise LagrangianError(
+            "The second derivatives of the Lagrangian, or the Hamiltonian, in the velocities, or momenta, must be "
+            "finite at the start, but are not: look for equal eigenvalues, a norm at zero or a division by zero."
+        )
     scale = np.sqrt(np.max(np.abs(hessian), axis=1, initial=0.0))
     empty = bool(np.any(scale == 0.0))
     if empty:

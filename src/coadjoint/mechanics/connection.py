@@ -14,7 +14,8 @@ from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.check import trace
+from coadjoint.kernels.jaxprs import results
+from coadjoint.mechanics.reading import trace
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
@@ -38,7 +39,7 @@ class Connection:
     def __post_init__(self):
         require_bundle(self.group, self.size)
         x = random_shapes(self.size, 1)[0]
-        found = trace(self.form, "The form A(x) of a connection", (x,)).out_avals
+        found = results(trace(self.form, "The form A(x) of a connection", (x,)))
         if len(found) != 1 or found[0].shape != (self.group.dim, self.size):
             shown = ", ".join(str(value.shape) for value in found)
             raise ArgumentError(

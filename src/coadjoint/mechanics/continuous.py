@@ -12,56 +12,30 @@ from scipy.integrate import solve_ivp
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.discrete import Point, node
-from coadjoint.mechanics.legendre import Place
-from coadjoint.mechanics.legendre import velocities as slopes
 from coadjoint.mechanics.poisson import Phase
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces.numbers import float64
 
-_LEGENDRE_ITERATIONS = 4
-
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:
-    """(ξ, ν) with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ: Newton's iteration from the state's own (ξ, ν).
-
-    Exact after one iteration where ℓ is quadratic in the velocities; four are done, so that from a guess that is
-    off by O(h) the error is O(h¹⁶).
-    """
-    group, Q, _ = system.places
-    if system.hamiltonian is not None:
-        return _by_hamiltonian(system, state)
-
-    def unpack(z):
-        return z[: group.dim], Q.tangent(group, state.n, z[group.dim :])
-
-    def mismatch(z):
-        xi, nu = unpack(z)
-        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
-        return jnp.concatenate([mu - state.mu, Q.coordinates(group, state.n, pi - state.pi)])
-
-    def improve(_, z):
-        return z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
-
-    z = jnp.concatenate([state.xi, Q.coordinates(group, state.n, state.nu)])
-    return unpack(jax.lax.fori_loop(0, _LEGENDRE_ITERATIONS, improve, z))
-
-
-def _by_hamiltonian(system: System, state: State) -> tuple[Array, Array]:
-    """(ξ, ν) = (∂_μℋ, ∂_πℋ) (P6, P7)."""
-    z = jnp.concatenate([state.xi, state.nu])
-    place = Place(system, z, state.n, state.a, state.t, state.inputs, state.internal)
-    found = slopes(jnp.concatenate([state.mu, state.pi]), place)
-    return found[: system.group.dim], found[system.group.dim :]
+    """(ξ, ν) with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ, from the state's own (ξ, ν): see `mechanics.inverse_legendre`."""
+    xi, nu, _ = inverse_legendre.velocities(system, state)
+    return xi, nu
 
 
 def energy(system: System, state: State) -> Array:
     """The Legendre energy E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ of (μ, π, n, a): the reduced Hamiltonian ℋ (P8)."""
     if system.hamiltonian is not None:
         return system.reduced_hamiltonian(state.mu, state.n, state.pi, state.a, state.t, state.inputs, state.internal)
-    xi, nu = velocities(system, state)
+    return energy_at(system, state, *velocities(system, state))
+
+
+def energy_at(system: System, state: State, xi: Array, nu: Array) -> Array:
+    """⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ at the place of the state, with these velocities."""
     return node(system, state, Point(xi, state.n, nu, state.a, state.t)).energy
 
 
@@ -161,7 +135,16 @@ def _integrate(rate: Any, first: float, y: np.ndarray, times: np.ndarray, tolera
 
 
 def _velocities_of(system: System, state: State) -> tuple[Array, Array]:
-    return evaluate(lambda s, p: velocities(replace_parameters(system, p), s), state, system.parameters)
+    """Raises StepError where they are not found."""
+    found = evaluate(
+        lambda s, p: inverse_legendre.velocities(replace_parameters(system, p), s), state, system.parameters
+    )
+    if found.residual is not None and not found.residual <= inverse_legendre.SOLVED:
+        raise StepError(
+            "The velocities of the record could not be found from its momenta: the inverse Legendre transform did not "
+            f"converge, with a residual of {found.residual:.1e}."
+        )
+    return found.xi, found.nu
 
 
 def _in_order(times: Any, first: float) -> np.ndarray:

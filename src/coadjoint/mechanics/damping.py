@@ -14,8 +14,11 @@ from coadjoint.mechanics.state import Force, Motion
 
 
 def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
-    """The force T = −∂R/∂ξ, f = −∂R/∂ν of a dissipation function R(motion [, p]), for the `forces` of a system.
+    """The force T = −∂R/∂ξ, f = −∂R/∂ν of a dissipation function R, for the `forces` of a system.
 
+        co.System(…, forces={"damping": co.rayleigh(lambda motion, p: 0.5 * p.c * motion.nu @ motion.nu)})
+
+    dissipation: R, a function (motion [, p]) to one number in terms of jax.numpy, W where the rest is in SI.
     A quadratic R takes the power 2R out of the system, one of degree d the power d·R (Rayleigh, 1873). With a current,
     let R depend on the velocity relative to the water: motion.nu − motion.a.current.
     Raises LagrangianError where R is not one number.

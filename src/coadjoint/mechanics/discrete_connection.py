@@ -16,8 +16,9 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.check import trace
+from coadjoint.kernels.jaxprs import results
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
+from coadjoint.mechanics.reading import trace
 from coadjoint.spaces.space import checked_vector
 
 _WHAT = "The increment Ω(x, x⁺) of a discrete connection"
@@ -55,7 +56,7 @@ class DiscreteConnection:
         return compose(g_next, inverse(compose(g, self.increment(x, x_next))))
 
     def in_section(self, section: Callable[[Array], Element]) -> DiscreteConnection:
-        """The same connection seen from the section g̃ = g χ(x)⁻¹: Ω̃ = χ(x) Ω(x, x⁺) χ(x⁺)⁻¹."""
+        """The same connection in the section g̃ = g χ(x)⁻¹: Ω̃ = χ(x) Ω(x, x⁺) χ(x⁺)⁻¹."""
         compose, inverse = self.group.compose, self.group.inverse
         what = "The change of section χ(x)"
         require_element(self.group, partial(trace, section, what, (random_shapes(self.size, 1)[0],)), what)
@@ -98,7 +99,7 @@ class DiscreteConnection:
 
 def require_element(group: LieGroup, traced: Callable[[], Any], what: str) -> None:
     """Raise ArgumentError unless a traced function returns arrays of the shapes of an element of G."""
-    found = [value.shape for value in traced().out_avals]
+    found = [value.shape for value in results(traced())]
     expected = [np.shape(leaf) for leaf in jax.tree.leaves(evaluate(group.identity))]
     if found != expected:
         raise ArgumentError(

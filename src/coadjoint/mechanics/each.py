@@ -29,11 +29,17 @@ class Each:
 
 
 def each(values: Any) -> Each:
-    """One value for each member of an ensemble: `vehicle.replace(mass=co.each(np.linspace(110, 140, 1000)))`.
+    """One value for each member of an ensemble, in the place of a single value.
 
-    `values` has a leading axis of members; it may stand for any parameter and any argument of `system.state`. For
-    group elements that are tuples, such as SE3's (R, x), a tuple of arrays. Raises ArgumentError for values that are
-    not finite float64 numbers with one leading axis.
+        fleet = vehicle.replace(mass=co.each(np.linspace(110.0, 140.0, 1000)))
+        co.simulate(fleet, start, dt=0.05, duration=60.0)  # 1000 members at once
+
+    values: an array with a leading axis of members, (members, …); for group elements that are tuples, such as SE3's
+    (R, x), a tuple of such arrays. It may stand for any parameter and any argument of `system.state`; all `co.each` of
+    an ensemble have equally many members.
+
+    Raises ArgumentError for values that are not finite float64 numbers with one leading axis, and inside jit, grad or
+    vmap, where `jax.vmap` does this.
     """
     parts = values if isinstance(values, tuple) else (values,)
     if traced(parts):

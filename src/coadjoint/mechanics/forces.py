@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import CoadjointError, LagrangianError
+from coadjoint.errors import CoadjointError, LagrangianError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.signatures import require_signature
@@ -48,7 +48,7 @@ def forces_from(given: Any, parameters: bool) -> Forces | None:
         if not isinstance(name, str) or not name.isidentifier() or name in (TIME, INPUTS, INTERNAL):
             raise LagrangianError(
                 "The name of a force must be a word such as 'drag', other than `time`, `inputs` and `internal`, "
-                f"but is {name!r}."
+                f"but is {shown(name)}."
             )
         what = "The forces" if function is given else f"The force `{name}`"
         require_signature(function, what, ["motion", *(["p"] if parameters else [])])

@@ -8,11 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import Motion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
+
+
+@dataclass(frozen=True)
+class Command:
+    """An input that is set before each step, by `co.Stepper`, and held over it: a number or an array of this shape."""
+
+    shape: tuple[int, ...] = ()
+
 
 Source = Signal | Callable[[Motion], Any] | float | np.ndarray
 Given = Source | Mapping[str, Source]
@@ -30,17 +38,22 @@ class Inputs:
         """Whether some are functions of the motion, held over each step."""
         return not all(isinstance(source, Signal) for source in self.sources)
 
-    def held(self, motion: Motion) -> Any:
-        """What is held over the step that starts with this motion; None where all are signals."""
+    def held(self, motion: Motion, before: Any = None) -> Any:
+        """What is held over the step that starts with this motion; None where all are signals.
+
+        Commands are taken from `before`, what is held until then.
+        """
         if not self.holds:
             return None
         if self.names is None:
-            return named(self.sources[0](motion))
+            source = self.sources[0]
+            return before if isinstance(source, Command) else named(source(motion))
         pairs = zip(self.names, self.sources, strict=True)
-        return Named(**{name: named(source(motion)) for name, source in pairs if not isinstance(source, Signal)})
+        held = {name: source for name, source in pairs if not isinstance(source, Signal)}
+        return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
     def at(self, t: Any, held: Any) -> Any:
-        """What ℓ and forces see at time t of a step over which `held` is held."""
+        """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         if self.names is None:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
         pairs = zip(self.names, self.sources, strict=True)
@@ -63,13 +76,13 @@ def inputs_from(given: Any) -> Inputs | None:
 
 def _source(name: str, given: Any) -> Any:
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
-    if callable(given):
+    if callable(given) or isinstance(given, Command):
         return given
     try:
         return Held([0.0], [float64(given, "An input")])
     except (ArgumentError, TypeError, ValueError):
-        where = f"Argument `inputs` under {name!r}" if name else "Argument `inputs`"
+        where = f"Argument `inputs` under {shown(name)}" if name else "Argument `inputs`"
         raise ArgumentError(
             f"{where} must be a signal such as co.Linear(times, values), a number or an array that stays as it is, or "
-            f"a function of the motion, held over each step, but is {given!r}."
+            f"a function of the motion, held over each step, but is {shown(given)}."
         ) from None

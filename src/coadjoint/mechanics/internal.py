@@ -9,10 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.evaluate import evaluate, traced
-from coadjoint.mechanics.check import require_float64
 from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.internal_rule import declared
+from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 
@@ -28,7 +29,7 @@ def starting_values(given: Any) -> Any:
     if not isinstance(given, (Mapping, Named)) or not list(given):
         raise ArgumentError(
             f"Argument `internal` must be a dictionary of numbers and arrays, such as {{'rudder': 0.0}}, "
-            f"but is {given!r}."
+            f"but is {shown(given)}."
         )
     return _values(given, "internal")
 
@@ -90,7 +91,7 @@ def _shown(parts: list[tuple[str, tuple[int, ...]]]) -> str:
 def require_internal(system: System, start: State, h: Any) -> list[str]:
     """Raise unless the rule of the system advances the internal state of the start to finite float64 numbers.
 
-    Returns warnings: what the rule has as `doubts(h, p)`.
+    Returns the warnings of the rule.
     """
     if system.internal is None:
         return []
@@ -105,26 +106,22 @@ def require_internal(system: System, start: State, h: Any) -> list[str]:
 
     if traced(system.parameters, start, h):
         return []
-    what = getattr(system.internal, "what", "The rule `internal`")
-    require_float64(rule, what, (start,))
-    bad = [
-        jax.tree_util.keystr(path).lstrip(".")
-        for path, leaf in jax.tree_util.tree_leaves_with_path(evaluate(rule, start))
-        if not np.all(np.isfinite(leaf))
-    ]
+    told = declared(system.internal)
+    require_float64(rule, told.title, (start,))
+    with in_words(told.title):
+        after = jax.tree_util.tree_leaves_with_path(evaluate(rule, start))
+    bad = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in after if not np.all(np.isfinite(leaf))]
     if bad:
         raise LagrangianError(
-            f"{what} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
+            f"{told.title} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
             "for a division by zero."
         )
-    doubts = getattr(system.internal, "doubts", None)
-    return [] if doubts is None else doubts(h, system.parameters)
+    return told.warnings(h, system.parameters)
 
 
 def failure(system: System, t: float, h: float) -> str | None:
-    """What the rule says of the step of length h from t that has failed: rule.failure(t, h), where it has that."""
-    told: Any = getattr(system.internal, "failure", None)
-    return None if told is None else told(t, h)
+    """What the rule says of the step of length h from t that has failed."""
+    return declared(system.internal).failure(t, h)
 
 
 def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
@@ -151,7 +148,9 @@ def sampled(
     beyond the period.
     """
     if not traced(period, delay) and not 0 <= delay <= period:
-        raise ArgumentError(f"co.sampled takes 0 ≤ delay ≤ period, but got delay = {delay!r} and period = {period!r}.")
+        raise ArgumentError(
+            f"co.sampled takes 0 ≤ delay ≤ period, but got delay = {shown(delay)} and period = {shown(period)}."
+        )
     now, pending, value = motion.t + 0.5 * h, named(held.pending), named(held.value)
     released = now >= held.release
     value = _where(released, pending, value)

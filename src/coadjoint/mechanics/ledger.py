@@ -35,7 +35,7 @@ def _jumping(system: System) -> tuple[str, ...]:
 
 
 def with_ledger(system: System, state: State, asked: bool) -> State:
-    """The state with an empty ledger; with none where nobody asks for it, or nothing changes the energy."""
+    """The state with an empty ledger; with none without monitors, or where nothing changes the energy."""
     lines = len(energy_lines(system))
     return state.replace(ledger=np.zeros((2, lines + system.group.dim)) if asked and lines else None)
 
@@ -66,7 +66,7 @@ def _added(ledger: Array, step: Array) -> Array:
 
 
 def energy_put_in(system: System, state: State) -> dict[str, Array]:
-    """The energy that each force, and explicit time, have put in since the start; negative where they took it."""
+    """The work of each force, and of explicit time, since the start; negative where it takes energy out."""
     return {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
 
 

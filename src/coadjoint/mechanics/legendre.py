@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.interpreters.partial_eval import dce_jaxpr
 
 from coadjoint.groups.group import Array
+from coadjoint.kernels.jaxprs import depends
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
@@ -59,11 +59,11 @@ def momenta(place: Place, near: Array | None) -> Array:
     """
     start = jnp.zeros_like(place.z) if near is None else near
     if quadratic(place):
-        return _improved(place, jnp.zeros_like(place.z))
+        return improved(place, jnp.zeros_like(place.z))
     if near is None:
         p, *_ = jax.lax.while_loop(_unsolved, lambda c: _improve(place, c), _improve(place, (start, 0.0, 0)))
     else:
-        p = jax.lax.fori_loop(0, NEAR_TRIPS, lambda _, p: _improved(place, p), start)
+        p = jax.lax.fori_loop(0, NEAR_TRIPS, lambda _, p: improved(place, p), start)
     error = jnp.max(jnp.abs(velocities(p, place) - place.z), initial=0.0)
     return jnp.where(error <= SOLVED * (1 + jnp.max(jnp.abs(place.z), initial=0.0)), p, jnp.nan)
 
@@ -98,19 +98,18 @@ def curvature(p: Array, place: Place) -> Array:
 
 def quadratic(place: Place) -> bool:
     """Whether ∂²ℋ/∂p² as it is traced does not depend on p."""
-    closed = jax.make_jaxpr(lambda p: curvature(p, place))(np.zeros(np.shape(place.z)))
-    _, used = dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))
-    return not any(used)
+    return not any(depends(lambda p: curvature(p, place), np.zeros(np.shape(place.z))))
 
 
-def _improved(place: Place, p: Array) -> Array:
+def improved(place: Place, p: Array) -> Array:
+    """One of Newton's iterations for ∂_pℋ(p) = z."""
     return p + jnp.linalg.solve(curvature(p, place), place.z - velocities(p, place))
 
 
 def _improve(place: Place, carry: Any) -> Any:
     """One more iteration: p, the size of its change, and the count."""
     p, _, trips = carry
-    better = _improved(place, p)
+    better = improved(place, p)
     return better, jnp.max(jnp.abs(better - p)) / (1e-300 + jnp.max(jnp.abs(better))), trips + 1
 
 

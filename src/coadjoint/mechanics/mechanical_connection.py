@@ -11,8 +11,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.mechanics.check import trace
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, random_shapes
+from coadjoint.mechanics.reading import trace
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Several, Space, Trivial
 
@@ -63,10 +63,13 @@ def _require_linear(momentum: Callable[..., Array], dim: int, size: int) -> None
 
 
 def timeless(system: System) -> int:
-    """m of a system on M × G whose ℓ does not depend on time; raises ArgumentError for others."""
+    """m of a system on M × G whose ℓ is one of ξ, x and ẋ alone; raises ArgumentError for others."""
     size = shape_size(system)
-    if system.takes("t"):
-        raise ArgumentError("A mechanical connection needs a Lagrangian of ξ, x and ẋ alone, but this one takes `t`.")
+    for key in ("t", "inputs", "internal"):
+        if system.takes(key):
+            raise ArgumentError(
+                f"A mechanical connection needs a Lagrangian of ξ, x and ẋ alone, but this one takes `{key}`."
+            )
     return size
 
 
@@ -83,9 +86,6 @@ def shape_size(system: System) -> int:
         raise ArgumentError(
             f"A bundle has the whole group as its symmetry, but this system has advected={system.advected!r}."
         )
-    for key in ("inputs", "internal"):
-        if system.takes(key):
-            raise ArgumentError(f"A bundle needs a Lagrangian of ξ, x and ẋ, but this one takes `{key}`.")
     return system.additional.ambient(system.group)
 
 

@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Adjoint, Space
@@ -38,14 +39,23 @@ def momentum_scale(system: System, state: State) -> Array:
 class KelvinNoether:
     """I = ⟨𝒦(c, a), m⟩ with c = g⁻¹c₀ (P27) for an equivariant 𝒦: C × V* → 𝔤, 𝒦(gc, ga) = Ad_g 𝒦(c, a) (P25).
 
-    By default C = 𝔤 with the adjoint action and 𝒦(c, a) = c, so that c₀ (dim,) is an element of 𝔤. `space` is C.
-    Unforced, I is conserved for every c₀ with c₀·a₀ = 0 for all advected parameters.
+        co.simulate(top, start, dt=0.01, steps=100, kelvin_noether=co.KelvinNoether([0.0, 0.0, 1.0]))
+
+    c0: c₀, a point of C in the space frame, (dim C,); by default C = 𝔤, (dim G,). K: 𝒦, a function (c, a) → (dim G,) in
+    terms of jax.numpy; by default 𝒦(c, a) = c. space: C, by default `co.Adjoint()`.
+    Unforced, I is conserved for every c₀ with c₀·a₀ = 0 for all advected parameters. m = μ − π⋄n is the total momentum.
+
+    Raises ArgumentError for a c₀ of numbers that are not float64; a run raises it for a 𝒦 that is not equivariant.
     """
 
     def __init__(self, c0: Any, K: Callable[[Array, Any], Array] | None = None, space: Space | None = None):
         self.c0 = float64(c0, "Argument `c0`")
         self.K = K
-        self.space = space or Adjoint()
+        if space is not None and not isinstance(space, Space):
+            raise ArgumentError(f"Argument `space` must be a space such as co.Adjoint(), but is {shown(space)}.")
+        if K is not None and not callable(K):
+            raise ArgumentError(f"Argument `K` must be a function of (c, a), but is {shown(K)}.")
+        self.space = Adjoint() if space is None else space
         if isinstance(self.c0, np.ndarray):
             self.c0.flags.writeable = False
 
@@ -84,6 +94,8 @@ class KelvinNoether:
         if np.shape(self.c0) != (size,):
             raise ArgumentError(f"Argument `c0` must have shape ({size},), but has shape {np.shape(self.c0)}.")
         group, V = system.group, system.advected
+        if (chosen := self.K) is not None:
+            require_float64(lambda c, a: chosen(c, V.view(group, a)), "𝒦", (self.c0, state.a))
 
         def error(eta, c0):
             g = group.exp(eta)
@@ -95,7 +107,8 @@ class KelvinNoether:
             return jnp.max(jnp.abs(moved - group.Ad(g, K(c0, state.a))))
 
         eta = np.random.default_rng(7).normal(size=group.dim)
-        found = float(evaluate(error, eta, self.c0))
+        with in_words("𝒦"):
+            found = float(evaluate(error, eta, self.c0))
         if found > 1e-9 * max(1.0, float(np.max(np.abs(self.c0)))):
             raise ArgumentError(f"𝒦 must satisfy 𝒦(gc, ga) = Ad_g 𝒦(c, a), but is off by {found:.1e}.")
 

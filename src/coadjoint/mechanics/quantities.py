@@ -1,4 +1,4 @@
-"""Scalars that a system's runs watch at every step: integrals of the motion, Casimir functions, whatever one likes."""
+"""Scalars that a system's runs observe at every step, such as integrals of the motion and Casimir functions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 
 if TYPE_CHECKING:
@@ -19,16 +19,16 @@ Quantities = tuple[tuple[str, Callable[..., Any]], ...]
 def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None) -> Quantities:
     """Names and functions; raises ArgumentError for what is neither."""
     try:
-        found = tuple(dict(given or {}).items())
-    except (TypeError, ValueError) as error:
+        found = () if given is None else tuple(dict(given).items())
+    except Exception as error:
         raise ArgumentError(
-            f"Quantities must be a dictionary of names and functions of the state, but are {given!r}."
+            f"Quantities must be a dictionary of names and functions of the state, but are {shown(given)}."
         ) from error
     for name, function in found:
         if not (isinstance(name, str) and name.isidentifier()):
-            raise ArgumentError(f"A quantity must have a name such as `height`, but is called {name!r}.")
+            raise ArgumentError(f"A quantity must have a name such as `height`, but is called {shown(name)}.")
         if not callable(function):
-            raise ArgumentError(f"Quantity `{name}` must be a function of the state, but is {function!r}.")
+            raise ArgumentError(f"Quantity `{name}` must be a function of the state, but is {shown(function)}.")
     return found
 
 

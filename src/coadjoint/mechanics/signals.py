@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.evaluate import traced
 from coadjoint.spaces.numbers import float64
@@ -20,24 +20,29 @@ EARLY = 1e-9
 
 @dataclass(frozen=True)
 class Signal:
-    """u(t), given by a function of time written with jax.numpy.
+    """u(t), a function of time written with jax.numpy.
 
-    As an input of co.simulate and co.trajectory it is evaluated at the nodes of the method's own quadrature, so that
-    the order is kept where u is smooth enough. A plain function of the motion is held over each step instead.
+        co.simulate(body, start, dt=0.01, duration=10.0, inputs={"thrust": co.Signal(lambda t: 3.0 * jnp.sin(t))})
+
+    function: t (s) to a number or an array, of one shape at all times. It is evaluated at the nodes of the method's own
+    quadrature, so that the method keeps its order where u is smooth enough. A plain function given as an input is a
+    function of the motion instead, held over each step.
+
+    Raises ArgumentError for what is no function, and for values that are no numbers.
     """
 
     function: Callable[[Any], Any]
 
     def __post_init__(self):
         if not callable(self.function):
-            raise ArgumentError(f"co.Signal takes a function of time, such as jnp.sin, but got {self.function!r}.")
+            raise ArgumentError(f"co.Signal takes a function of time, such as jnp.sin, but got {shown(self.function)}.")
 
     def __call__(self, t: Any) -> Array:
         value = self.function(t)
         try:
             return jnp.asarray(value, dtype=float)
         except (TypeError, ValueError) as error:
-            raise ArgumentError(f"A signal must be a number or an array of numbers, but is {value!r}.") from error
+            raise ArgumentError(f"A signal must be a number or an array of numbers, but is {shown(value)}.") from error
 
 
 class _Table(Signal):
@@ -77,9 +82,15 @@ class _Table(Signal):
 
 
 class Held(_Table):
-    """u(t) = values[i] for times[i] ≤ t < times[i + 1]: piecewise constant. `times` (k,) in s, `values` (k, …).
+    """u(t) = values[i] for times[i] ≤ t < times[i + 1]: piecewise constant, a zero-order hold.
 
-    Jumps cost order: put them on the grid of steps, and use a rule whose nodes are inside the step, such as Midpoint.
+        co.Held(times=[0.0, 5.0, 10.0], values=[0.0, 3.0, -3.0])
+
+    times: (k,), s, increasing. values: (k, …), a number or an array for each. Before the first time and after the last
+    u keeps the value of that end. Jumps reduce the order: put them on the grid of steps, and use a method whose nodes
+    are inside the step, such as Midpoint.
+
+    Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
     def __call__(self, t: Any) -> Array:
@@ -89,9 +100,14 @@ class Held(_Table):
 
 
 class Linear(_Table):
-    """u(t) linear from (times[i], values[i]) to the next: piecewise linear. `times` (k,) in s, `values` (k, …).
+    """u(t) linear from (times[i], values[i]) to the next: piecewise linear.
 
-    Kinks cost orders above 2, unless they are on the grid of steps.
+        co.Linear(times=[0.0, 5.0, 10.0], values=[[0.0, 0.0], [3.0, 0.1], [3.0, 0.0]])
+
+    times: (k,), s, increasing. values: (k, …), a number or an array for each. Before the first time and after the last
+    u keeps the value of that end. Kinks reduce orders above 2, unless they are on the grid of steps.
+
+    Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
     def __call__(self, t: Any) -> Array:

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from coadjoint.errors import LagrangianError
+from coadjoint.errors import LagrangianError, shown
 
 
 def keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:
@@ -18,8 +18,8 @@ def require_signature(function: Callable[..., Any], what: str, expected: list[st
     """Raise LagrangianError unless the function can be called with the expected positional arguments."""
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError) as error:
-        raise LagrangianError(f"{what} must be a Python function, but is {function!r}.") from error
+    except Exception as error:
+        raise LagrangianError(f"{what} must be a Python function, but is {shown(function)}.") from error
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [p.name for p in signature.parameters.values() if p.kind in kinds]
     extra = [

@@ -7,23 +7,30 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.kernels.digest import TRACED_OUTSIDE
-from coadjoint.kernels.evaluate import evaluate, traced
-from coadjoint.mechanics.check import given, require_regular_hamiltonian, require_scalar
+from coadjoint.kernels.evaluate import evaluate, tabulate, traced
+from coadjoint.mechanics.check import given, require_regular_hamiltonian
 from coadjoint.mechanics.each import Each, count_members, member_of, stacked
 from coadjoint.mechanics.internal import starting_values
+from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.reading import in_words, require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 
 ON_GROUP = 1e-9
 """How far outside its group an element may be by round-off."""
+
+FROM_REST = 25
+"""Newton's iterations for the velocities of momenta that are given."""
 
 TANGENT = 1e-9
 """How far a velocity may leave its tangent space by round-off, relative to its size where that is over 1."""
@@ -40,10 +47,17 @@ class _Given(NamedTuple):
     t: Any
 
 
-def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> State:
-    """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis."""
+def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False) -> State:
+    """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis.
+
+    by_momenta: `xi` and `qdot` are μ and π.
+    """
     group, Q, V = system.places
-    inputs = Parameters(**inputs) if isinstance(inputs, dict) else inputs
+    if isinstance(inputs, dict):
+        require_names(inputs)
+        inputs = Parameters(**inputs)
+    elif inputs is not None and not isinstance(inputs, Named):
+        inputs = float64(inputs, "Argument `inputs`")
     arguments = (g, q, qdot, xi, a0, t)
     internal = starting_values(internal)
     if internal is None and system.takes("internal"):
@@ -60,9 +74,9 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     remembered, internal_axes = stacked(internal)
     here = replace_parameters(system, member_of(system.parameters, 0))
     if count is None:
-        values = _check(system, checked_element(group, g), *arguments[1:])
+        values = _check(system, checked_element(group, g), *arguments[1:], by_momenta)
     else:
-        values = _check_members(system, arguments, count)
+        values = _check_members(system, arguments, count, by_momenta)
     if system.continuous:
         zeros = [np.zeros(space.ambient(group)) for space in (Q, Q, V)]
         _require_lagrangian(here, (np.zeros(group.dim), *zeros), inputs, member_of(internal, 0))
@@ -70,35 +84,101 @@ def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal) -> S
     def body(given: _Given, internal, parameters) -> State:
         system_ = replace_parameters(system, parameters)
         back = group.inverse(given.g)
-        n, nu = Q.act(group, back, given.q), Q.push(group, back, given.q, given.qdot)
-        a = V.act(group, back, given.a0)
-        mu, pi = legendre(system_, given.xi, n, nu, a, given.t, inputs, internal)
-        return State(
+        n, a = Q.act(group, back, given.q), V.act(group, back, given.a0)
+        if by_momenta:
+            mu, pi = given.xi, Q.project(group, n, given.qdot)
+            xi, nu = jnp.zeros_like(mu), jnp.zeros_like(pi)
+        else:
+            xi, nu = given.xi, Q.push(group, back, given.q, given.qdot)
+            mu, pi = legendre(system_, xi, n, nu, a, given.t, inputs, internal)
+        made = State(
             given.t,
             given.g,
             n,
             a,
             mu,
             pi,
-            given.xi,
+            xi,
             nu,
             inputs,
             internal,
             internal_time=None if internal is None or system.internal is None else given.t,
             places=system.places,
-            from_velocities=True,
+            from_velocities=not by_momenta,
         )
+        if not by_momenta or not system.continuous:
+            return made
+        xi, nu = of_momenta(system_, made)
+        return made.replace(xi=xi, nu=nu)
 
     made = body if count is None else jax.vmap(body, in_axes=(0, internal_axes, axes))
-    try:
-        state = evaluate(made, values, remembered, parameters)
-    except jax.errors.TracerArrayConversionError as error:
-        raise LagrangianError(TRACED_OUTSIDE) from error
+    with in_words(given(system)[0]):
+        try:
+            state = evaluate(made, values, remembered, parameters)
+        except jax.errors.TracerArrayConversionError as error:
+            raise LagrangianError(TRACED_OUTSIDE) from error
     mu = np.zeros(1) if system.hamiltonian is None or traced(state) else np.sum(state.mu, axis=-1)
     if not np.all(np.isfinite(mu)):
         first = state if count is None else jax.tree.map(lambda leaf: leaf[np.argmin(np.isfinite(mu))], state)
         require_regular_hamiltonian(here, first)
+    if system.hamiltonian is not None and not by_momenta and count is None and not traced(state):
+        _require_one_momentum(here, state)
+    if by_momenta and not traced(state) and not np.all(np.isfinite(state.xi)):
+        raise ArgumentError(
+            f"Momenta must have velocities, but at μ = {np.round(state.mu, 6).tolist()} none were found: look for a "
+            "division by zero in the energy there."
+        )
     return state
+
+
+def of_momenta(system: System, state: State) -> tuple[Any, Any]:
+    """(ξ, ν) of (μ, π): ∂ℋ/∂(μ, π), or Newton's iteration for ∂ℓ/∂(ξ, ν) = (μ, π) from rest; NaN where it fails."""
+    Q, group, dim = system.additional, system.group, system.group.dim
+    given = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
+
+    def unpack(z: Any) -> tuple[Any, Any]:
+        return z[:dim], Q.tangent(group, state.n, z[dim:])
+
+    def momenta(z: Any) -> Any:
+        xi, nu = unpack(z)
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        return jnp.concatenate([mu, Q.coordinates(group, state.n, pi)])
+
+    if system.hamiltonian is not None:
+        at = jnp.concatenate([state.mu, state.pi])
+        place = Place(system, at, state.n, state.a, state.t, state.inputs, state.internal)
+        found = velocities(at, place)
+        return found[:dim], found[dim:]
+
+    def improve(_: Any, z: Any) -> Any:
+        return z - jnp.linalg.solve(jax.jacfwd(momenta)(z), momenta(z) - given)
+
+    z = jax.lax.fori_loop(0, FROM_REST, improve, jnp.zeros_like(given))
+    solved = jnp.max(jnp.abs(momenta(z) - given), initial=0.0) <= SOLVED * jnp.max(jnp.abs(given), initial=0.0)
+    return unpack(jnp.where(solved, z, jnp.nan))
+
+
+def _require_one_momentum(system: System, state: State) -> None:
+    """Raise ArgumentError where Newton's iteration from elsewhere finds other momenta with the same velocities."""
+    place = Place(system, np.concatenate([state.xi, state.nu]), state.n, state.a, state.t, state.inputs, state.internal)
+    if not len(place.z) or quadratic(place):
+        return
+    found = np.concatenate([state.mu, state.pi])
+    size, random = 1.0 + float(np.max(np.abs(found))), np.random.default_rng(1788)
+    improve = tabulate(lambda p: improved(place, p), found)
+    starts = [-found, *(found + size * reach * random.normal(size=len(found)) for reach in (0.3, 1, 1, 3, 3, 10))]
+    for p in starts:
+        for _ in range(40):
+            p, last = improve(p), p
+            if not np.all(np.isfinite(p)) or np.max(np.abs(p - last)) <= SOLVED * size:
+                break
+        else:
+            continue
+        if np.all(np.isfinite(p)) and np.max(np.abs(p - found)) > 1e-6 * size:
+            raise ArgumentError(
+                f"The velocities must belong to one momentum, but belong to (μ, π) = {np.round(found, 6).tolist()} and "
+                f"to {np.round(p, 6).tolist()}, and perhaps others: give the momentum itself, system.state(mu=…)."
+            )
 
 
 def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any, internal: Any) -> None:
@@ -115,13 +195,23 @@ def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any,
         raise
 
 
-def _check(system: System, element: Any, q, qdot, xi, a0, t) -> _Given:
-    q, qdot = _pair(system, q, qdot)
-    xi = np.zeros(system.group.dim) if xi is None else checked_vector(xi, system.group.dim, "xi")
-    return _Given(element, q, qdot, xi, _advected(system, a0), float64(t, "Argument `t`"))
+def _check(system: System, element: Any, q, qdot, xi, a0, t, by_momenta: bool = False) -> _Given:
+    if by_momenta:
+        size = system.additional.ambient(system.group)
+        pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
+        q, qdot = _pair(system, q, None)[0], pi
+    else:
+        q, qdot = _pair(system, q, qdot)
+    xi = (
+        np.zeros(system.group.dim) if xi is None else checked_vector(xi, system.group.dim, "mu" if by_momenta else "xi")
+    )
+    t = float64(t, "Argument `t`")
+    if np.shape(t) != ():
+        raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(t)}.")
+    return _Given(element, q, qdot, xi, _advected(system, a0), t)
 
 
-def _check_members(system: System, arguments: tuple[Any, ...], count: int) -> _Given:
+def _check_members(system: System, arguments: tuple[Any, ...], count: int, by_momenta: bool = False) -> _Given:
     """All members, stacked; the group elements are checked together, because that is what takes time."""
     group = system.group
     if isinstance(arguments[-1], Each):
@@ -135,7 +225,7 @@ def _check_members(system: System, arguments: tuple[Any, ...], count: int) -> _G
         _require_inside(group, jax.tree.map(lambda leaf: leaf[worst], elements))
     else:
         elements = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *leaf.shape)), first)
-    rows = [_check(system, first, *member_of(others, index)) for index in range(count)]
+    rows = [_check(system, first, *member_of(others, index), by_momenta=by_momenta) for index in range(count)]
     stack = [np.stack([getattr(row, name) for row in rows]) for name in _Given._fields[1:]]
     return _Given(elements, *stack)
 
@@ -176,7 +266,7 @@ def checked_element(group: LieGroup, g: Any) -> Any:
         g = float64(g, "Argument `g`")
     given: list[Any] = []
     shapes = None
-    with suppress(TypeError, ValueError):
+    with suppress(Exception):
         given = structure.flatten_up_to(g)
         shapes = [np.shape(leaf) for leaf in given]
     expected = [leaf.shape for leaf in leaves]

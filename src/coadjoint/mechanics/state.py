@@ -1,4 +1,4 @@
-"""The state of a system at a node, and what the user's functions see of it."""
+"""The state of a system at a node, and the parts of it that the user's functions read."""
 
 from __future__ import annotations
 
@@ -23,19 +23,41 @@ class Places(NamedTuple):
     advected: Space
 
 
+class Origin:
+    """The system whose run a record is of, None of other states; any two count as equal, so that states go together."""
+
+    __slots__ = ("system",)
+
+    def __init__(self, system: Any = None):
+        self.system = system
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Origin)
+
+    def __hash__(self) -> int:
+        return hash(Origin)
+
+    def __repr__(self) -> str:
+        return f"Origin({'' if self.system is None else self.system.name})"
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class State:
-    """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π at a node, and (ξ, ν) of the step that starts there.
+    """t, g, n = g⁻¹q, a = g⁻¹a₀, μ, π at a node, and (ξ, ν) of the step that starts there; made by `system.state(…)`.
+
+    t: s. g: an element of G. n, nu, pi: ambient coordinates of Q, (ambient,). a: those of V*. mu, xi: (dim G,). Records
+    have a leading axis of nodes in every leaf. `q`, `qdot` and `named` are derived.
 
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
     and noise, `memory` to the method. `internal_time` is up to when the system's rule has advanced `internal`, None
     where there is no rule.
-    `ledger` is what forces have put in since the start (`mechanics.ledger`), None where nobody asks.
-    `t_rest` is what rounding has cut off t (Kahan's summation), so that t stays right to the last digit for ever.
+    `ledger` is the energy and momentum that forces have put in since the start (`mechanics.ledger`), None without
+    monitors.
+    `t_rest` is what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
     `from_velocities` marks a start given by its velocities: the run that starts there takes μ, π from (ξ, ν) with its
-    own parameters. A record goes on with its own momenta.
+    own parameters. A record goes on with its own momenta; `origin` names the system whose run it is of.
     """
 
     t: Array
@@ -54,6 +76,7 @@ class State:
     t_rest: Array = 0.0
     places: Places = field(metadata={"static": True}, kw_only=True)
     from_velocities: bool = field(metadata={"static": True}, kw_only=True, default=False)
+    origin: Origin = field(metadata={"static": True}, kw_only=True, default=Origin(), repr=False)
 
     def replace(self, **changes: Any) -> State:
         """A copy with some fields replaced."""
@@ -83,7 +106,7 @@ class State:
 
     @property
     def named(self) -> Parts:
-        """n, ν, π, a, q, q̇ as ℓ sees them: `state.named.a.down` where the system has advected=dict(down=…)."""
+        """n, ν, π, a, q, q̇ as ℓ reads them: `state.named.a.down` where the system has advected=dict(down=…)."""
 
         def parts(s: State) -> Parts:
             group, Q, V = s.places
@@ -105,7 +128,12 @@ class Parts(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What forces and inputs may depend on: body velocities, n, advected parameters, time, inputs, internal state."""
+    """What forces and inputs may depend on, in the body frame.
+
+    xi: ξ = g⁻¹ġ, (dim G,). n, nu: g⁻¹q and ν = g⁻¹q̇, (ambient,), or by the names of the spaces, `motion.n.name`.
+    a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the internal state,
+    held over the step. Units are those of the Lagrangian.
+    """
 
     xi: Array
     n: Any
@@ -117,7 +145,12 @@ class Motion(NamedTuple):
 
 
 class Force(NamedTuple):
-    """A body torque T ∈ 𝔤* and a body force f ∈ T*Q: virtual work ⟨T, g⁻¹δg⟩ + ⟨f, g⁻¹δq⟩; None stands for zero."""
+    """A torque T ∈ 𝔤* and a force f ∈ T*Q in the body frame: virtual work ⟨T, g⁻¹δg⟩ + ⟨f, g⁻¹δq⟩.
+
+        forces=lambda motion, p: co.Force(torque=-p.damping * motion.xi)
+
+    torque: (dim G,). force: (ambient,), or a dictionary by the names of the spaces. Each is by default None, zero.
+    """
 
     torque: Any = None
     force: Any = None

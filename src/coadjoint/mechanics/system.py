@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.errors import ArgumentError, GroupError, LagrangianError
+from coadjoint.errors import ArgumentError, GroupError, LagrangianError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import legendre
@@ -21,6 +21,8 @@ from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Force, Motion, Places, State
 from coadjoint.spaces import Several, Space, Trivial
+from coadjoint.spaces.axioms import require_own_forms
+from coadjoint.spaces.named import require_names
 
 _NOWHERE = Trivial(0)
 
@@ -29,22 +31,46 @@ _NOWHERE = Trivial(0)
 class System:
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
 
-    `lagrangian`: a function of xi [, n, nu] [, a] [, p] that returns a number in terms of jax.numpy; n, ν come with
-    `additional`, a with `advected`, p with `parameters`; it may take keyword-only `t`,
-    `inputs` and `internal`, the internal state that is held over the step.
-    `hamiltonian`: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre transform,
-    for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
-    `discrete_lagrangian`: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1} instead of or beside ℓ (the papers' h·ℓᵈ).
-    `group_lagrangian`: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1}.
-    `additional`, `advected`: a space, or a dictionary of spaces that reach ℓ as n.name, a.name.
-    `forces`: a function (motion, p) → Force(torque, force), body frame, or a dictionary of them under names: they add
-    up, and the energy budget of a run has a line for each.
-    `internal`: the rule (motion, h [, p]) → the next internal state, a dictionary like the start's, applied once a step
-    at each node after the first; forces read `motion.internal.name`, held over the step (`mechanics.internal`), ℓ, ℋ
-    or Λ `internal.name`; μ and π are continuous where it jumps at a node.
-    `quantities`: functions (state) or (state, p) by their names, each a number that runs watch at every step.
-    `name`, `units`: for cards, files and figures; units of dataset variables, as in {"q": "m", "energy": "J"}.
-    Raises LagrangianError or GroupError for functions and spaces that do not fit.
+        def lagrangian(xi, a, p):  # a heavy top
+            return 0.5 * xi @ p.inertia @ xi - p.weight * p.center @ a
+
+        top = co.System(co.SO3(), lagrangian, advected=co.Defining(), parameters=dict(inertia=…, weight=…, center=…))
+
+    ξ = g⁻¹ġ is the body velocity, (dim G,); n = g⁻¹q and ν = g⁻¹q̇ are the additional dynamics in the body frame;
+    a = g⁻¹a₀ are advected parameters. All functions return or take float64 in terms of jax.numpy; units are the user's,
+    as long as they are one system; the models and vehicles use SI.
+
+    Arguments:
+        group: G, a Lie group such as `co.SE3()`.
+        lagrangian: ℓ, a function of xi [, n, nu] [, a] [, p] that returns a number: n, ν come with `additional`, a with
+            `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`, the internal state
+            that is held over the step.
+        additional: the space of q, by default none, or a dictionary of spaces that reach ℓ as `n.name`, `nu.name`.
+        advected: the space V* of a, by default none, or a dictionary of spaces that reach ℓ as `a.name`.
+        parameters: p, `co.Parameters(…)` or a dictionary, by default none: the leaves that one replaces, varies over
+            members and differentiates by.
+        forces: a function (motion [, p]) → `co.Force(torque, force)`, body frame, (dim G,) and (dim Q,), or a
+            dictionary of them under names: they add up, and the energy budget of a run has a line for each. By default
+            none.
+        discrete_lagrangian: Λ(ξ, n, s, a, p, h) with s = g_k⁻¹q_{k+1}, instead of ℓ or in addition to it (the papers'
+            h·ℓᵈ); integrated by `co.Variational`.
+        group_lagrangian: the discrete Lagrangian in group form, Λ(F, n, s, a, p, h) of the increment F = g_k⁻¹g_{k+1};
+            integrated by `co.GroupVariational`.
+        hamiltonian: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre
+            transform, for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
+        quantities: name → function (state) or (state, p) to a number that runs observe at every step.
+        internal: the rule (motion, h [, p]) → the next internal state, a dictionary like the start's, applied once a
+            step at each node after the first; forces read `motion.internal.name`, held over the step
+            (`mechanics.internal`), ℓ, ℋ or Λ read `internal.name`; μ and π are continuous where it jumps at a node. A
+            `co.InternalRule` declares warnings, datasets and random numbers as well.
+        node_velocities: whether runs observe ξ and ν of the momenta at the nodes, in addition to those of the steps; by
+            default False.
+        name: for cards, files and figures, by default the name of the function.
+        units: units of dataset variables, as in {"q": "m", "energy": "J"}; by default none.
+        verify: whether what user-defined groups, spaces and difference maps override is compared with its derivation;
+            by default True.
+
+    Raises ArgumentError, LagrangianError or GroupError for functions and spaces that do not fit.
     """
 
     group: LieGroup
@@ -57,9 +83,11 @@ class System:
     hamiltonian: Callable[..., Any] | None
     quantities: Quantities
     internal: Callable[..., Any] | None
+    node_velocities: bool
     name: str
     units: tuple[tuple[str, str], ...]
     inputs: Inputs | None
+    verify: bool
     parameters: Parameters | None
 
     def __init__(
@@ -76,15 +104,26 @@ class System:
         hamiltonian: Callable[..., Any] | None = None,
         quantities: Mapping[str, Callable[..., Any]] | None = None,
         internal: Callable[..., Any] | None = None,
+        node_velocities: bool = False,
         name: str = "",
         units: Mapping[str, str] | None = None,
+        verify: bool = True,
     ):
         if not isinstance(group, LieGroup):
-            raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {group!r}.")
+            raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
         if isinstance(parameters, Mapping):
+            require_names(parameters)
             parameters = Parameters(**parameters)
         if parameters is not None and not isinstance(parameters, Parameters):
-            raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {parameters!r}.")
+            raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {shown(parameters)}.")
+        if not isinstance(name, str):
+            raise ArgumentError(f"Argument `name` must be a text, but is {shown(name)}.")
+        if units is not None and not (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values())):
+            raise ArgumentError(
+                f'Argument `units` must be a dictionary of texts such as {{"energy": "J"}}, but is {shown(units)}.'
+            )
+        if not isinstance(verify, bool):
+            raise ArgumentError(f"Argument `verify` must be True or False, but is {shown(verify)}.")
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]
         values = {
             "group": group,
@@ -97,14 +136,19 @@ class System:
             "hamiltonian": hamiltonian,
             "quantities": quantities_from(quantities),
             "internal": internal,
+            "node_velocities": node_velocities,
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "inputs": None,
+            "verify": verify,
             "parameters": parameters,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
-        for space in (self.additional, self.advected):
+        spaces = self.additional, self.advected
+        if verify:
+            require_own_forms(group, *spaces)
+        for space in spaces:
             space.require_fit(group)
         self._check_signatures()
 
@@ -128,12 +172,17 @@ class System:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
         return _replaced(self, inputs=inputs_from(inputs))
 
+    @property
+    def unforced(self) -> System:
+        """A copy without its forces."""
+        return _replaced(self, forces=None)
+
     def inputs_at(self, t, held) -> Any:
-        """What ℓ and forces see of the inputs at time t of a step over which `held` is held."""
+        """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
         return held if self.inputs is None else self.inputs.at(t, held)
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
-        """A copy whose runs watch more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
+        """A copy whose runs observe more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
         return _replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 
     @property
@@ -154,13 +203,13 @@ class System:
                 "co.GroupVariational(difference_map) where it is in group form."
             )
         arguments = self._views(xi, (n, nu), a)
-        return self.lagrangian(*arguments, **self._keywords(self.lagrangian, t, inputs, internal))
+        return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))
 
     def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
         """ℋ(μ, π, n, a) with this system's parameters, of a system that was given by it."""
         if self.hamiltonian is None:
             raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
-        return self.hamiltonian(*self._views(mu, (n, pi), a), **self._keywords(self.hamiltonian, t, inputs, internal))
+        return self.hamiltonian(*self._views(mu, (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal))
 
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(ξ, n, s, a; h) with this system's parameters."""
@@ -169,7 +218,7 @@ class System:
                 "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
             )
         arguments = self._views(xi, (n, s), a)
-        return self.discrete_lagrangian(*arguments, h, **self._keywords(self.discrete_lagrangian, t, inputs, internal))
+        return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
 
     def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(F, n, s, a; h) with this system's parameters."""
@@ -178,7 +227,7 @@ class System:
                 "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
             )
         arguments = self._views(F, (n, s), a)
-        return self.group_lagrangian(*arguments, h, **self._keywords(self.group_lagrangian, t, inputs, internal))
+        return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
 
     def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
@@ -199,13 +248,14 @@ class System:
         functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
         return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
 
-    def _keywords(self, function: Callable[..., Any], t, held, internal) -> dict[str, Any]:
+    def keywords(self, function: Callable[..., Any], t, held, internal) -> dict[str, Any]:
+        """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
         known = inspect.signature(function).parameters
         values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
         return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
-        """What forces and inputs see."""
+        """The motion that forces and inputs read."""
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
         return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
 
@@ -221,22 +271,59 @@ class System:
         return added(self, self.body_forces(motion))
 
     def state(
-        self, *, g=None, q=None, xi=None, qdot=None, a0=None, t: float = 0.0, inputs=None, internal=None
+        self,
+        *,
+        g=None,
+        q=None,
+        xi=None,
+        qdot=None,
+        mu=None,
+        pi=None,
+        a0=None,
+        t: float = 0.0,
+        inputs=None,
+        internal=None,
     ) -> State:
-        """The state at configuration (g, q) with body velocity ξ (dim,), space-frame velocity q̇ and advected a₀.
+        """The state at configuration (g, q) with body velocity ξ, space-frame velocity q̇ and advected a₀.
 
-        n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17); μ, π by the continuous Legendre transform. g defaults to e, ξ to rest.
-        Raises ArgumentError for wrong shapes and for g outside G.
+            start = top.state(g=co.attitude.zyx(0, 0, 0.3), xi=[0, 0, 20], a0=[0, 0, 1])
+
+        n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P17); (μ, π) = (∂ℓ/∂ξ, ∂ℓ/∂ν), the continuous Legendre transform.
+
+        Arguments:
+            g: an element of G in the group's own form, by default e.
+            q, qdot: a point of the additional space and its velocity in the space frame, (dim,), or dictionaries by the
+                names of the spaces; needed where the system has `additional`, q̇ by default 0.
+            xi: the body velocity, (dim G,), by default 0.
+            mu, pi: the momenta μ, (dim G,), and π, (dim,), in the body frame, instead of ξ and q̇, each by default 0;
+                a run starts from exactly these, otherwise from those of ξ and q̇ with `inputs` and `internal`.
+            a0: advected parameters in the space frame, (dim V*,), or a dictionary; needed with `advected`.
+            t: the time, s, by default 0.
+            inputs: a dictionary of numbers or arrays, held; by default none.
+            internal: the internal state, a dictionary; needed where the system has a rule `internal`.
+
+        Any of g, q, xi, qdot, mu, pi, a0, t and the values of `internal` may be `co.each(values)`, for an ensemble.
+        Raises ArgumentError for wrong shapes, for values that are not finite, for g outside G, for velocities beside
+        momenta, and for velocities that belong to several momenta of ℋ.
         """
         from coadjoint.mechanics.start import starting_state
 
-        return starting_state(self, g, q, xi, qdot, a0, t, inputs, internal)
+        if (mu is None and pi is None) or not (xi is None and qdot is None):
+            if mu is not None or pi is not None:
+                raise ArgumentError(
+                    "A state is given by velocities `xi` and `qdot` or by momenta `mu` and `pi`, not both."
+                )
+            return starting_state(self, g, q, xi, qdot, a0, t, inputs, internal)
+        return starting_state(self, g, q, mu, pi, a0, t, inputs, internal, by_momenta=True)
 
-    def check(self, start: State) -> list[str]:
-        """Raise where ℓ cannot be integrated from `start`; return warnings: what is unusual, a sentence each."""
+    def check(self, start: State, regular: bool = True) -> list[str]:
+        """Raise where ℓ cannot be integrated from `start`; return warnings: what is unusual, a sentence each.
+
+        regular: whether the method needs an invertible Legendre transform.
+        """
         from coadjoint.mechanics.check import check
 
-        return check(self, start)
+        return check(self, start, regular)
 
     def _check_signatures(self) -> None:
         if not self.continuous and self.discrete_lagrangian is None and self.group_lagrangian is None:
@@ -289,7 +376,7 @@ def _space(space: Space | Mapping[str, Space] | None, name: str) -> Space:
         return Several(space)
     if not isinstance(space, Space):
         raise ArgumentError(
-            f"Argument `{name}` must be a space such as co.Defining(), or a dictionary of spaces, but is {space!r}."
+            f"Argument `{name}` must be a space such as co.Defining(), or a dictionary of them, but is {shown(space)}."
         )
     return space
 

@@ -5,18 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from coadjoint.errors import LagrangianError
 from coadjoint.kernels.digest import digest
-from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.kernels.jaxprs import jaxpr_of
 from coadjoint.mechanics.internal import applied
+from coadjoint.mechanics.reading import IMPURE, in_words
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
+_UNREAD = {
+    "forces": "The forces",
+    "discrete_lagrangian": "The discrete Lagrangian",
+    "group_lagrangian": "The discrete Lagrangian in group form",
+}
+"""Functions that `system.state` has not read."""
 
-def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
+
+def version(system: System, state: State, *more: Callable[[State], Any], pure: bool = True) -> str:
     """A digest of what the user's functions do now, `more` functions of a state included.
 
     A function that reads a global number is another function when that number has changed: what has been traced and
-    compiled for it must not be used again.
+    compiled for it must not be used again. Unless they are known to be `pure`, forces and Λ are read twice: raises
+    LagrangianError where the readings differ.
     """
     arguments = (state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal, system.parameters)
 
@@ -41,4 +51,9 @@ def version(system: System, state: State, *more: Callable[[State], Any]) -> str:
     others = [jaxpr_of(function, state)[0] for function in more]
     functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
     given = [name for name in functions if getattr(system, name) is not None]
+    for name in () if pure else filter(_UNREAD.get, given):
+        with in_words(_UNREAD[name]):
+            readings = [digest(jaxpr_of(at(name), *arguments)[0]) for _ in range(2)]
+        if readings[0] != readings[1]:
+            raise LagrangianError(IMPURE.format(_UNREAD[name]))
     return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)

@@ -57,6 +57,10 @@ class _OverBase(Method):
         return self.base.claims._replace(order=self.order, symmetric=True)
 
     @property
+    def regular(self) -> bool:
+        return self.base.regular
+
+    @property
     def remedies(self) -> tuple[str, str]:
         return self.base.remedies
 

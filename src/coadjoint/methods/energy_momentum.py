@@ -188,7 +188,7 @@ class EnergyMomentum(Method, Halved):
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
 
     def _middle(self, system: System, record: State, half: Element, n: Array, a: Array, h: Array) -> Motion:
-        """What forces see in the middle of the step, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
+        """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
         group, Q, _ = system.places
         nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
         return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.internal)

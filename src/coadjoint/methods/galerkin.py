@@ -19,7 +19,7 @@ from coadjoint.methods.quadrature import gauss
 
 
 class _Node(NamedTuple):
-    """What a node gives: p = ∂ℓ/∂Ω and r = ∂ℓ/∂Θ in the chart, and D/h, Δ, P = ∂_νℓ, κ/h seen from the middle."""
+    """What a node gives: p = ∂ℓ/∂Ω and r = ∂ℓ/∂Θ in the chart, and D/h, Δ, P = ∂_νℓ, κ/h in the middle's frame."""
 
     at: Node
     p: Array
@@ -48,7 +48,7 @@ class Galerkin(Method, Step):
 
     The curves are g(t) = ḡ τ(Θ(t)), q(t) = ḡ·x(t) with polynomials Θ, x of degree s and Θ(h/2) = 0, so that ḡ is the
     middle of the step. The unknowns are Ω_i = Θ̇(c_i h), V_i = ẋ(c_i h); at node i, with H_i = τ(Θ_i),
-    ξ = dτ_{−Θ_i} Ω_i, n = H_i⁻¹x_i, ν = H_i⁻¹V_i, a = H_i⁻¹ā. Momenta seen from the middle: μ̃₀ = Ad*_X μ_k with
+    ξ = dτ_{−Θ_i} Ω_i, n = H_i⁻¹x_i, ν = H_i⁻¹V_i, a = H_i⁻¹ā. Momenta in the middle's frame: μ̃₀ = Ad*_X μ_k with
     X = τ(Θ₀)⁻¹, π̃₀ = X*π_k, μ̃₁ = μ̃₀ + Σ b_i Ad*_{H_i⁻¹} D_i, π̃₁ = π̃₀ + Σ b_i H_i⁻*κ_i. Solve
 
         p_j + h Σ_i (b_i/b_j) α_ij r_i = (m_j/b_j) dτ*_{−Θ₀} μ_k + (1 − m_j/b_j) dτ*_{Θ₁} μ̃₁,
@@ -121,7 +121,7 @@ class Galerkin(Method, Step):
         return state.replace(xi=middle @ omega, nu=middle @ v, memory=z)
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """The curve of the last step, continued by its polynomials and seen from the new middle.
+        """The curve of the last step, continued by its polynomials, in the frame of the new middle.
 
         With the old chart's Θ_i at the new nodes, ξ_i = dτ_{−Θ_i} Ω_i stays, and the new chart has dτ⁻¹_{−Θ_i} ξ_i.
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Literal, NamedTuple
@@ -11,10 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps import Cayley, DifferenceMap
-from coadjoint.errors import ArgumentError
+from coadjoint.difference_maps.axioms import require_own_map
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.program import FLOOR
 from coadjoint.mechanics.discrete import Node
+from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
@@ -40,8 +44,12 @@ class Claims(NamedTuple):
     energy: Energy = "bounded"
 
 
-class Step:
+class Step(ABC):
     """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then explicit.
+
+    A stage must give three members, which are abstract: `equations`, `advance` and `sources`; besides these F, by
+    `increment` where it depends on (h, ξ) alone and otherwise by `relative`, and `nodes`, or where Λ is no sum over
+    nodes, `energy` and `work`, and `discrete_lagrangian` where there is a Λ. All else has a default.
 
     y are the frame coordinates of the velocity ν at the rule's own node. A step is a static object;
     `system`, `state`, `h` and z are its arguments. A *record* is a state with the unknowns of the step that starts
@@ -57,7 +65,9 @@ class Step:
         return system.group.dim, system.additional.dim(system.group)
 
     def require_fit(self, system: System) -> None:
-        """Raise GroupError or ArgumentError where the step does not fit the system."""
+        """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""
+        if system.verify:
+            require_own_map(self.difference_map, system.group)
         self.difference_map.require_fit(system.group)
 
     def remember(self, system: System, state: State) -> State:
@@ -122,21 +132,21 @@ class Step:
         """Λ of the step that starts at the record."""
         return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
 
+    @abstractmethod
     def equations(self, system: System, record: State, h: Array) -> Array:
         """The left discrete Legendre transform minus (μ_k, π_k), zero for the step that starts at the record."""
-        raise NotImplementedError
 
+    @abstractmethod
     def advance(self, system: System, record: State, h: Array) -> State:
         """The state at t + h, from the right discrete Legendre transform and (P43), (P44)."""
-        raise NotImplementedError
 
     def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
         """The state after a tolerant step; where `sound` is 0 the equations have no solution and z is the guess."""
         raise NotImplementedError
 
+    @abstractmethod
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         """(Δ⁻, Δ⁺) ∈ 𝔤* in frames k and k+1 with I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
-        raise NotImplementedError
 
     def chart(self, system: System, record: State, h: Array) -> Array | float:
         """How far the difference map is used into its chart; below 1 is inside."""
@@ -166,40 +176,56 @@ class Step:
         F = self.relative(system, record, h)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
         error = jnp.max(jnp.abs(total_momentum(system, after) - expected))
-        return _relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
+        return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
 
     def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|equations|∞, the rows of μ relative to |μ|∞ and those of π relative to |π|∞, the larger at both nodes.
+        """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both.
 
-        The torques in the rows of μ carry the round-off of π times a lever; what is above it counts against |μ|, and
-        all of it against |μ| and those torques: so a body that does not turn is solved to round-off, too.
+        |μ| is the largest at both nodes, or what ξ or ν alone would give where these cancel, and so is |π|. Round-off
+        counts as such: 16 ε of the terms that were added up, and the momentum of a velocity under `FLOOR`/h, with
+        which Newton's iteration stops. The torques in the rows of μ carry the round-off of π times a lever. So a body
+        that does not turn, or stays where forces balance, is solved to round-off, too.
         """
         rows, dim = jnp.abs(self.equations(system, record, h)), self.groups(system)[0]
         of_mu, of_pi = jnp.max(rows[:dim]), jnp.max(rows[dim:], initial=0.0)
-        mu, pi = _largest(record.mu, after.mu), _largest(record.pi, after.pi)
-        torque = sum(_largest(part) for part in self.sources(system, record, h))
-        lever = momentum_scale(system, record) + pi * _largest(h * record.nu) + torque
-        above = jnp.maximum(of_mu - 16 * np.finfo(float).eps * lever, 0.0)
-        relative = _relative(of_mu, lever), _relative(above, jnp.where(mu > 0, mu, lever)), _relative(of_pi, pi)
-        return jnp.max(jnp.stack(relative))
+        turning, moving = _momentum_sizes(system, record, h)
+        mu = jnp.maximum(largest(record.mu, after.mu), turning.part)
+        pi = jnp.maximum(largest(record.pi, after.pi), moving.part)
+        torque = sum(largest(part) for part in self.sources(system, record, h))
+        lever = mu + momentum_scale(system, record) + pi * largest(h * record.nu) + torque
+        return jnp.maximum(above(of_mu, mu, lever, turning.least), above(of_pi, pi, pi, moving.least))
 
 
-def _largest(*arrays: Array) -> Array:
-    """The largest entry in size, 0 of nothing."""
-    return jnp.max(jnp.abs(jnp.concatenate([jnp.ravel(array) for array in arrays])), initial=0.0)
+class _Sizes(NamedTuple):
+    """Of one kind of momentum: what ξ alone or ν alone would give, and what velocities that count as 0 would."""
+
+    part: Array
+    least: Array
 
 
-def _relative(error: Array, scale: Array) -> Array:
-    """error/scale, and the error itself at scale 0."""
-    return jnp.where(scale > 0, error / jnp.where(scale > 0, scale, 1.0), error)
+def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _Sizes]:
+    """The sizes of μ and of π."""
+    least = FLOOR / jnp.abs(h)
+    xi, nu = record.xi + least, record.nu + least
+    by_xi_and_nu, speeds = alone(system, record, xi, nu), [largest(xi), largest(nu)]
+
+    def sizes(kind: int) -> _Sizes:
+        parts = [part[kind] for part in by_xi_and_nu]
+        of_least = [least * relative(part, speed) for part, speed in zip(parts, speeds, strict=True)]
+        return _Sizes(jnp.maximum(*parts), jnp.maximum(*of_least))
+
+    return sizes(0), sizes(1)
 
 
 @dataclass(frozen=True)
-class Method:
+class Method(ABC):
     """A one-step method over a group difference map.
 
-    `start="momentum"` takes (μ₀, π₀) from the continuous Legendre transform, which order ≥ 2 needs; `"velocity"`
-    takes ξ₀, ν₀ as the first discrete velocities, as the paper does. A record of another run goes on with its momenta.
+    A method must give two members, which are abstract: `order` and `stages`.
+
+    difference_map: τ, by default `co.Cayley()`. start: "momentum" (the default) takes (μ₀, π₀) from the continuous
+    Legendre transform, which order ≥ 2 needs; "velocity" takes ξ₀, ν₀ as the first discrete velocities, as the paper
+    does. A record of another run goes on with its momenta.
     """
 
     difference_map: DifferenceMap = field(default_factory=Cayley)
@@ -209,15 +235,15 @@ class Method:
         if not isinstance(self.difference_map, DifferenceMap):
             raise ArgumentError(
                 "Argument `difference_map` must be a difference map such as co.Cayley(), "
-                f"but is {self.difference_map!r}."
+                f"but is {shown(self.difference_map)}."
             )
-        if self.start not in ("momentum", "velocity"):
-            raise ArgumentError(f'Argument `start` must be "momentum" or "velocity", but is {self.start!r}.')
+        if not isinstance(self.start, str) or self.start not in ("momentum", "velocity"):
+            raise ArgumentError(f'Argument `start` must be "momentum" or "velocity", but is {shown(self.start)}.')
 
     @property
+    @abstractmethod
     def order(self) -> int:
         """The order of convergence."""
-        raise NotImplementedError
 
     @property
     def symmetric(self) -> bool:
@@ -235,13 +261,17 @@ class Method:
         return False
 
     def holds(self, records: State) -> Array:
-        """Of which records' steps the claim on energy holds, (rows,): all, unless the method tells otherwise."""
+        """Of which records' steps the claim on energy holds, (rows,): all, unless the method overrides this."""
         return np.ones(np.shape(records.t), bool)
 
+    def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
+        """Records (with a leading axis) as starts of steps of any size, and the sizes of those that they began."""
+        return records, np.full(np.shape(records.t), h)
+
     @property
+    @abstractmethod
     def stages(self) -> tuple[tuple[Step, float], ...]:
         """The implicit stages of a step with their fractions of h."""
-        raise NotImplementedError
 
     @property
     def remedies(self) -> tuple[str, str]:
@@ -254,6 +284,11 @@ class Method:
         if self.symmetric:
             return self
         raise ArgumentError(f"The adjoint of {self.title} is not known: use a symmetric method.")
+
+    @property
+    def regular(self) -> bool:
+        """Whether steps need an invertible Legendre transform."""
+        return True
 
     @property
     def substeps(self) -> tuple[float, ...]:
@@ -273,7 +308,7 @@ class Method:
     @property
     def title(self) -> str:
         """The method in words, for cards and figures."""
-        return f"{type(self).__name__}({self.difference_map!r})"
+        return f"{type(self).__name__}({shown(self.difference_map)})"
 
     def begin(self, system: System, state: State, h: float) -> State:
         """The state with the momenta and memory that the method starts from."""

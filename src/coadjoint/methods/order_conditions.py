@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 
 HIGHEST = 12
-"""Orders are looked for up to this one."""
+"""Orders are searched up to this one."""
 
 ROUNDING = 1e-11
 """A condition off by less, relative to the size of its terms, is met: coefficients are given to 16 digits or more."""

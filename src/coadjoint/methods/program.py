@@ -17,18 +17,48 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method, Step
 
+EVENTS = "values of events"
+"""The monitor of a program that locates zeros of functions; no name of a user's quantity."""
+
 
 @dataclass(frozen=True)
 class Constants:
-    """What a program takes besides h and the state: the system's parameters and what the monitors observe with."""
+    """What a program takes besides h and the state: the system's parameters and what the monitors observe with.
+
+    `inputs` is RENEWED where every step takes new inputs, HELD where it takes those that the state holds; None stands
+    for the first.
+    """
 
     system: Any
     monitors: Any
+    inputs: Any = None
 
 
-jax.tree_util.register_dataclass(Constants, ["system", "monitors"], [])
+jax.tree_util.register_dataclass(Constants, ["system", "monitors", "inputs"], [])
+
+RENEWED, HELD = 2.0, 3.0
+"""See `Constants`; neither 0 nor 1, for which machine code would be specialised."""
 
 Monitor = Callable[[System, Step, State, Any, Any], Any]
+
+
+def held(system: System, state: State, renewed: Any = None) -> State:
+    """The state at a node with the inputs and the internal state that are held over the step from there.
+
+    renewed: HELD where the inputs are those of the state (`Constants`).
+    """
+    driven = _with_inputs(system, state, renewed)
+    return with_jump(system, INTERNAL, driven, advanced(system, driven))
+
+
+def _with_inputs(system: System, state: State, renewed: Any) -> State:
+    if system.inputs is None or not system.inputs.holds:
+        return state
+    motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
+    inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
+    if renewed is not None:
+        inputs = jax.tree.map(lambda new, old: jnp.where(renewed == HELD, old, new), inputs, state.inputs)
+    return with_jump(system, INPUTS, state, state.replace(inputs=inputs))
 
 
 @dataclass(frozen=True)
@@ -40,8 +70,10 @@ class StepProgram:
     observed: tuple[Monitor, ...] = ()
     version: str = ""
     """A digest of the user's functions (`mechanics.version`): programs with other ones are other programs."""
+    events: tuple[Callable[[State], Any], ...] = ()
+    """Functions of a record whose zeros are located."""
     until: Callable[[State], Any] | None = None
-    """A function of a state whose change of sign ends the run."""
+    """A function of a state whose change of sign stops a stepper at the node before."""
     holding: bool = False
     """Whether steps take the inputs and the internal state that the state holds, instead of new ones."""
 
@@ -56,20 +88,11 @@ class StepProgram:
     def prepare(self, parameters: Constants, state: State) -> State:
         """The state with the inputs and the internal state that are held over the step.
 
-        A ledger takes up by how much they change ℋ; the rule for the internal state sees the new inputs.
+        A ledger takes up by how much they change ℋ; the rule for the internal state reads the new inputs.
         """
         if self.holding:
             return state
-        system = replace_parameters(self.skeleton, parameters.system)
-        driven = self._with_inputs(system, state)
-        return with_jump(system, INTERNAL, driven, advanced(system, driven))
-
-    def _with_inputs(self, system: System, state: State) -> State:
-        if system.inputs is None or not system.inputs.holds:
-            return state
-        motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
-        held = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion))
-        return with_jump(system, INPUTS, state, state.replace(inputs=held))
+        return held(replace_parameters(self.skeleton, parameters.system), state, parameters.inputs)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         system = replace_parameters(self.skeleton, parameters.system)
@@ -77,6 +100,8 @@ class StepProgram:
         found: dict[str, Array] = {}
         for monitor in self.observed:
             found.update(monitor(system, step, record, fraction * h, parameters.monitors))
+        if self.events:
+            found[EVENTS] = jnp.stack([jnp.asarray(event(record), dtype=float) for event in self.events])
         return found
 
     @property

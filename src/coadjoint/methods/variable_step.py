@@ -18,9 +18,9 @@ from coadjoint.methods.method import Claims, Method, Start, Step
 from coadjoint.methods.simpson import Simpson
 
 BLUNT = 1e-10
-"""The least |dE/dh|h along the solutions of the base rule, relative to |E| + |⟨μ, ξ⟩| + |⟨π, ν⟩|, to look for h by.
+"""The least |dE/dh|h along the solutions of the base rule, relative to |E| + |⟨μ, ξ⟩| + |⟨π, ν⟩|, that determines h.
 
-Below it E_k = E₀ does not tell one h from another, as at a relative equilibrium: round-off would choose.
+Below it E_k = E₀ does not determine h, as at a relative equilibrium: round-off would choose.
 """
 
 
@@ -34,7 +34,7 @@ class Pace(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Paced(Step):
+class Paced(Step):
     """The base rule over h = ratio·dt."""
 
     base: Step
@@ -102,10 +102,10 @@ class _Paced(Step):
 
 
 @dataclass(frozen=True)
-class _Predict(_Paced):
+class _Predict(Paced):
     """The base rule over the last h, for the velocities that the search starts from.
 
-    E tells h by O(h²) alone: velocities that are off by O(h) would hide it.
+    E depends on h by O(h²) alone: velocities with an error of O(h) would hide it.
     """
 
     tolerant = True
@@ -115,7 +115,7 @@ class _Predict(_Paced):
 
 
 @dataclass(frozen=True)
-class _Search(_Paced):
+class _Search(Paced):
     """E_k(ξ, ν, h) = E₀ together with the base rule's equations, for (ξ, y, h/dt)."""
 
     within: tuple[float, float] = (0.25, 4.0)
@@ -154,8 +154,8 @@ class _Search(_Paced):
         pace, z = record.memory, self.base.guess(system, record, h * record.memory.ratio)
 
         def rows(z: Array, ratio: Array) -> tuple[Array, Array]:
-            here = _Paced.record(self, system, self._over(record, ratio), h, z)
-            return _Paced.equations(self, system, here, h), self.energy(system, here, h)
+            here = Paced.record(self, system, self._over(record, ratio), h, z)
+            return Paced.equations(self, system, here, h), self.energy(system, here, h)
 
         of_z, along_z = jax.jacfwd(rows)(z, pace.ratio)
         of_ratio, along_ratio = jax.jacfwd(rows, argnums=1)(z, pace.ratio)
@@ -176,7 +176,7 @@ class VariableStep(Method):
 
     The unknowns are (ξ, ν, h/dt). One ordinary step over dt gives E₀, which is held, so that round-off does not add up.
     h/dt stays inside `within`. Where no such step exists, or E does not depend on h (a relative equilibrium), the step
-    is a fixed one over dt; the card tells their share. What is kept is the *discrete* energy, and the symplectic form
+    is a fixed one over dt; the card reports their share. What is kept is the *discrete* energy, and the symplectic form
     of extended phase space, with (t, −E).
     E_k = ℋ + 3h²K + O(h³) with h²K the first term of the rule's modified Hamiltonian, so that h ∝ |K|^{−1/3}: where K
     changes its sign there is no h. `Simpson` has K = −⟨α, α⟩/24 − …, of one sign, with α the acceleration off the
@@ -227,10 +227,16 @@ class VariableStep(Method):
         """Of the first step, which gives E₀, and of those that are not fixed."""
         return (np.asarray(records.memory.known) == 0) | (np.asarray(records.memory.ratio) != 1.0)
 
+    def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
+        """With E₀ unknown, a step lasts what it is asked to."""
+        pace = records.memory
+        one = np.ones_like(pace.ratio)
+        return records.replace(memory=pace._replace(ratio=one, known=0.0 * one)), h * np.asarray(pace.ratio)
+
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         step = self.base.stages[0][0]
-        return (_Predict(step), 1.0), (_Search(step, self.within), 1.0), (_Paced(step), 1.0)
+        return (_Predict(step), 1.0), (_Search(step, self.within), 1.0), (Paced(step), 1.0)
 
     @property
     def title(self) -> str:

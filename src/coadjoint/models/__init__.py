@@ -5,34 +5,29 @@ Listing the catalogue imports no model and no JAX; a model's module is loaded wh
 
 from __future__ import annotations
 
-from importlib import import_module
 from math import radians
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from coadjoint.models.entry import Entry
+from coadjoint.extensions import Registry
+from coadjoint.lazy import lazy
+from coadjoint.models.entry import MOVING, TURNING, UP, Entry
 from coadjoint.models.integrable import INTEGRABLE
-from coadjoint.models.underwater.tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
+from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:
     from coadjoint.models import beanie as beanie
     from coadjoint.models import falling_cat as falling_cat
+    from coadjoint.models import general_form as general_form
     from coadjoint.models import heavy_top as heavy_top
+    from coadjoint.models import paper_form as paper_form
     from coadjoint.models import rigid_body as rigid_body
     from coadjoint.models import swimmer as swimmer
-    from coadjoint.models import underwater as underwater
+    from coadjoint.models.general_form import general_vehicle as general_vehicle
+    from coadjoint.models.general_form import se3_start as se3_start
+    from coadjoint.models.general_form import se3_vehicle as se3_vehicle
+    from coadjoint.models.paper_tables import paper_start as paper_start
+    from coadjoint.models.paper_tables import paper_vehicle as paper_vehicle
 
-_MODULES = ("beanie", "falling_cat", "heavy_top", "rigid_body", "swimmer", "underwater")
-__all__ = ["Entry", "catalogue", *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
-
-_TURNING = {
-    "rotation": None,
-    "euler_zxz": None,
-    "euler_zyx": None,
-    "angular_velocity": (0.0, 0.0, 0.0),
-    "euler_rates": None,
-}
-_MOVING = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **_TURNING, "down": (0.0, 0.0, 1.0)}
-_UP = {**_TURNING, "up": (0.0, 0.0, 1.0)}
 
 # REMUS 100 about its centre of buoyancy, as in the public PythonVehicleSimulator, without damping: forward, starboard,
 # down; the added mass is that of an ellipsoid with semi-axes 0.8, 0.095, 0.095 m.
@@ -45,24 +40,24 @@ _REMUS = {
     "center_of_buoyancy": (0.0, 0.0, 0.0),
     "gravity": 9.81,
 }
-_CRUISE = {**_MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
+_CRUISE = {**MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
 
 _ENTRIES = (
     Entry(
         "free_rigid_body",
         "A rigid body that nothing acts on, turning about its unstable middle axis.",
-        "rigid_body:make",
-        "rigid_body:start",
+        "coadjoint.models.rigid_body:make",
+        "coadjoint.models.rigid_body:start",
         {"inertia": (1.0, 2.0, 3.0)},
-        {**_TURNING, "angular_velocity": (0.01, 1.0, 0.01)},
+        {**TURNING, "angular_velocity": (0.01, 1.0, 0.01)},
         dt=0.05,
         duration=100.0,
     ),
     Entry(
         "heavy_top",
         "A rigid body with one point fixed, under gravity: the fast heavy top of Brüls, Cardona and Arnold (2012).",
-        "heavy_top:make",
-        "heavy_top:start",
+        "coadjoint.models.heavy_top:make",
+        "coadjoint.models.heavy_top:start",
         {
             "mass": 15.0,
             "center_of_mass": (0.0, 1.0, 0.0),
@@ -70,15 +65,15 @@ _ENTRIES = (
             "gravity": 9.81,
             "inertia_about": "center_of_mass",
         },
-        {**_UP, "angular_velocity": (0.0, 150.0, -4.61538)},
+        {**UP, "angular_velocity": (0.0, 150.0, -4.61538)},
         dt=1e-4,
         duration=2.0,
     ),
     Entry(
         "simo_wong_top",
         "The symmetric heavy top of Simo and Wong (1991).",
-        "heavy_top:make",
-        "heavy_top:start",
+        "coadjoint.models.heavy_top:make",
+        "coadjoint.models.heavy_top:start",
         {
             "mass": 20.0,
             "center_of_mass": (0.0, 0.0, 1.0),
@@ -86,7 +81,7 @@ _ENTRIES = (
             "gravity": 1.0,
             "inertia_about": "pivot",
         },
-        {**_UP, "euler_zxz": (0.0, 0.05, 0.0), "angular_velocity": (0.0, 0.0, 50.0)},
+        {**UP, "euler_zxz": (0.0, 0.05, 0.0), "angular_velocity": (0.0, 0.0, 50.0)},
         dt=0.005,
         duration=10.0,
     ),
@@ -94,11 +89,11 @@ _ENTRIES = (
     Entry(
         "underwater_vehicle",
         "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",
-        "underwater.paper_form:vehicle",
-        "underwater.paper_form:start",
+        "coadjoint.models.paper_form:vehicle",
+        "coadjoint.models.paper_form:start",
         TABLE_1,
         {
-            **_MOVING,
+            **MOVING,
             "position": TABLE_2["position"],
             "velocity": TABLE_2["velocity"],
             "euler_zxz": TABLE_2["euler_zxz"],
@@ -110,8 +105,8 @@ _ENTRIES = (
     Entry(
         "underwater_vehicle_general",
         "A vehicle about any body origin with a 6×6 added mass matrix, on SO(3) × ℝ³: REMUS 100 without damping.",
-        "underwater.general_form:general_vehicle",
-        "underwater.paper_form:start",
+        "coadjoint.models.general_form:general_vehicle",
+        "coadjoint.models.paper_form:start",
         _REMUS,
         _CRUISE,
         dt=0.01,
@@ -120,56 +115,18 @@ _ENTRIES = (
     Entry(
         "underwater_vehicle_se3",
         "The same vehicle on SE(3): horizontal momentum and the vertical moment are conserved.",
-        "underwater.general_form:se3_vehicle",
-        "underwater.general_form:se3_start",
+        "coadjoint.models.general_form:se3_vehicle",
+        "coadjoint.models.general_form:se3_start",
         _REMUS,
         _CRUISE,
         dt=0.01,
         duration=20.0,
     ),
     Entry(
-        "remus_100",
-        "REMUS 100 with hull drag, fins and propeller in a current, under way at a fixed number of revolutions.",
-        "underwater.remus:open_loop",
-        "underwater.remus:remus_start",
-        {
-            "fluid_density": 1026.0,
-            "axial_drag": 0.42,
-            "crossflow_drag": 1.1,
-            "fin_lift_slope": 3.12,
-            "current": (0.0, 0.0, 0.0),
-        },
-        {
-            "position": (0.0, 0.0, 10.0),
-            "speed": 1.5,
-            "euler_zyx": (0.0, 0.0, 0.0),
-            "stern_planes": 0.0,
-            "rudder": 0.0,
-            "revolutions": 14.94,
-        },
-        dt=0.05,
-        duration=100.0,
-    ),
-    Entry(
-        "kirchhoff_ellipsoid",
-        "A neutrally buoyant ellipsoid in an ideal fluid, with Lamb's added mass.",
-        "underwater.ellipsoids:ellipsoid",
-        "underwater.paper_form:start",
-        {
-            "semi_axes": (0.5, 0.2, 0.3),
-            "fluid_density": 1000.0,
-            "gravity": 9.81,
-            "center_of_mass": (0.0, 0.0, 0.0),
-        },
-        {**_MOVING, "velocity": (0.5, 0.1, 0.2), "angular_velocity": (0.5, 1.0, -0.3)},
-        dt=0.02,
-        duration=100.0,
-    ),
-    Entry(
         "elroys_beanie",
         "Two bodies in the plane on one hinge, with a spring: the simplest bundle, with a flat connection.",
-        "beanie:make",
-        "beanie:start",
+        "coadjoint.models.beanie:make",
+        "coadjoint.models.beanie:start",
         {"body": 2.0, "cap": 1.0, "stiffness": 1.0},
         {"angle": 0.0, "angular_velocity": 0.5, "cap_angle": 1.0, "cap_rate": 0.0},
         dt=0.02,
@@ -178,8 +135,8 @@ _ENTRIES = (
     Entry(
         "falling_cat",
         "Two bodies of revolution on a joint that bends and does not twist, in free fall (Kane and Scher 1969).",
-        "falling_cat:make",
-        "falling_cat:start",
+        "coadjoint.models.falling_cat:make",
+        "coadjoint.models.falling_cat:start",
         {
             "mass": (1.5, 1.5),
             "axial": (0.0025, 0.0025),
@@ -187,15 +144,15 @@ _ENTRIES = (
             "reach": (0.12, 0.12),
             "stiffness": 0.5,
         },
-        {**_TURNING, "angular_velocity": (1.0, 0.2, 0.0), "bend": (0.6, 0.0), "bend_rate": (0.0, 2.0)},
+        {**TURNING, "angular_velocity": (1.0, 0.2, 0.0), "bend": (0.6, 0.0), "bend_rate": (0.0, 2.0)},
         dt=0.002,
         duration=5.0,
     ),
     Entry(
         "three_link_swimmer",
         "Three hinged ellipses in an ideal fluid in the plane, on SE(2) with two joint angles.",
-        "swimmer:make",
-        "swimmer:start",
+        "coadjoint.models.swimmer:make",
+        "coadjoint.models.swimmer:start",
         {"semi_axes": (0.5, 0.1), "density": 1.0, "stiffness": 0.1},
         {
             "angle": 0.0,
@@ -209,15 +166,9 @@ _ENTRIES = (
     ),
 )
 
-catalogue: dict[str, Entry] = {entry.name: entry for entry in _ENTRIES}
+catalogue: Registry[Entry] = Registry("MODELS", {entry.name: entry for entry in _ENTRIES})
 """Every model by its name; see `Entry`."""
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"coadjoint.models has no `{name}`; it has: {', '.join(__all__)}.")
-    return import_module(f"{__name__}.{name}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ += ["PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "Entry", "catalogue"]

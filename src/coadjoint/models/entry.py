@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError
+from coadjoint.extensions import located
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -41,7 +41,7 @@ class Entry:
     def make(self, **parameters: Any) -> System:
         """The system with these parameters in place of the defaults."""
         self._require_known(parameters, self.parameters, "parameter")
-        return _function(self.maker)(**{**self.parameters, **parameters})
+        return located(self.maker)(**{**self.parameters, **parameters})
 
     def start(self, system: System, **initial: Any) -> State:
         """The state to start from, with these values in place of the defaults.
@@ -53,7 +53,7 @@ class Entry:
         for ways in _ALTERNATIVES:
             if any(initial.get(way) is not None for way in ways):
                 values.update({way: initial.get(way) for way in ways if way in values})
-        return _function(self.starter)(system, **values)
+        return located(self.starter)(system, **values)
 
     def _require_known(self, given: Mapping[str, Any], known: Mapping[str, Any], what: str) -> None:
         for name in given:
@@ -66,6 +66,15 @@ class Entry:
 _ALTERNATIVES = (("rotation", "euler_zxz", "euler_zyx"), ("angular_velocity", "euler_rates"))
 
 
-def _function(path: str) -> Any:
-    module, name = path.split(":")
-    return getattr(import_module(f"coadjoint.models.{module}"), name)
+TURNING = {
+    "rotation": None,
+    "euler_zxz": None,
+    "euler_zyx": None,
+    "angular_velocity": (0.0, 0.0, 0.0),
+    "euler_rates": None,
+}
+"""Initial values of a body that turns: its attitude and its angular velocity, each in one of several ways."""
+MOVING = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **TURNING, "down": (0.0, 0.0, 1.0)}
+"""Initial values of a body that moves in space, with gravity along `down`."""
+UP = {**TURNING, "up": (0.0, 0.0, 1.0)}
+"""Initial values of a body with one point fixed, with gravity against `up`."""

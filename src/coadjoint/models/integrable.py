@@ -2,75 +2,67 @@
 
 from __future__ import annotations
 
-from coadjoint.models.entry import Entry
+from coadjoint.models.entry import TURNING, UP, Entry
 
-_TURNING = {
-    "rotation": None,
-    "euler_zxz": None,
-    "euler_zyx": None,
-    "angular_velocity": (0.0, 0.0, 0.0),
-    "euler_rates": None,
-}
-_UP = {**_TURNING, "up": (0.0, 0.0, 1.0)}
-_PLACED = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **_TURNING}
+_PLACED = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **TURNING}
 
 INTEGRABLE = (
     Entry(
         "lagrange_top",
         "Lagrange's top, symmetric about the axis that holds its mass centre: axial momentum is conserved.",
-        "integrable_tops:lagrange",
-        "integrable_tops:start",
+        "coadjoint.models.integrable_tops:lagrange",
+        "coadjoint.models.integrable_tops:start",
         {"mass": 1.0, "lever": 0.1, "transverse": 0.02, "axial": 0.01, "gravity": 9.81},
-        {**_UP, "euler_zxz": (0.0, 0.6, 0.0), "angular_velocity": (0.0, 0.0, 40.0)},
+        {**UP, "euler_zxz": (0.0, 0.6, 0.0), "angular_velocity": (0.0, 0.0, 40.0)},
         dt=0.002,
         duration=20.0,
     ),
     Entry(
         "kovalevskaya_top",
         "Kovalevskaya's top, J = diag(2C, 2C, C), mass centre in the equator: a fourth integral of degree 4.",
-        "integrable_tops:kovalevskaya",
-        "integrable_tops:start",
+        "coadjoint.models.integrable_tops:kovalevskaya",
+        "coadjoint.models.integrable_tops:start",
         {"mass": 1.0, "lever": 0.1, "axial": 0.1, "gravity": 10.0},
-        {**_UP, "euler_zxz": (0.0, 0.8, 0.3), "angular_velocity": (1.0, 0.5, 2.0)},
+        {**UP, "euler_zxz": (0.0, 0.8, 0.3), "angular_velocity": (1.0, 0.5, 2.0)},
         dt=0.005,
         duration=100.0,
     ),
     Entry(
         "goryachev_chaplygin_top",
         "The top of Goryachev and Chaplygin, J = diag(4C, 4C, C): integrable where the vertical momentum is zero.",
-        "integrable_tops:goryachev_chaplygin",
-        "integrable_tops:start",
+        "coadjoint.models.integrable_tops:goryachev_chaplygin",
+        "coadjoint.models.integrable_tops:start",
         {"mass": 1.0, "lever": 0.1, "axial": 0.1, "gravity": 10.0},
         # a = e₂ and ω₂ = 0, so that μ·a = 0 exactly.
-        {**_UP, "angular_velocity": (1.0, 0.0, 2.5), "up": (0.0, 1.0, 0.0)},
+        {**UP, "angular_velocity": (1.0, 0.0, 2.5), "up": (0.0, 1.0, 0.0)},
         dt=0.005,
         duration=100.0,
     ),
     Entry(
         "rigid_body_with_rotor",
         "A free rigid body turning about its middle axis, which a fast rotor on that axis makes stable.",
-        "rotor:make",
-        "rotor:start",
+        "coadjoint.models.rotor:make",
+        "coadjoint.models.rotor:start",
         {"inertia": (1.0, 2.0, 3.0), "rotor_inertia": 0.1, "axis": (0.0, 1.0, 0.0)},
-        {**_TURNING, "angular_velocity": (0.01, 1.0, 0.01), "rotor_angle": 0.0, "rotor_rate": 30.0},
+        {**TURNING, "angular_velocity": (0.01, 1.0, 0.01), "rotor_angle": 0.0, "rotor_rate": 30.0},
         dt=0.02,
         duration=100.0,
     ),
     Entry(
         "spherical_pendulum",
         "A spherical pendulum on the curved space S².",
-        "spherical_pendulum:make",
-        "spherical_pendulum:start",
+        "coadjoint.models.spherical_pendulum:make",
+        "coadjoint.models.spherical_pendulum:start",
         {"mass": 1.0, "length": 1.0, "gravity": 9.81, "inertia": (1.0, 1.0, 1.0)},
-        {"bob": (0.6, 0.0, -0.8), "bob_velocity": (0.0, 2.0, 0.0), **_UP},
+        {"bob": (0.6, 0.0, -0.8), "bob_velocity": (0.0, 2.0, 0.0), **UP},
         dt=0.01,
         duration=50.0,
     ),
     Entry(
         "clebsch_body",
         "A body in an ideal fluid on SE(3), Kirchhoff's equations with Clebsch's fourth integral.",
-        "kirchhoff:clebsch",
-        "kirchhoff:start",
+        "coadjoint.models.kirchhoff:clebsch",
+        "coadjoint.models.kirchhoff:start",
         {"inertia": (1.0, 2.0, 1.5), "mass": (1.0, 1.5)},
         {**_PLACED, "velocity": (0.6, 0.4, 0.5), "angular_velocity": (0.5, 0.8, -0.3)},
         dt=0.02,

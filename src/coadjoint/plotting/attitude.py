@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from coadjoint.plotting.entries import Entry, fewest, require
-from coadjoint.plotting.navigation import WANTED
-from coadjoint.plotting.style import COLUMN, canvas, legend, time_axis
+from coadjoint.plotting.style import COLUMN, WANTED, canvas, legend, time_axis
 
 _SENTENCE = "There is no attitude to draw: `attitude` needs a group with rotations of space, SO(3) or SE(3)."
 

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from coadjoint.plotting.components import WIDTH
-from coadjoint.plotting.entries import Entry, require
-from coadjoint.plotting.motions import tell_apart
+from coadjoint.plotting.entries import Entry, require, tell_apart
 from coadjoint.plotting.style import COLOURS, canvas, time_axis
 
 _HEIGHT = 3.6

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.decimation import CAPACITY, thin
-from coadjoint.plotting.style import COLOURS, DASHES
+from coadjoint.plotting.style import COLOURS, DASHES, legend
 
 if TYPE_CHECKING:
     import xarray
@@ -137,3 +139,10 @@ def require(entry: Entry, names: Sequence[str], sentence: str) -> str:
             return name
     held = ", ".join(sorted(map(str, entry.dataset.data_vars)))
     raise ArgumentError(f"{sentence} The run of {entry.label} has {held}.")
+
+
+def tell_apart(figure: Figure, runs: Sequence[Entry]) -> None:
+    """Which line style is which run where there are several, and how many members are drawn alike."""
+    named = [run for run in runs if not run.label.startswith("_")]
+    handles = [Line2D([], [], **{"color": "#444444", **run.line, "alpha": 1.0}) for run in named]
+    legend(figure, handles, [run.label for run in named], fewest(runs))

@@ -1,49 +1,47 @@
-"""A page that plays a vehicle's track in space: one file, with its positions inside, that needs nothing else."""
+"""A page that plays tracks in space: one file, with their positions inside, that needs nothing else."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.models.underwater.log.log import Log
-from coadjoint.plotting.decimation import thin
-from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.style import COLOURS
-
 POINTS = 6000
-"""The most positions on a page, of all vehicles together."""
+"""The most positions on a page, of all tracks together."""
 _PLACE = "/*RUNS*/[]"
 
 
-def page(runs: Sequence[Entry]) -> str:
-    """The HTML of a player for these runs."""
-    template = files("coadjoint.plotting").joinpath("player.html").read_text(encoding="utf-8")
-    tracks = [_track(run, POINTS // len(runs), alone=len(runs) == 1) for run in runs]
-    data = json.dumps({"runs": tracks, "points": _rounded(Log(runs[0].dataset).way_points, 2)}, allow_nan=False)
+class Track(NamedTuple):
+    """What a page plays of one body.
+
+    label, colour: of its curve. time: (nodes,) s. place: (nodes, 3) m, north, east, down. forward, starboard:
+    (nodes, 3), directions in space. speed: (nodes,) m/s. wanted: the depth that was asked for, (nodes,) m, if any was.
+    """
+
+    label: str
+    colour: str
+    time: np.ndarray
+    place: np.ndarray
+    forward: np.ndarray
+    starboard: np.ndarray
+    speed: np.ndarray
+    wanted: np.ndarray | None = None
+
+
+_DIGITS = {"time": 3, "place": 3, "forward": 4, "starboard": 4, "speed": 3, "wanted": 2}
+
+
+def page(tracks: Sequence[Track], points: np.ndarray) -> str:
+    """The HTML of a player for these tracks and for way points (k, 3), m."""
+    template = files(str(__package__)).joinpath("player.html").read_text(encoding="utf-8")
+    runs = [{name: _rounded(name, value) for name, value in track._asdict().items()} for track in tracks]
+    data = json.dumps({"runs": runs, "points": np.round(points, 2).tolist()}, allow_nan=False)
     # "<" cannot end the script from inside a text.
     return template.replace(_PLACE, data.replace("<", "\\u003c"))
 
 
-def _track(run: Entry, capacity: int, alone: bool) -> dict[str, Any]:
-    """Times, places, what points forward and to starboard, and speeds of a run, a few thousand of each at most."""
-    log = Log(run.dataset)
-    kept = thin(log.position, log.attitude, capacity=capacity)
-    wanted = log.set_points.get("depth")
-    return {
-        "label": str(run.dataset.attrs.get("system", "vehicle")) if alone else run.label,
-        "colour": COLOURS[run.place % len(COLOURS)],
-        "time": _rounded(run.time[kept], 3),
-        "place": _rounded(log.position[kept], 3),
-        "forward": _rounded(log.directions[kept][:, :, 0], 4),
-        "starboard": _rounded(log.directions[kept][:, :, 1], 4),
-        "speed": _rounded(np.linalg.norm(log.velocity[kept], axis=1), 3),
-        "wanted": None if wanted is None or wanted[0].ndim > 1 else _rounded(wanted[0][kept], 2),
-    }
-
-
-def _rounded(values: np.ndarray, digits: int) -> list[Any]:
-    return np.round(values, digits).tolist()
+def _rounded(name: str, value: np.ndarray | str | None) -> list[float] | str | None:
+    return np.round(value, _DIGITS[name]).tolist() if isinstance(value, np.ndarray) else value

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint.errors import ArgumentError
+from coadjoint.extensions import located
+from coadjoint.plotting.figures import ADDED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,57 +99,27 @@ class Plots:
 
         return self._draw(lambda runs: components.variable(runs, name), others, labels, path)
 
-    def track(
-        self, *others: Any, way_points: Any = None, labels: Sequence[str] | None = None, path: Path | None = None
-    ) -> Figure:
-        """The path of a vehicle seen from above, north up, with its start, its end and `way_points` (k, 2 or 3), m."""
-        from coadjoint.plotting import navigation
-
-        return self._draw(lambda runs: navigation.track(runs, way_points), others, labels, path)
-
-    def depth(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """The depth of a vehicle over time, downwards, with its set point."""
-        from coadjoint.plotting import navigation
-
-        return self._draw(navigation.depth, others, labels, path)
-
-    def speeds(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """Surge, sway and heave through the water with the set point of speed, and the rates of roll, pitch and yaw."""
-        from coadjoint.plotting import motions
-
-        return self._draw(motions.speeds, others, labels, path)
-
-    def actuators(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """What every actuator does, what it was told, and its limits."""
-        from coadjoint.plotting import actuators
-
-        return self._draw(actuators.actuators, others, labels, path)
-
-    def current(self, *others: Any, labels: Sequence[str] | None = None, path: Path | None = None) -> Figure:
-        """The velocity of the water where the vehicle is: north, east, down."""
-        from coadjoint.plotting import motions
-
-        return self._draw(motions.current, others, labels, path)
-
-    def mission(
-        self, *others: Any, way_points: Any = None, labels: Sequence[str] | None = None, path: Path | None = None
-    ) -> Figure:
-        """A vehicle's run on one page: track, depth, angles, speeds, rates, actuators, energy, current."""
-        from coadjoint.plotting import mission
-
-        return self._draw(lambda runs: mission.mission(runs, way_points), others, labels, path)
-
-    def animation(
-        self, *others: Any, path: Path, frames: int = 150, labels: Sequence[str] | None = None
-    ) -> os.PathLike[str]:
-        """Write an animation of vehicles to `path`: `.gif`, track and depth in `frames` pictures, or `.html`.
-
-        The page plays the tracks in space, to be turned with the mouse; it holds all that it needs.
-        """
-        from coadjoint.plotting.animation import animation
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        """A figure that a package above adds, such as `track` and `animation` of vehicles."""
+        if name.startswith("_") or name not in ADDED:
+            raise AttributeError(f"There is no figure `{name}`; there are: {', '.join(figure_names())}.")
         from coadjoint.plotting.entries import entries
 
-        return animation(entries([self.dataset, *others], labels), path, frames)
+        added = ADDED[name]
+
+        def figure(*others: Any, labels: Sequence[str] | None = None, path: Path | None = None, **options: Any) -> Any:
+            draw = located(added.draw)
+            if not added.film:
+                return self._draw(lambda runs: draw(runs, **options), others, labels, path)
+            if path is None:
+                raise ArgumentError(f"`{name}` is written to a file: give its name, as in path='{name}.html'.")
+            return draw(entries([self.dataset, *others], labels), path, **options)
+
+        figure.__name__, figure.__doc__ = name, added.doc
+        return figure
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *ADDED})
 
     def _draw(
         self,
@@ -166,64 +138,49 @@ class Plots:
         return figure
 
 
-OF_VEHICLES = ("mission", "track", "depth", "speeds", "actuators", "current")
-"""The figures that only vehicles have."""
-FIGURES = (
-    *("energy", "kelvin_noether", "budget", "trajectory", "attitude", "velocities", "momenta", "group_defect"),
-    *OF_VEHICLES,
-)
-"""The figures that a dataset can have, by the names of their methods."""
+OWN: dict[str, tuple[str, ...]] = {
+    "energy": ("energy", "discrete_energy"),
+    "kelvin_noether": ("kelvin_noether",),
+    "budget": ("energy_budget",),
+    "trajectory": ("x", "q"),
+    "attitude": ("euler_angles",),
+    "velocities": ("xi",),
+    "momenta": ("mu",),
+    "group_defect": ("group_defect",),
+}
+"""The figures that any dataset may have, by the names of their methods, and a variable that each needs."""
 
 
-ANIMATION = "animation"
+def figure_names(films: bool = True) -> list[str]:
+    """The names of all figures, with or without those that are films."""
+    return [*OWN, *(name for name, added in ADDED.items() if films or not added.film)]
 
 
 def available(dataset: Any) -> list[str]:
-    """The names of the figures that this dataset has what to draw for."""
+    """The names of the figures that this dataset has what to draw for, without films."""
     held = {str(name) for name in dataset.data_vars}
-    needs = {
-        "energy": {"energy", "discrete_energy"},
-        "kelvin_noether": {"kelvin_noether"},
-        "budget": {"energy_budget"},
-        "trajectory": {"x"} | {name for name in held if name == "q" or name.startswith("q_")},
-        "attitude": {"euler_angles"},
-        "velocities": {"xi"},
-        "momenta": {"mu"},
-        "group_defect": {"group_defect"},
-    }
-    return [name for name in FIGURES if (needs[name] & held if name in needs else name in _of_vehicle(dataset))]
-
-
-def _of_vehicle(dataset: Any) -> list[str]:
-    """The figures that only vehicles have."""
-    from coadjoint.models.underwater.log.log import Log, is_vehicle
-
-    if not is_vehicle(dataset):
-        return []
-    if "member" in dataset.dims:
-        dataset = dataset.isel(member=0)
-    log = Log(dataset)
-    lacking = {"actuators": not log.actuators, "current": log.current is None}
-    return [name for name in OF_VEHICLES if not lacking.get(name, False)]
+    held |= {"q" for name in held if name.startswith("q_")}
+    own = [name for name, needed in OWN.items() if held.intersection(needed)]
+    return own + [name for name, added in ADDED.items() if not added.film and located(added.fits)(dataset)]
 
 
 def save_figures(
     datasets: Sequence[Any],
     folder: Path,
-    names: Sequence[str] | None = None,
+    wanted: Sequence[str] | None = None,
     ending: str = "png",
     labels: Sequence[str] | None = None,
 ) -> list[str]:
-    """Write the named figures of the datasets as folder/name.ending, by default all that every dataset has.
+    """Write the wanted figures of the datasets as folder/name.ending, by default all that every dataset has.
 
-    `animation` is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a name that is
-    none, and as the figures do.
+    A film, such as `animation`, is one, too, as .html or else .gif. Returns the file names; raises ArgumentError for a
+    name that is none, and as the figures do.
     """
-    common = [name for name in FIGURES if all(name in available(dataset) for dataset in datasets)]
-    chosen = common if names is None else list(names)
+    common = [name for name in figure_names() if all(name in available(dataset) for dataset in datasets)]
+    chosen = common if wanted is None else list(wanted)
     for name in chosen:
-        if name not in (*FIGURES, ANIMATION):
-            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join((*FIGURES, ANIMATION))}.")
+        if name not in figure_names():
+            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names())}.")
     plots = Plots(datasets[0])
     files = [f"{name}.{_ending(name, ending)}" for name in chosen]
     for name, file in zip(chosen, files, strict=True):
@@ -232,8 +189,8 @@ def save_figures(
 
 
 def _ending(name: str, ending: str) -> str:
-    """The ending of a figure's file: pictures for figures, .html or .gif for an animation."""
+    """The ending of a figure's file: pictures for figures, .html or .gif for a film."""
     moving = ending in ("gif", "html")
-    if name == ANIMATION:
+    if name in ADDED and ADDED[name].film:
         return ending if moving else "gif"
     return "png" if moving else ending

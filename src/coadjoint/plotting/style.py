@@ -28,6 +28,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 """Line styles, so that curves which coincide, or are printed in grey, stay apart."""
 
+WANTED: dict[str, Any] = {"color": "#555555", "linestyle": (0, (4, 2)), "linewidth": 0.8, "zorder": 1.5}
+"""The look of set points and commands."""
+
 _SETTINGS: Any = {
     "figure.dpi": 300,
     "savefig.dpi": 300,

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.difference_maps import Cayley, Exponential
 from coadjoint.methods import LeftRectangle, Midpoint
-from coadjoint.models.underwater import PAPER_DURATION, PAPER_STEP, paper_start, paper_vehicle
+from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, paper_start, paper_vehicle
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.style import save
 from coadjoint.plotting.whole_file import write_text

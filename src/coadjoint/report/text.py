@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.models.underwater import PAPER_DURATION, PAPER_STEP
+from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.report.reproduction import FIGURES, Reproduction, numbers
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What `simulate` and `trajectory` ask of their arguments, before anything runs."""
+"""Checks of the arguments of `simulate` and `trajectory`, before anything runs."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.evaluate import traced
 from coadjoint.mechanics import quantities
-from coadjoint.mechanics.check import require_scalar
+from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.spaces.numbers import float64
+
+MOST = 2**53
+"""Up to here every whole number is a float64, so that times of nodes are distinct."""
 
 
 def require_kinds(system: Any, start: Any, method: Any) -> None:
@@ -26,7 +29,7 @@ def require_kinds(system: Any, start: Any, method: Any) -> None:
     if start.places != system.places:
         raise ArgumentError("Argument `start` belongs to a system with another group or other spaces.")
     if not isinstance(method, Method):
-        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(co.Cayley()), but is {method!r}.")
+        raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {shown(method)}.")
 
 
 def require_quantities(system: System, state: State) -> None:
@@ -43,16 +46,25 @@ def require_quantities(system: System, state: State) -> None:
 
 def whole(value: Any, name: str) -> int:
     """A whole number of at least 1; raises ArgumentError."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {value!r}.")
+    if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ArgumentError(f"Argument `{name}` must be a whole number of at least 1, but is {shown(value)}.")
+    if value > MOST:
+        raise ArgumentError(f"Argument `{name}` must be at most 2⁵³ = {MOST}, but is {shown(value)}.")
     return int(value)
+
+
+def truth(value: Any, name: str) -> bool:
+    """True or False; raises ArgumentError for what only counts as one of them."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ArgumentError(f"Argument `{name}` must be True or False, but is {shown(value)}.")
+    return bool(value)
 
 
 def positive(value: Any, name: str) -> float:
     """A positive, finite number; raises ArgumentError."""
-    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, (bool, np.timedelta64))
     if not number or not 0 < value < np.inf:
-        raise ArgumentError(f"Argument `{name}` must be positive, but is {value!r}.")
+        raise ArgumentError(f"Argument `{name}` must be positive, but is {shown(value)}.")
     return float(float64(value, f"Argument `{name}`"))
 
 

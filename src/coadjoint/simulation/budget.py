@@ -1,4 +1,4 @@
-"""The energy budget of a run: what was stored, what each force put in or took, and how well this closes."""
+"""The energy budget of a run: what was stored, the work of each force, and how well this closes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ POORLY = 0.1
 
 
 def budget(run: Run) -> dict[str, Any]:
-    """E_N − E_0, the energy that each force has put in, and the largest |E_k − E_0 − ΣW_k| over every step.
+    """E_N − E_0, the work W of each force, and the largest |E_k − E_0 − ΣW_k| over every step.
 
-    The last is relative to the largest energy in it, stored or put in.
+    The last is relative to the largest of these energies.
     """
     if "energy_budget" not in run.ends:
         return {}
@@ -32,7 +32,7 @@ def budget(run: Run) -> dict[str, Any]:
 
 
 def momentum_gap(run: Run) -> float:
-    """The largest change of the Kelvin–Noether quantities less what was put in, relative to their largest values."""
+    """The largest change of the Kelvin–Noether quantities less the impulse of forces, relative to their largest."""
     first, (low, high) = run.ends["kelvin_noether_budget"][0], run.extrema["kelvin_noether_budget"]
     change = float(np.linalg.norm(np.maximum(high - first, first - low)))
     size = float(np.linalg.norm(np.max(np.abs(run.extrema["kelvin_noether"]), axis=0)))

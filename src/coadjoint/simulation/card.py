@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from coadjoint.simulation import step_sizes
 from coadjoint.simulation.budget import budget, momentum_gap, sentence
+from coadjoint.simulation.energy_warnings import energy_known
+from coadjoint.simulation.monitors import budgets, changing, residuals
 
 if TYPE_CHECKING:
     from coadjoint.methods.method import Method
+    from coadjoint.simulation.accuracy.judgement import Accuracy
     from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
@@ -27,12 +31,15 @@ def certificate(run: Run) -> dict[str, Any]:
         "seconds": run.seconds,
         "set_up_seconds": run.set_up_seconds,
     }
-    if run.plan.program.stops:
+    if run.plan.until:
         found["event"] = run.event
+    if run.crossed:
+        found["events"] = {name: len(states) for name, states in run.crossed.items()}
     found |= step_sizes.step_sizes(run)
+    found |= accuracy_numbers(run.accuracy)
     if not run.count:
         return found
-    for name in ("energy", "discrete_energy", "kelvin_noether", *dict(run.system.quantities)):
+    for name, _ in changing(run.system):
         if name in run.ends:
             first, last = run.ends[name]
             found[f"{name}_initial"] = first.tolist()
@@ -41,10 +48,38 @@ def certificate(run: Run) -> dict[str, Any]:
     found |= budget(run)
     if "kelvin_noether_budget" in run.ends:
         found["kelvin_noether_budget_error_max"] = momentum_gap(run)
-    for name in ("balance", "newton_residual", "group_defect"):
-        if name in run.extrema:
-            found[f"{name}_max"] = run.largest(name)
+    for one in residuals():
+        if one.name in run.extrema:
+            found[f"{one.name}_max"] = run.largest(one.name)
     return found
+
+
+def accuracy_numbers(found: Accuracy | None) -> dict[str, Any]:
+    """What was judged of a run's accuracy, under plain names."""
+    if found is None:
+        return {}
+    return found.numbers()
+
+
+def accuracy_line(found: Accuracy | None) -> list[tuple[str, str]]:
+    """The accuracy in words: what dt leaves out, or that it does not resolve the motion."""
+    if found is None:
+        return []
+    if found.trajectory is not None:
+        until = "" if found.holds is None else f"; under 10 % until t = {found.holds:.6g} s only"
+        whole = f"error {found.trajectory:.1e} of how far the run goes, largest, by a run of dt/2{until}"
+        return [*accuracy_line(replace(found, trajectory=None)), ("trajectory", whole)]
+    if not found.resolved:
+        return [("accuracy", f"unresolved: {'; '.join(found.reasons)}; dt = {found.resolving:.2g} would do")]
+    turn = f"; h‖ξ‖ ≤ {found.turn:.2g} of 1" if found.turn > 1e-9 else ""
+    turn += f"; h × fastest rate {found.rate:.2g}" if found.rate else ""
+    where = f"{found.part}, t = {found.when:.4g} s"
+    return [
+        (
+            "accuracy",
+            f"local error {found.worst:.1e} of what a step moves, largest of {found.count} ({where}){turn}",
+        )
+    ]
 
 
 def order(method: Method) -> str:
@@ -63,30 +98,25 @@ def card(run: Run) -> str:
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
     lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
-    if run.plan.program.stops:
+    if run.plan.until:
         ended = "never happened: the run went on to its end"
         lines.append(("event", ended if run.event is None else f"ended the run at t = {run.event:.10g} s"))
+    if run.crossed:
+        lines.append(("events", ", ".join(f"{name}: {len(states):,}" for name, states in run.crossed.items())))
     if run.method.variable:
         lines.append(("step size", step_sizes.sentence(run)))
     lines.append(("saved", f"{run.count:,} nodes, every {run.plan.save_every}, float64"))
-    for name, title in (
-        ("energy", "energy"),
-        ("discrete_energy", "energy, discrete"),
-        ("kelvin_noether", "Kelvin–Noether"),
-        *((name, name.replace("_", " ")) for name, _ in run.system.quantities),
-    ):
+    lines += accuracy_line(run.accuracy)
+    for name, title in changing(run.system):
         if f"{name}_initial" in c:
-            lines.append((title, _change(c, name, run.size(name) > 0)))
+            known = name != "energy" or energy_known(run)
+            lines.append((title, _change(c, name, run.size(name) > 0) if known else "not known, see the warning"))
     if "energy_budget_error_max" in c:
         lines.append(("energy budget", sentence(run)))
-    for key, title, what in (
-        ("kelvin_noether_budget_error_max", "momentum budget", "Kelvin–Noether less what was put in, largest change"),
-        ("balance_max", "balance", "Kelvin–Noether balance, largest residual, relative"),
-        ("newton_residual_max", "Newton", "largest residual, relative"),
-        ("group_defect_max", "group defect", "largest distance from the group"),
-    ):
+    momentum = [(f"{one.name}_error_max", one) for one in budgets() if one.largest]
+    for key, one in (*momentum, *((f"{one.name}_max", one) for one in residuals())):
         if key in c:
-            lines.append((title, f"{c[key]:.1e}  {what}"))
+            lines.append((one.title, f"{c[key]:.1e}  {one.largest}"))
     lines.append(("iterations", f"{c['newton_iterations_mean']:.2f} a step, at most {c['newton_iterations_max']}"))
     speed = run.good_steps / run.seconds if run.seconds > 0 else float("inf")
     lines.append(("time", f"{run.seconds:.3g} s, {speed:,.0f} steps/s, and {run.set_up_seconds:.3g} s to set up"))
@@ -112,23 +142,22 @@ def ensemble_card(ensemble: Ensemble) -> str:
         ("steps", f"{plan.steps:,} steps of {plan.h:g} s each"),
         ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),
         ("finished", f"{count - len(failed):,} of {count:,}"),
+        *accuracy_line(ensemble.accuracy),
     ]
+    if ensemble.event is not None:
+        lines.append(("event", f"ended {np.sum(np.isfinite(ensemble.event)):,} of {count:,}"))
+    for name, members in ensemble.crossed.items():
+        lines.append(("events", f"{name}: {sum(map(len, members)):,} in all members"))
     lines += [("failed", f"member {index}: {what}") for index, what in list(failed.items())[:5]]
-    for name, title in (
-        ("energy", "energy"),
-        ("kelvin_noether", "Kelvin–Noether"),
-        *((name, name.replace("_", " ")) for name, _ in ensemble.system.quantities),
-        ("energy_budget", "energy budget"),
-        ("kelvin_noether_budget", "momentum budget"),
-    ):
-        if name in ensemble.ends:
+    for name, title in (*changing(ensemble.system), *((one.name, one.title) for one in reversed(budgets()))):
+        if name in ensemble.ends and name != "discrete_energy":
             change = ensemble.relative_changes(name)[ensemble.codes == 0]
             if len(change):
                 worst = f"median {np.median(change):.2e}, worst {np.max(change):.2e}"
                 lines.append((title, f"largest relative change: {worst}"))
-    for name, title in (("balance", "balance"), ("newton_residual", "Newton"), ("group_defect", "group defect")):
-        if name in ensemble.extrema:
-            lines.append((title, f"{np.max(ensemble.extrema[name][1]):.1e}  worst of all members"))
+    for one in residuals():
+        if one.name in ensemble.extrema:
+            lines.append((one.title, f"{np.max(ensemble.extrema[one.name][1]):.1e}  worst of all members"))
     done = int(np.sum(ensemble.steps_done))
     lines.append(("iterations", f"{np.sum(ensemble.iterations) / max(done, 1):.2f} a step"))
     speed = done / ensemble.seconds if ensemble.seconds > 0 else float("inf")

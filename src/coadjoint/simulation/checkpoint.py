@@ -28,7 +28,7 @@ P = TypeVar("P", Position, MembersPosition)
 def write(path: Path, header: Mapping[str, Any], arrays: Arrays) -> None:
     """Put a header and arrays into `path`, a NumPy archive with its SHA-256 behind it.
 
-    Written beside it, forced to the disk, then moved into its place.
+    Written to a temporary file in its folder, forced to the disk, then moved into its place.
     """
     body = io.BytesIO()
     text = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
@@ -97,7 +97,7 @@ def position_at(header: Mapping[str, Any], arrays: Arrays, like: P) -> P:
 
 
 def _counts(position: AnyPosition) -> list[str]:
-    """The fields of a position beside its state and the extrema."""
+    """The fields of a position other than its state and the extrema."""
     return [field.name for field in dataclasses.fields(position) if field.name not in ("state", "extrema")]
 
 

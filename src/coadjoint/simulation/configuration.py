@@ -17,7 +17,7 @@ from coadjoint.methods.method import Method
 from coadjoint.spaces.named import Named
 
 _HOMES = ("coadjoint.methods", "coadjoint.difference_maps")
-_FIXED = [f.name for f in dataclasses.fields(State) if f.metadata.get("static") and f.name != "places"]
+_FIXED = [f.name for f in dataclasses.fields(State) if f.metadata.get("static") and f.name not in ("places", "origin")]
 _NUMBERS = [f.name for f in dataclasses.fields(State) if not f.metadata.get("static")]
 
 

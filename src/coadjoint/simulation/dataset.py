@@ -11,9 +11,11 @@ import xarray
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.simulation.monitors import WATCHED
 from coadjoint.simulation.step_sizes import times
 from coadjoint.spaces import Space
 
@@ -29,22 +31,13 @@ _MEANINGS = {
     "q": "q = g·n, space frame",
     "qdot": "q̇ = g·ν, space frame",
     "a": "a = g⁻¹a₀, advected",
-    "node_nu": "ν at the node, of its momenta, body frame",
-    "node_xi": "ξ at the node, of its momenta, body frame",
     "mu": "μ = ∂ℓ/∂ξ, body frame",
     "pi": "π = ∂ℓ/∂ν, body frame",
-    "energy": "Legendre energy of (μ, π)",
-    "discrete_energy": "E = −∂Λ/∂h of the first stage of the step, with the discrete velocities",
-    "kelvin_noether": "Kelvin–Noether quantities",
-    "work": "energy that this has put in since the start",
-    "energy_budget": "Legendre energy less what was put in",
-    "kelvin_noether_budget": "Kelvin–Noether quantities less the momentum that was put in",
-    "step_size": "h of the step that starts at the node",
-    "group_defect": "distance of g from its group",
     "euler_angles": "yaw, pitch, roll (ZYX)",
+    **{one.name: one.meaning for one in WATCHED},
 }
 
-_COMPONENTS = {"node_xi": "algebra", "node_nu": "additional"}
+_AXES = {one.name: one.axis for one in WATCHED}
 
 
 def reserved(system: System) -> set[str]:
@@ -149,18 +142,15 @@ def variables(
     if rotation is not None:
         found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
     for name, values in monitors.items():
-        found[name] = (("time", _COMPONENTS.get(name, "quantity"))[: values.ndim], values)
+        found[name] = (("time", _AXES.get(name, "quantity"))[: values.ndim], values)
     return found
 
 
 def reported(system: System, records: State) -> Variables:
-    """What the rule of the internal state tells of every record beside it, where it has a method `report`.
-
-    report(motion, p) → {name: array}, such as the current that a vehicle feels.
-    """
-    report = getattr(system.internal, "report", None)
-    if report is None:
+    """What the rule of the internal state reports of every record in addition to that state."""
+    if not isinstance(system.internal, InternalRule):
         return {}
+    report = system.internal.report
 
     def one(s: State) -> dict[str, Any]:
         return report(system.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal), system.parameters)
@@ -186,10 +176,8 @@ def derived(records: State) -> dict[str, Any]:
 
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any]]:
     """Unit and meaning of each variable, where known, and the limits of an internal state."""
-    units = {"time": "s", "step_size": "s", "euler_angles": "rad", **dict(system.units)}
-    if "energy" in units:
-        units = {"work": units["energy"], "energy_budget": units["energy"], **units}
-    units |= {f"node_{name}": units[name] for name in ("xi", "nu") if name in units}
+    units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
+    units = {one.name: one.unit or units[one.like] for one in WATCHED if one.unit or one.like in units} | units
     found: dict[str, dict[str, Any]] = {}
     watched = dict(system.quantities)
     for name in (*map(str, made), "time"):
@@ -197,22 +185,10 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any
         unit = units.get(name, units.get(base))
         told = {"units": unit, "long_name": meaning(watched[name]) if name in watched else _MEANINGS.get(base)}
         found[name] = {key: value for key, value in told.items() if value is not None}
-        if name.startswith("internal_"):
-            found[name] |= _limits(system, name.removeprefix("internal_"))
+    for name, ends in declared(system.internal).limits(system.parameters).items():
+        if (variable := f"internal_{name}") in found:
+            found[variable] |= {key: end for key, end in zip(("low", "high"), ends, strict=True) if end is not None}
     return found
-
-
-def _limits(system: System, name: str) -> dict[str, float]:
-    """The bounds of an internal state x: the parameters `x_low` and `x_high`, or ±`x_limit`, where they are numbers."""
-
-    def number(ending: str) -> float | None:
-        value = getattr(system.parameters, f"{name}_{ending}", None)
-        return float(value) if isinstance(value, (np.ndarray, np.generic, float)) and np.ndim(value) == 0 else None
-
-    limit = number("limit")
-    low = number("low") if limit is None else -limit
-    high = number("high") if limit is None else limit
-    return {key: value for key, value in (("low", low), ("high", high)) if value is not None}
 
 
 def labelled(made: xarray.Dataset, told: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import jax
@@ -12,7 +11,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels import backend as kernels
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.events import part_of_step, sound, without_event
+from coadjoint.simulation.events import as_held, holding, part_of_step, sound
 from coadjoint.spaces.numbers import float64
 
 SLACK = 1e-9
@@ -37,9 +36,8 @@ def at_times(plan: Plan, records: State, times: Any) -> State:
             f"Argument `times` must be one time, or a row of times, between {nodes[0]:g} and {nodes[-1]:g} s, the "
             f"first and the last that the run saved, but is {times!r}."
         )
-    free = without_event(plan)
     before = np.clip(np.searchsorted(forward * nodes, forward * wanted, side="right") - 1, 0, len(nodes) - 1)
-    rows = [_record(free, _row(records, i), t) for i, t in zip(before, wanted, strict=True)]
+    rows = [_record(plan, _row(records, i), t) for i, t in zip(before, wanted, strict=True)]
     return jax.tree.map(lambda *leaves: np.stack(leaves), *rows)
 
 
@@ -53,7 +51,7 @@ def _record(plan: Plan, record: State, time: float) -> State:
     if steps < SLACK:
         return record
     first = min(steps, 1.0) if abs(steps - 1.0) > SLACK else 1.0
-    state = sound(part_of_step(_as_held(plan), record, first)).final
+    state = sound(part_of_step(as_held(plan), record, first)).final
     whole = max(int(np.floor(steps + SLACK)) - 1, 0)
     if whole:
         state = sound(kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, whole, False)).final
@@ -61,17 +59,5 @@ def _record(plan: Plan, record: State, time: float) -> State:
         state = sound(part_of_step(plan, state, rest)).final
     between = abs(steps - round(steps)) > SLACK
     # Between nodes an internal state is what the step holds: its rule is not applied there.
-    opening = _holding(plan) if between and plan.program.skeleton.internal is not None else plan
+    opening = holding(plan) if between and plan.program.skeleton.internal is not None else plan
     return _row(sound(part_of_step(opening, state, 1.0)).records, 0)
-
-
-def _as_held(plan: Plan) -> Plan:
-    """The plan of steps that take the inputs in the state: a record holds those of its step, and its velocities."""
-    inputs = plan.program.skeleton.inputs
-    if inputs is None or not inputs.holds:
-        return plan
-    return _holding(plan)
-
-
-def _holding(plan: Plan) -> Plan:
-    return replace(plan, program=replace(plan.program, holding=True))

@@ -1,4 +1,4 @@
-"""The loop on the host: chunk after chunk, sized so that a person sees progress, into a sink of records."""
+"""The loop on the host: chunk after chunk, sized for the updates of a progress bar, into a sink of records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -19,10 +19,13 @@ from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.progress import Progress
 
+if TYPE_CHECKING:
+    from coadjoint.simulation.events import Event
+
 Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 
 PATIENCE = 0.25
-"""Seconds between two looks at a run: what chunks are sized for."""
+"""Seconds between two updates of progress: what chunks are sized for."""
 
 
 @dataclass
@@ -30,7 +33,7 @@ class Position:
     """Where a run stands: all that going on from here needs, and the certificate so far.
 
     `state` is the state after `steps` good steps; `extrema` are (minimum, maximum) of the monitors and certificates
-    over those steps, `iterations` Newton's; `code` tells how the last step ended; `event` when an event ended the run;
+    over those steps, `iterations` Newton's; `code`: how the last step ended; `event` when an event ended the run;
     `complete` that the last node has been recorded too.
     """
 
@@ -52,7 +55,7 @@ class Position:
     @property
     def failed(self) -> bool:
         """Whether a step failed."""
-        return self.code not in (Code.CONVERGED, Code.STOPPED)
+        return self.code is not Code.CONVERGED
 
     def advance(self, chunk: Chunk) -> None:
         """Move to the end of a chunk."""
@@ -73,7 +76,8 @@ class Position:
 class Sink(Protocol):
     """Where records go; `seconds` is the time that this took."""
 
-    seconds: float
+    @property
+    def seconds(self) -> float: ...
 
     @property
     def length(self) -> int:
@@ -108,6 +112,14 @@ class Plan:
     steps: int
     save_every: int
     monitors: bool
+    events: tuple[tuple[str, Event], ...] = ()
+    """Names and events that are monitored; with `until` the first of them ends the run."""
+    until: bool = False
+
+    @property
+    def watches(self) -> bool:
+        """Whether a kernel is to compute what is observed: monitors, or the values of events."""
+        return self.monitors or bool(self.events)
 
 
 class Driver:
@@ -118,37 +130,23 @@ class Driver:
 
     def _run(self, state: State, records: int, every: int) -> Chunk:
         plan = self.plan
-        return kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.monitors)
+        return kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.watches)
 
     def drive(self, position: Position) -> None:
-        """Move `position` to the end of the plan; its `code` tells whether a step failed."""
+        """Move `position` to the end of the plan; its `code` says whether a step failed."""
         # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
         self._run(position.state, 1, 1)
         speed = 0.0
         with Progress(self.plan.steps, self.progress, self.title) as bar:
             bar.advance(position.steps, 0.0)
-            while position.steps < self.plan.steps and not position.code:
+            while position.steps < self.plan.steps and not position.code and position.event is None:
                 before = position.steps, position.seconds
                 self._stretch(position, speed)
                 done, spent = position.steps - before[0], position.seconds - before[1]
                 speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
                 bar.advance(done, position.seconds)
-        if position.code is Code.STOPPED:
-            self._end_at_event(position)
         if not position.code:
             self._close(position)
-
-    def _end_at_event(self, position: Position) -> None:
-        """Take the part of a step that leads to the event."""
-        from coadjoint.simulation.events import crossing, part_of_step, without_event
-
-        free = without_event(self.plan)
-        chunk = part_of_step(free, position.state, crossing(self.plan, position.state), monitors=True)
-        if position.steps % self.plan.save_every == 0 and chunk.steps:
-            self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
-        position.advance(chunk)
-        position.event = float(position.state.t)
-        self.plan = free
 
     def _stretch(self, position: Position, speed: float) -> None:
         """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""
@@ -171,13 +169,16 @@ class Driver:
 
     def _close(self, position: Position) -> None:
         """One solve more gives the last node the velocities of the step that starts there."""
-        chunk = self._run(position.state, 1, 1)
+        chunk = self._last(position)
         position.code = chunk.code
         if not chunk.code:
             self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
             position.watch(chunk)
             position.complete = True
         self.sink.checkpoint(position)
+
+    def _last(self, position: Position) -> Chunk:
+        return self._run(position.state, 1, 1)
 
 
 class Memory:

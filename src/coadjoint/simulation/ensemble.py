@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,11 +20,13 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.accuracy.judgement import Accuracy
 from coadjoint.simulation.card import ensemble_card
 from coadjoint.simulation.driver import Extrema, Memory, Plan
 from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.monitors import kelvin_noether
 from coadjoint.simulation.recording import Recording
+from coadjoint.simulation.run import stacked_records
 
 if TYPE_CHECKING:
     import xarray
@@ -83,27 +85,32 @@ def with_own_directions(
     Without directions in equal number for all members, Kelvin–Noether quantities are left out, with a warning.
     """
     flags = jax.tree.map(lambda axis: axis == 0, members.axes, is_leaf=lambda x: x is None)
+    inputs = constants.inputs
+
+    def of_members(monitors: Any, own: bool) -> tuple[Constants, Constants]:
+        return Constants(members.parameters, monitors, inputs), Constants(flags, own, None if inputs is None else False)
+
     c0 = constants.monitors.get("c0")
     if c0 is None:
-        return program, Constants(members.parameters, constants.monitors), Constants(flags, False)
+        return program, *of_members(constants.monitors, False)
     places = members.states.places
     a0 = members.states.each(lambda s: places.advected.act(places.group, s.g, s.a))
     if np.max(np.abs(a0 - a0[0]), initial=0.0) <= 1e-12 * np.max(np.abs(a0), initial=0.0):
-        return program, Constants(members.parameters, constants.monitors), Constants(flags, False)
+        return program, *of_members(constants.monitors, False)
     own = isotropy_algebras(program.skeleton, members.states)
     if len({len(rows) for rows in own}) == 1:
-        return program, Constants(members.parameters, {"c0": np.stack(own)}), Constants(flags, True)
+        return program, *of_members({"c0": np.stack(own)}, True)
     warnings.append("The members conserve different numbers of momenta, so that none are watched.")
     observed = tuple(monitor for monitor in program.observed if monitor is not kelvin_noether)
-    return replace(program, observed=observed), Constants(members.parameters, {}), Constants(flags, False)
+    return replace(program, observed=observed), *of_members({}, False)
 
 
-def member_constants(constants: Constants, axes: Constants) -> Constants:
-    """The constants of the first member."""
+def member_constants(constants: Constants, axes: Constants, index: int = 0) -> Constants:
+    """The constants of one member."""
     flags = jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes.system, constants.system)
-    system = jax.tree.map(lambda leaf, flag: leaf[0] if flag else leaf, constants.system, flags)
-    monitors = jax.tree.map(lambda leaf: leaf[0] if axes.monitors else leaf, constants.monitors)
-    return Constants(system, monitors)
+    system = jax.tree.map(lambda leaf, flag: leaf[index] if flag else leaf, constants.system, flags)
+    monitors = jax.tree.map(lambda leaf: leaf[index] if axes.monitors else leaf, constants.monitors)
+    return Constants(system, monitors, constants.inputs)
 
 
 @dataclass(repr=False, eq=False)
@@ -111,7 +118,7 @@ class Ensemble(Recording):
     """What `co.simulate` returns for many members; `print` it for the certificate.
 
     `records` have axes (member, node, …); members that failed are NaN from there on, with `steps_done` and `codes`
-    telling where and why. `extrema` are (minimum, maximum) over every step, one row a member.
+    saying where and why. `extrema` are (minimum, maximum) over every step, one row a member.
     """
 
     system: System
@@ -125,6 +132,10 @@ class Ensemble(Recording):
     memory: Memory
     warnings: list[str]
     set_up_seconds: float = 0.0
+    crossed: dict[str, list[list[State]]] = field(default_factory=dict)
+    ended: dict[int, State] = field(default_factory=dict)
+    """The records at the events that ended members, by their index."""
+    accuracy: Accuracy | None = None
 
     @property
     def title(self) -> str:
@@ -196,8 +207,22 @@ class Ensemble(Recording):
 
     @property
     def final(self) -> State:
-        """The records of all members at the last node."""
-        return jax.tree.map(lambda rows: rows[:, -1], self.records)
+        """The records of all members at the last node, or at the event that ended them."""
+        last = jax.tree.map(lambda rows: np.array(rows[:, -1]), self.records)
+        for index, state in self.ended.items():
+            jax.tree.map(lambda rows, leaf, index=index: rows.__setitem__(index, leaf), last, state)
+        return last
+
+    @property
+    def event(self) -> np.ndarray | None:
+        """When `until` crossed zero and ended each member, s, NaN where it did not; None without `until`."""
+        return self.position.event if self.plan.until else None
+
+    @cached_property
+    def events(self) -> dict[str, tuple[State, ...]]:
+        """The records at the events, in order, by the names given in `events`: for each member a State."""
+        one = self.one[1]
+        return {name: tuple(stacked_records(rows, one) for rows in found) for name, found in self.crossed.items()}
 
     @cached_property
     def dataset(self) -> xarray.Dataset:

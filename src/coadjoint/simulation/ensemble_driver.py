@@ -35,6 +35,8 @@ class MembersPosition:
     seconds: float = 0.0
     extrema: Extrema = field(default_factory=dict)
     complete: bool = False
+    event: np.ndarray | None = None
+    """When an event ended each member, NaN where none has; None where none may."""
 
     @classmethod
     def at_start(cls, states: State, count: int) -> Self:

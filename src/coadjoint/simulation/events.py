@@ -1,51 +1,108 @@
-"""Where a function of the motion crosses zero, located on the dense output."""
+"""Functions of the motion whose zeros are events: what they must be, and their values between two nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
 
+import jax
 import numpy as np
 from scipy.optimize import root_scalar
 
-from coadjoint.errors import LagrangianError, StepError
+from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.evaluate import evaluate, tabulate
-from coadjoint.mechanics.check import require_float64
+from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
+from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.driver import Plan
 
-Event = Callable[[State], Any]
+Direction = Literal["rising", "falling", "both"]
 
 
-def require_event(until: Event | None, state: State) -> None:
-    """Raise LagrangianError unless `until` is a function of a state whose value is one number."""
-    if until is None:
-        return
-    if not callable(until):
-        raise LagrangianError(f"Argument `until` must be a function of the state, but is {until!r}.")
-    require_float64(until, "The function `until`", (state,))
-    value = evaluate(until, state)
-    if np.shape(value) != () or isinstance(value, dict) or np.asarray(value).dtype != float:
-        raise LagrangianError(
-            "The function `until` must return one number, which crosses zero at the event, such as "
-            f"lambda state: state.q[2] - 10.0, but returned {value!r}."
+@dataclass(frozen=True)
+class Event:
+    """The zeros of a function of the state, f(state) = 0, those alone where it rises or falls if `direction` says so.
+
+        co.Event(lambda state: state.mu[2], direction="rising")
+
+    function: a state to one number, in terms of jax.numpy. direction: "rising", from negative to positive in the order
+    of the run; "falling"; or "both". Raises ArgumentError for another direction, LagrangianError for no function.
+    """
+
+    function: Callable[[State], Any]
+    direction: Direction = "both"
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise LagrangianError(f"An event must be a function of the state, but is {shown(self.function)}.")
+        if not isinstance(self.direction, str) or self.direction not in get_args(Direction):
+            raise ArgumentError(
+                f'Argument `direction` must be "rising", "falling" or "both", but is {shown(self.direction)}.'
+            )
+
+    def counts(self, rises: bool) -> bool:
+        """Whether a crossing that rises, or one that falls, is this event."""
+        return self.direction == "both" or (self.direction == "rising") == rises
+
+
+def as_event(given: Event | Callable[[State], Any] | None) -> Event | None:
+    """An event of what `until` was given."""
+    if given is None or isinstance(given, Event):
+        return given
+    if not callable(given):
+        raise LagrangianError(f"Argument `until` must be a function of the state, but is {shown(given)}.")
+    return Event(given)
+
+
+def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
+    """Events by their names; raises ArgumentError for what is no dictionary of them."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise ArgumentError(
+            "Argument `events` must be a dictionary of names and functions of the state, as in "
+            f"events={{'section': lambda state: state.mu[2]}}, but is {shown(given)}."
         )
-    if not np.isfinite(value):
-        raise LagrangianError(f"The function `until` must be finite at the start, but is {value}.")
+    found = {name: as_event(event) for name, event in given.items()}
+    return {name: event for name, event in found.items() if event is not None}
 
 
-def without_event(plan: Plan) -> Plan:
-    """The plan of the same steps, which no event ends."""
-    return replace(plan, program=replace(plan.program, until=None))
+def require_event(event: Event, what: str, state: State) -> None:
+    """Raise LagrangianError unless an event is a function of a state whose value is one finite number."""
+    require_float64(event.function, f"The function `{what}`", (state,))
+    with in_words(f"The function `{what}`"):
+        value = evaluate(event.function, state)
+        number = np.shape(value) == () and not isinstance(value, dict) and np.asarray(value).dtype == float
+    if not number:
+        raise LagrangianError(
+            f"The function `{what}` must return one number, which crosses zero at the event, such as "
+            f"lambda state: state.q[2] - 10.0, but returned {shown(value)}."
+        )
+    if not np.isfinite(np.asarray(value)):
+        raise LagrangianError(f"The function `{what}` must be finite at the start, but is {value}.")
+
+
+def require_until(until: Callable[[State], Any] | None, state: State) -> None:
+    """Raise LagrangianError unless `until` is such a function, or None."""
+    if (event := as_event(until)) is not None:
+        require_event(event, "until", state)
+
+
+def not_finite(plan: Plan, state: State) -> str | None:
+    """Which event has no value at a state, in a sentence; None where all have one."""
+    for name, event in plan.events:
+        if not np.isfinite(evaluate(event.function, state)):
+            return f"the function `{name}` is not finite there: give one that is, wherever the motion goes."
+    return None
 
 
 def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = False) -> Chunk:
     """A step of fraction·h from a state, by the method itself."""
     return kernels.run(
-        plan.backend, plan.program, plan.constants, state, fraction * plan.h, 1, 1, monitors and plan.monitors
+        plan.backend, plan.program, plan.constants, state, fraction * plan.h, 1, 1, monitors and plan.watches
     )
 
 
@@ -57,11 +114,26 @@ def sound(chunk: Chunk) -> Chunk:
     return chunk
 
 
-def crossing(plan: Plan, state: State) -> float:
-    """The part of the step from `state` after which `until` is zero: a root in (0, 1] of until(Φ_{θh}(state)).
+def as_held(plan: Plan) -> Plan:
+    """The plan of steps that take the inputs in the state: a record holds those of its step, and its velocities."""
+    inputs = plan.program.skeleton.inputs
+    return plan if inputs is None or not inputs.holds else holding(plan)
 
-    The dense output of a step is the method's own step of part θ: its momenta are as exact as those of the nodes, it
-    lies on the group, and it is continuous with both. Raises StepError where such a step cannot be solved.
+
+def holding(plan: Plan) -> Plan:
+    """The plan of steps that take inputs and internal state as they are."""
+    return replace(plan, program=replace(plan.program, holding=True))
+
+
+def without_event(plan: Plan) -> Plan:
+    """The plan of the same steps, which no event stops."""
+    return replace(plan, program=replace(plan.program, until=None))
+
+
+def crossing(plan: Plan, state: State) -> float:
+    """The part of the step from `state` after which a stepper's `until` is zero: a root of until(Φ_{θh}(state)).
+
+    Raises StepError where such a step cannot be solved.
     """
     until, free = plan.program.until, without_event(plan)
     assert until is not None
@@ -76,3 +148,24 @@ def crossing(plan: Plan, state: State) -> float:
     if start * along(1.0) >= 0:
         return 1.0
     return root_scalar(along, bracket=(0.0, 1.0), method="brentq", xtol=1e-15, rtol=1e-14).root
+
+
+class DenseStep:
+    """The records within a step from a record: Φ_{θh}, with the unknowns of the whole step that starts there.
+
+    The method's own step of part θ leads there: momenta are as exact as at the nodes, the state is on the group, and
+    all is continuous with both nodes. Inputs are held over the step, and so is an internal state.
+    Raises StepError where such a step cannot be solved.
+    """
+
+    def __init__(self, plan: Plan, record: State):
+        self.record, self.held = record, as_held(plan)
+        self.opening = plan if plan.program.skeleton.internal is None else holding(plan)
+
+    def __call__(self, fraction: float) -> tuple[State, np.ndarray]:
+        """The record after a part of the step, and the values of all events at it."""
+        state = self.record
+        if fraction:
+            state = sound(part_of_step(self.held, state, fraction)).final
+        chunk = sound(part_of_step(self.opening if fraction else self.held, state, 1.0, monitors=True))
+        return jax.tree.map(lambda leaf: leaf[0], chunk.records), chunk.monitors[EVENTS][0]

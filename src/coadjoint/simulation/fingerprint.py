@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.digest import digest
-from coadjoint.kernels.interpreter import jaxpr_of
+from coadjoint.kernels.jaxprs import jaxpr_of
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants
@@ -38,12 +38,11 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     certificates = [
         (stage.certificate, (constants, state, h, np.zeros(sum(stage.groups)), state)) for stage in different.values()
     ]
-    observed = [(program.monitors, (constants, state, h)), *certificates] if plan.monitors else []
-    if program.stops:
-        functions.append((program.stop, (constants, state, state)))
+    observed = [(program.monitors, (constants, state, h)), *certificates] if plan.watches else []
     order = {step: i for i, step in enumerate(different)}
     told = [(order[stage.step], stage.fraction, stage.groups, stage.tolerant) for stage in program.stages]
     stages = [program.substeps, *told]
+    directions = [event.direction for _, event in plan.events]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
@@ -52,10 +51,10 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
         "monitors": digest(
             named(all_constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
         ),
-        "grid": digest(plan.h, plan.steps, plan.save_every, plan.monitors, plan.backend),
+        "grid": digest(plan.h, plan.steps, plan.save_every, plan.monitors, plan.backend, directions),
     }
 
 
 def named(tree: Any) -> list[Any]:
-    """The leaves of a PyTree beside their names."""
+    """The leaves of a PyTree with their names."""
     return [[jax.tree_util.keystr(path), leaf] for path, leaf in jax.tree_util.tree_leaves_with_path(tree)]

@@ -7,17 +7,20 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.evaluate import evaluate, traced
-from coadjoint.mechanics.check import require_float64
-from coadjoint.mechanics.each import Each, member_of
+from coadjoint.mechanics.each import Each, count_members, member_of
+from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.signals import Signal
+from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
 
-def with_inputs(system: System, start: State, inputs: Any) -> tuple[System, State]:
+def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:
     """The system driven by `inputs`, and the start with what is held over its first step.
+
+    Its momenta stay those that it shows, with its own inputs, unless `by_velocities`, where ξ₀, ν₀ are kept.
 
     Of an ensemble what is held is that of its first member: every member takes its own when it starts.
     Raises ArgumentError and LagrangianError for what cannot be an input.
@@ -34,12 +37,26 @@ def with_inputs(system: System, start: State, inputs: Any) -> tuple[System, Stat
     for source in system.inputs.sources:
         if isinstance(source, Signal):
             _check_signal(source, start)
+    if (
+        system.takes("inputs")
+        and start.inputs is not None
+        and not by_velocities
+        and not traced(start, system.parameters)
+    ):
+        start = _momenta_of(system, start)
     many = np.ndim(start.t) > 0
     first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
     held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
     if many:
         held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
     return system, start.replace(inputs=held)
+
+
+def _momenta_of(system: System, start: State) -> State:
+    """The start with the momenta that it says: those of its velocities with its own inputs, not with the run's."""
+    if not start.from_velocities or count_members(system.parameters) is not None or np.ndim(start.t):
+        return start
+    return momentum_start(system, start)
 
 
 def held_at(system: System, state: State) -> Any:
@@ -49,14 +66,15 @@ def held_at(system: System, state: State) -> Any:
         return inputs_held(system, state)
 
     require_float64(first, "The function `inputs`", (state,))
-    found = evaluate(first, state)
-    return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
+    with in_words("The function `inputs`"):
+        found = evaluate(first, state)
+        return found if traced(found) else jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), found)
 
 
 def inputs_held(system: System, s: State) -> Any:
     """The held inputs as a function of the state, for tracing."""
     assert system.inputs is not None
-    return system.inputs.held(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal))
+    return system.inputs.held(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal), s.inputs)
 
 
 def _check_signal(source: Signal, start: State) -> None:
@@ -68,5 +86,7 @@ def _check_signal(source: Signal, start: State) -> None:
         )
     t = np.float64(0.0) if traced(start.t) else np.ravel(start.t)[0]
     require_float64(getattr(source, "function", source), "The signal", (t,))
-    if not np.all(np.isfinite(evaluate(source, t))):
-        raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {evaluate(source, t)}.")
+    with in_words("The signal"):
+        value = evaluate(source, t)
+    if not np.all(np.isfinite(value)):
+        raise ArgumentError(f"A signal must be finite at the start, t = {t:g} s, but is {shown(value)}.")

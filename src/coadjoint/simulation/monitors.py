@@ -1,79 +1,125 @@
-"""What is observed at every step: energies, Kelvin–Noether quantities, group defect."""
+"""The monitors of all runs: energies, Kelvin–Noether quantities, budgets, group defect."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
 
-from coadjoint.groups import SO3
 from coadjoint.groups.group import Array
-from coadjoint.mechanics import continuous
+from coadjoint.mechanics import continuous, inverse_legendre
 from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Step
-from coadjoint.spaces import Defining
+from coadjoint.methods.method import Method, Step
+from coadjoint.simulation.watched import Monitor, Watched, monitor
 
 
+def _always(system: System, method: Method, state: State) -> bool:
+    return True
+
+
+@monitor(
+    Watched(
+        "discrete_energy",
+        "E = −∂Λ/∂h of the first stage of the step, with the discrete velocities",
+        line="change",
+        title="energy, discrete",
+    ),
+    when=_always,
+)
 def discrete_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """E_k = −∂_hΛ with the discrete velocities: the paper's K_k + U_k for the left rule (P68, P69)."""
     return {"discrete_energy": step.energy(system, record, h)}
 
 
+@monitor(
+    Watched("energy", "Legendre energy of (μ, π)", line="change", title="energy"),
+    Watched(
+        "legendre_residual",
+        "residual of ∂ℓ = (μ, π) of the velocities at the node, relative",
+        line="residual",
+        title="Legendre",
+        largest="∂ℓ = (μ, π) at the nodes, largest residual, relative",
+    ),
+    when=lambda system, method, state: system.continuous,
+)
 def legendre_energy(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-    """The Legendre energy of (μ_k, π_k), at the node itself."""
-    return {"energy": continuous.energy(system, record)}
+    """The Legendre energy of (μ_k, π_k), at the node itself, and how well the velocities of these were found."""
+    if system.hamiltonian is not None:
+        return {"energy": continuous.energy(system, record)}
+    xi, nu, residual = inverse_legendre.velocities(system, record)
+    found = {} if residual is None else {"legendre_residual": residual}
+    return {"energy": continuous.energy_at(system, record, xi, nu), **found}
 
 
+@monitor(
+    Watched("node_xi", "ξ at the node, of its momenta, body frame", like="xi", axis="algebra"),
+    Watched("node_nu", "ν at the node, of its momenta, body frame", like="nu", axis="additional"),
+    when=lambda system, method, state: system.node_velocities,
+)
 def node_velocities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """(ξ, ν) at the node itself, of its momenta: ∂_ξℓ = μ_k, ∂_νℓ = π_k; the discrete ones belong to the step."""
     xi, nu = continuous.velocities(system, record)
     return {"node_xi": xi, "node_nu": nu}
 
 
-def has_directions(system: System) -> bool:
-    """Whether a system is a body in space that sees `down` and `north`, of which a vehicle's log can be written."""
-    group, Q, V = system.places
-    return (
-        system.continuous
-        and isinstance(group, SO3)
-        and Defining() == Q
-        and {"a_down", "a_north"} <= V.components(group, "a").keys()
-    )
-
-
+@monitor(
+    Watched("work", "energy that this has put in since the start", like="energy"),
+    Watched(
+        "energy_budget", "Legendre energy less what was put in", like="energy", line="budget", title="energy budget"
+    ),
+    when=lambda system, method, state: state.ledger is not None,
+)
 def energy_budget(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-    """The energy that each force has put in, W, and E − ΣW, which is constant to the method's order."""
+    """The work W of each force, and E − ΣW, which is constant to the method's order."""
     put_in = energy_put_in(system, record)
     now = step.energy(system, record, h) if not system.continuous else continuous.energy(system, record)
     return {**{f"work_{name}": work for name, work in put_in.items()}, "energy_budget": now - sum(put_in.values())}
 
 
+_NOETHER = (
+    Watched("kelvin_noether", "Kelvin–Noether quantities", line="change", title="Kelvin–Noether"),
+    Watched(
+        "kelvin_noether_budget",
+        "Kelvin–Noether quantities less the momentum that was put in",
+        line="budget",
+        title="momentum budget",
+        largest="Kelvin–Noether less what was put in, largest change",
+    ),
+)
+
+
+@monitor(*_NOETHER, when=_always)
 def kelvin_noether(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """⟨Ad_{g⁻¹}c₀, m⟩ for every row c₀ of constants["c0"]: conserved where c₀·a₀ = 0 and nothing forces."""
     c0 = constants["c0"]
     return _with_budget(system, record, c0 @ spatial_momentum(system, record), c0)
 
 
+@monitor(when=lambda system, method, state: bool(system.quantities))
 def quantities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """The system's own scalars."""
     return {name: jnp.asarray(value(system, function, record)) for name, function in system.quantities}
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """I = ⟨𝒦(c, a), m⟩ of quantities that the user chose."""
-
+class _Chosen:
     quantities: tuple[KelvinNoether, ...]
 
     def __call__(self, system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
         now = jnp.stack([quantity.quantity(system, record) for quantity in self.quantities])
         c0 = [system.group.Ad(record.g, quantity.momentum_map(system, record)) for quantity in self.quantities]
         return _with_budget(system, record, now, jnp.stack(c0))
+
+
+def chosen(quantities: Sequence[KelvinNoether]) -> Monitor:
+    """I = ⟨𝒦(c, a), m⟩ of quantities that the user chose."""
+    return Monitor(_Chosen(tuple(quantities)), _NOETHER, _always)
 
 
 def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[str, Array]:
@@ -83,11 +129,74 @@ def _with_budget(system: System, record: State, now: Array, c0: Array) -> dict[s
     return {"kelvin_noether": now, "kelvin_noether_budget": now - c0 @ momentum_put_in(system, record)}
 
 
+@monitor(
+    Watched("step_size", "h of the step that starts at the node", unit="s"),
+    when=lambda system, method, state: method.variable,
+)
 def step_size(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """h of the step, s."""
     return {"step_size": step.size(record, h)}
 
 
+@monitor(
+    Watched(
+        "group_defect",
+        "distance of g from its group",
+        line="residual",
+        title="group defect",
+        largest="largest distance from the group",
+    ),
+    when=lambda system, method, state: system.group.constrained,
+)
 def group_defect(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """How far g is from its group."""
     return {"group_defect": jnp.asarray(system.group.defect(record.g))}
+
+
+BEFORE = (legendre_energy, discrete_energy, node_velocities)
+"""What is observed of a step before its Kelvin–Noether quantities, in the order of datasets."""
+AFTER = (energy_budget, step_size, group_defect, quantities)
+"""And what after them."""
+SOLVED = (
+    Watched(
+        "balance",
+        "residual of the Kelvin–Noether balance of a step, relative",
+        line="residual",
+        title="balance",
+        largest="Kelvin–Noether balance, largest residual, relative",
+    ),
+    Watched(
+        "newton_residual",
+        "residual of the equations of a step, relative to the momentum; what is below the momentum of a velocity of "
+        "1e-15/h, with which Newton's iteration stops, is round-off and counts as 16 ε at most",
+        line="residual",
+        title="Newton",
+        largest="largest residual, relative",
+    ),
+)
+"""What every step reports of its own solution; only the largest of it is kept."""
+
+WATCHED = tuple(one for made in (*BEFORE, kelvin_noether, *AFTER) for one in made.watched)
+"""All variables that monitors give, but for the system's own quantities."""
+
+
+def watching(system: System, method: Method, state: State, noether: Monitor | None) -> tuple[Monitor, ...]:
+    """The monitors of a run, with that of its Kelvin–Noether quantities, if it has any."""
+    before, after = ([one for one in made if one.when(system, method, state)] for made in (BEFORE, AFTER))
+    return (*before, *([] if noether is None else [noether]), *after)
+
+
+def changing(system: System) -> list[tuple[str, str]]:
+    """Names and titles of what the card shows the change of, the system's own quantities last."""
+    named = {one.name: one.title for one in WATCHED if one.line == "change"}
+    return [*named.items(), *((name, name.replace("_", " ")) for name, _ in system.quantities)]
+
+
+def budgets() -> list[Watched]:
+    """What the card shows as a budget."""
+    return [one for one in WATCHED if one.line == "budget"]
+
+
+def residuals() -> list[Watched]:
+    """What the card shows the largest value of."""
+    return [*SOLVED, *(one for one in reversed(WATCHED) if one.line == "residual")]

@@ -7,20 +7,17 @@ pullback, so that reverse mode runs native code only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import ShapedArray
-from jax.extend.core import Primitive
 from jax.flatten_util import ravel_pytree
-from jax.interpreters import ad, batching, mlir
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import gradient, native
+from coadjoint.kernels import gradient, jaxprs, native
 from coadjoint.methods.program import StepProgram
 
 Blocks = tuple[int, int]
@@ -116,52 +113,14 @@ def _tangent_map(by_xla, pullback, arguments: Any, tangents: Any, shapes: Any) -
     def pull(leaves, cotangents):
         return ravel_pytree(pullback(structure.unflatten(leaves), made_of.unflatten(cotangents)))[0]
 
-    found = _tangent.bind(*leaves, flat, push=push, pull=pull, shapes=tuple(outputs))
-    return made_of.unflatten(found)
-
-
-_tangent = Primitive("native_trajectory_tangent")
-_tangent.multiple_results = True
-
-
-def _apply(*operands, push, **_: Any) -> Sequence[Any]:
-    return push(operands[:-1], operands[-1])
-
-
-def _transpose(cotangents, *operands, push, pull, shapes):
-    pairs = zip(cotangents, shapes, strict=True)
-    whole = [jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c for c, s in pairs]
-    return [*[None] * (len(operands) - 1), pull(operands[:-1], whole)]
-
-
-def _batch(operands, axes, **parameters):
-    """One member after another; an operand without a batch axis is the same for all."""
-    pairs = list(zip(operands, axes, strict=True))
-    moving = [jnp.moveaxis(operand, axis, 0) for operand, axis in pairs if axis is not None]
-
-    def one(members):
-        members = iter(members)
-        whole = [operand if axis is None else next(members) for operand, axis in pairs]
-        return tuple(_tangent.bind(*whole, **parameters))
-
-    found = jax.lax.map(one, tuple(moving))
-    return found, (0,) * len(found)
-
-
-def _refuse(primals, tangents, **_: Any):
-    raise _second_derivatives()
+    return made_of.unflatten(_tangent(leaves, flat, push, pull, outputs))
 
 
 def _second_derivatives() -> ArgumentError:
     return ArgumentError('Second derivatives of a trajectory need backend="xla" in co.trajectory.')
 
 
-_tangent.def_impl(_apply)
-_tangent.def_abstract_eval(lambda *_, shapes, **__: [ShapedArray(s.shape, s.dtype) for s in shapes])
-ad.primitive_jvps[_tangent] = _refuse
-ad.primitive_transposes[_tangent] = _transpose
-batching.primitive_batchers[_tangent] = _batch
-mlir.register_lowering(_tangent, mlir.lower_fun(_apply, multiple_results=True))
+_tangent = jaxprs.linear_primitive("native_trajectory_tangent", _second_derivatives)
 
 
 def _padded(values: np.ndarray, rows: int) -> np.ndarray:

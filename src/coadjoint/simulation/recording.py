@@ -6,14 +6,22 @@ import contextlib
 import os
 import secrets
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import FileError
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.extensions import located
 from coadjoint.plotting.plots import Plots
+from coadjoint.simulation.csv_table import csv_table
+from coadjoint.simulation.formats import FORMATS
 
 if TYPE_CHECKING:
     import xarray
+
+
+NETCDF = ("", ".nc", ".nc4", ".netcdf")
+"""Endings of names that stand for netCDF."""
 
 
 class Recording:
@@ -24,28 +32,34 @@ class Recording:
         """The records as a labelled xarray dataset."""
         raise NotImplementedError
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """What a notebook shows: the certificate."""
+        printer.text("…" if cycle else str(self))
+
     @property
     def plot(self) -> Plots:
         """Figures: `run.plot.energy()`, `.kelvin_noether()`, `.trajectory()`, `.attitude()`."""
         return Plots(self.dataset)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, axes: str = "NED/FRD") -> Path:
-        """Write the dataset as netCDF, or a vehicle's log as CSV where the name ends in .csv, whole or not at all.
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, **options: Any) -> Path:
+        """Write the dataset as netCDF, or as text in the format of the name's ending, atomically.
 
-        A log has columns `time_s`, `north_m`, `east_m`, `depth_m`, …; `axes="ENU/FLU"` writes one of east, north, up.
-        Raises FileError rather than replace a file, ArgumentError for a log of what is no vehicle.
+        A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint.vehicles.logs`), of
+        another system a line a node and a column a number; one that ends in .nc, or in nothing, netCDF.
+        Raises FileError rather than replace a file, ArgumentError for another ending and for options that the format
+        does not have.
         """
         target = Path(path)
         if target.exists() and not overwrite:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
         if not target.parent.is_dir():
             raise FileError(f"The folder {target.parent} does not exist: make it first.")
-        log = self._log_text(axes) if target.suffix.lower() == ".csv" else None
+        text = self._text(target.suffix.lower(), options)
         temporary = beside(target)
         try:
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            if log is not None:
-                temporary.write_text(log, encoding="utf-8")
+            if text is not None:
+                temporary.write_text(text, encoding="utf-8")
             else:
                 self.dataset.to_netcdf(temporary, engine="h5netcdf")
             os.replace(temporary, target)
@@ -55,12 +69,23 @@ class Recording:
             raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
 
-    def _log_text(self, axes: str) -> str:
-        from coadjoint.models.underwater.log.columns import columns
-        from coadjoint.models.underwater.log.csv_file import csv_text
-        from coadjoint.models.underwater.log.log import Log
-
-        return csv_text(columns(Log(self.dataset), axes))
+    def _text(self, ending: str, options: dict[str, Any]) -> str | None:
+        """The file as text in a format that a package above adds; None where it is netCDF."""
+        if ending == ".csv" and not {"a_down", "a_north"} <= set(self.dataset) and not options:
+            return csv_table(self.dataset)
+        if ending not in FORMATS:
+            if ending not in NETCDF:
+                known = ", ".join([".nc", *FORMATS])
+                raise ArgumentError(f"A run is written to a file that ends in {known}, but the name ends in {ending}.")
+            if options:
+                raise ArgumentError(f"A file of netCDF has no option `{next(iter(options))}`: leave it out.")
+            return None
+        write = located(FORMATS[ending])
+        known = [name for name in signature(write).parameters if name != "dataset"]
+        for name in options:
+            if name not in known:
+                raise ArgumentError(f"A file in {ending} has no option `{name}`; it has: {', '.join(known) or 'none'}.")
+        return write(self.dataset, **options)
 
 
 class SavedRun(Recording):
@@ -85,7 +110,12 @@ class SavedRun(Recording):
 def load(path: str | os.PathLike[str]) -> SavedRun:
     """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
 
-    Raises FileError where there is none.
+        run = co.load("top.nc")
+        print(run); run.dataset.energy; run.plot.energy()
+
+    path: the file, or the folder that was given as `store`. Returns a `SavedRun` with `dataset`, `plot` and `save`.
+
+    Raises FileError where there is none, or where it was not written by this library.
     """
     import xarray
 
@@ -107,5 +137,5 @@ def load(path: str | os.PathLike[str]) -> SavedRun:
 
 
 def beside(target: Path) -> Path:
-    """A hidden name that nobody else has, next to `target`; the system gives what is made there its permissions."""
+    """A hidden, unique name next to `target`; the system gives what is made there its permissions."""
     return target.parent / f".{target.name}.{secrets.token_hex(4)}"

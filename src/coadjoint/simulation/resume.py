@@ -16,6 +16,7 @@ from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
+from coadjoint.simulation.accuracy.judgement import accuracy_from
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes, ensemble_attributes
 from coadjoint.simulation.ensemble import Ensemble
@@ -54,7 +55,7 @@ def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> 
             for name, it in (
                 ("inputs", run.system.inputs),
                 ("kelvin_noether", chosen),
-                ("until", run.plan.program.until),
+                ("until", run.plan.until),
             )
             if it
         ],
@@ -86,12 +87,24 @@ def resume(
 ) -> Run:
     """Go on with a run or an ensemble that `co.simulate(…, store=folder)` left unfinished, however it was interrupted.
 
-    The result is the same to the bit as that of a run that was never interrupted (on the same kind of processor). A
-    finished run is returned as it is. `system` is the system of the run; the step size, the start, the method and the
-    grid are in the folder. Functions are not: give `inputs`, `until` and `kelvin_noether` again where the run had
-    them, and a method that is not the library's own.
+        run = co.resume("spin", top)
+
+    The result is the same to the bit as that of a run that was never interrupted, on the same kind of processor. A
+    finished run is returned as it is. The step size, the grid, the start and the method are read from the folder;
+    functions are not stored there.
+
+    Arguments:
+        folder: the folder that was given as `store`.
+        system: the system of the run, with the same equations and parameters.
+        start: the start of the run; by default the one in the folder.
+        method: the method of the run; needed where it is not one of the library.
+        kelvin_noether, inputs, until: those of `co.simulate`; needed where the run had them.
+        progress: as for `co.simulate`; by default a bar on a terminal for runs over a second.
+
+    Returns a `Run` or an `Ensemble` that reads from the folder.
+
     Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
-    run, is damaged, or is in use; StepError as co.simulate does.
+    run, is damaged, or is in use; StepError as `co.simulate` does.
     """
     from coadjoint.simulation.simulate import carry_on, prepare
 
@@ -116,6 +129,7 @@ def resume(
         found, arrays = read_checkpoint(place, header["identity"])
         run.position = store.take_up(found, arrays, run.position)
         run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
+        run.accuracy = accuracy_from(found["attributes"]) if run.position.ended else None
         made = _with_store(run, store)
     except BaseException:
         lock.release()

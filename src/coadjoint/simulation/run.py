@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,11 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.state import State
+from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
+from coadjoint.simulation.accuracy.judgement import Accuracy
 from coadjoint.simulation.card import card, certificate
 from coadjoint.simulation.driver import Memory, Plan, Position
 from coadjoint.simulation.recording import Recording
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
 class Run(Recording):
     """What `co.simulate` returns; `print` it for the certificate.
 
-    `records` are the saved states with a leading axis, `final` the last of them, `monitors` one row a record,
-    `extrema` the (minimum, maximum) of every monitored scalar over all steps, saved or not.
+    records: the saved states, with a leading axis of nodes in every leaf. final: the last of them. monitors: name →
+    (nodes,) or (nodes, k). extrema: name → (minimum, maximum) of every monitored scalar over all steps, saved or not.
+    accuracy: how well the steps that were judged resolve the motion. dataset: the same as an xarray.Dataset with names
+    and units. plot: figures. `save(path)` writes the dataset, `at(times)` gives the motion between the nodes.
     """
 
     system: System
@@ -38,6 +41,8 @@ class Run(Recording):
     memory: Memory
     warnings: list[str]
     set_up_seconds: float = 0.0
+    crossed: dict[str, list[State]] = field(default_factory=dict)
+    accuracy: Accuracy | None = None
 
     @property
     def title(self) -> str:
@@ -56,7 +61,7 @@ class Run(Recording):
 
     @property
     def steps(self) -> int:
-        """The number of steps asked for; `good_steps` were done."""
+        """The number of steps requested; `good_steps` were done."""
         return self.plan.steps
 
     @property
@@ -79,6 +84,12 @@ class Run(Recording):
         """When `until` crossed zero and ended the run, s; None where it did not."""
         return self.position.event
 
+    @cached_property
+    def events(self) -> dict[str, State]:
+        """The records at the events, in order, by the names given in `events`: States with a leading axis."""
+        one = self.position.state
+        return {name: self._of_this(stacked_records(states, one)) for name, states in self.crossed.items()}
+
     def at(self, times: Any) -> State:
         """The records at times between the nodes (k,), s: a State with a leading axis.
 
@@ -87,7 +98,7 @@ class Run(Recording):
         """
         from coadjoint.simulation.dense import at_times
 
-        return at_times(self.plan, self.records, times)
+        return self._of_this(at_times(self.plan, self.records, times))
 
     @property
     def count(self) -> int:
@@ -104,7 +115,11 @@ class Run(Recording):
         """The saved states, every leaf with a leading axis."""
         if not self.memory.records:
             raise ArgumentError("This run holds no records: its first step failed.")
-        return jax.tree.map(lambda *parts: np.concatenate(parts), *self.memory.records)
+        return self._of_this(jax.tree.map(lambda *parts: np.concatenate(parts), *self.memory.records))
+
+    def _of_this(self, records: State) -> State:
+        """Records that know of which system's run they are."""
+        return records.replace(origin=Origin(self.system))
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
@@ -135,7 +150,7 @@ class Run(Recording):
         return dataset(self)
 
     def size(self, name: str) -> float:
-        """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off beside what X becomes."""
+        """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
         first, (low, high) = self.ends[name][0], self.extrema[name]
         size = float(np.linalg.norm(first))
         return size if size > 1e-9 * float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) else 0.0
@@ -160,3 +175,10 @@ class Run(Recording):
 
     def __repr__(self) -> str:
         return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
+
+
+def stacked_records(states: list[State], like: State) -> State:
+    """Records as one State with a leading axis, of length 0 where there are none."""
+    if not states:
+        return jax.tree.map(lambda leaf: np.zeros((0, *np.shape(leaf))), like)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *states)

@@ -18,7 +18,7 @@ def statistics(
     """The variables of an ensemble's dataset with a dimension `statistic` in place of `member`.
 
     Its labels are "mean", "std" (with N − 1), "min", "max" and "5%", "50%", "95%" for quantiles 0.05, 0.5, 0.95.
-    Members that have failed do not count from there on; `members` tells how many are left at each node, and where
+    Members that have failed do not count from there on; `members` is how many are left at each node, and where
     there are none the statistics are NaN. Euler angles are counted from the mean direction, so that headings about
     south are not torn apart at ±π. Raises ArgumentError for a variable that the dataset does not have, and for numbers
     that are no quantiles.

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 def times(program: StepProgram, start: State, h: float, steps: np.ndarray, records: State) -> np.ndarray:
     """The times of records, s."""
-    if program.method.variable or program.stops:
+    if program.method.variable or program.events:
         return np.asarray(records.t)
     return np.ravel(start.t)[0] + h * steps
 
 
 def step_sizes(run: Run) -> dict[str, Any]:
-    """Where a variable method ended, how many of its steps were fixed, and the bounds of h where it was watched."""
+    """Where a variable method ended, how many of its steps were fixed, and the bounds of h where it was monitored."""
     if not run.method.variable:
         return {}
     state = run.position.state

@@ -22,7 +22,7 @@ from zarr.codecs import Crc32cCodec
 from coadjoint.errors import FileError
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import Constants
+from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.simulation import checkpoint as disk
 from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
 from coadjoint.simulation.ensemble import Ensemble
@@ -40,7 +40,7 @@ from coadjoint.simulation.step_sizes import times
 
 BATCH = 1024
 """Records whose derived variables are computed at once. Always this many, so that no value depends on which others
-were computed beside it."""
+were computed with it."""
 
 BLOCK_BYTES, BLOCK_ROWS = 8 << 20, 8192
 """The most that a chunk of all variables together may take in memory."""
@@ -85,7 +85,8 @@ class Store:
         """Allocate all arrays, empty, for records like `state`, which belongs to one member."""
         rows = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
         program, h = self.plan.program, np.float64(self.plan.h)
-        seen = evaluate(program.monitors, constants, state, h) if self.plan.monitors else {}
+        seen = dict(evaluate(program.monitors, constants, state, h)) if self.plan.monitors else {}
+        seen.pop(EVENTS, None)
         seen = {name: np.asarray(x)[None] for name, x in seen.items()}
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
         told = meanings(found, self.system)

@@ -62,7 +62,7 @@ class StreamedRun(_OnDisk, Run):
     def final(self) -> State:
         if self.store.last is None:
             raise ArgumentError("This run holds no records: its first step failed.")
-        return self.store.last
+        return self._of_this(self.store.last)
 
     @cached_property
     def dataset(self) -> xarray.Dataset:

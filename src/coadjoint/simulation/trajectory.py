@@ -20,6 +20,7 @@ from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
+from coadjoint.mechanics.origin import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -35,17 +36,24 @@ from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Trajectory:
-    """The nodes of a trajectory: `records` with a leading axis, and the state after the last step in `final`,
-    whose ξ, ν are those of that last step.
+    """The nodes of a trajectory.
 
-    `code` is 0 where every step converged (see `kernels.program.Code`); after a failed step the state stays at the
-    last good node. `iterations` counts Newton's iterations over all steps.
+    records: the states at nodes 0, save_every, …, (k,) on a leading axis; ξ and ν are those of the step that starts
+    there. final: the state after the last step, whose ξ and ν are those of that last step. code: 0 where every step
+    converged, otherwise a `kernels.program.Code`; after a failed step the state stays at the last good node.
+    iterations: Newton's iterations over all steps. `nodes` are the records and the final state behind them.
     """
 
     records: State
     final: State
     code: Any
     iterations: Any
+
+    @property
+    def nodes(self) -> State:
+        """The records and the final state behind them, one row more than `records`."""
+        join = jnp.concatenate if traced(self.final) else np.concatenate
+        return jax.tree.map(lambda rows, last: join([rows, last[None]]), self.records, self.final)
 
 
 def trajectory(
@@ -58,45 +66,71 @@ def trajectory(
     save_every: int = 1,
     inputs: Given | None = None,
     backend: Backend = "auto",
+    keep: Keep | None = None,
 ) -> Trajectory:
-    """`steps` steps of length dt from `start`, a pure function of parameters, start and dt: differentiable exactly.
+    """`steps` steps of length dt from `start`, as a pure function of parameters, start and dt that JAX differentiates.
 
-    Derivatives go through each step by the implicit function theorem, forward and reverse. Every save_every-th record
-    is kept; `inputs` are those of co.simulate. Called with plain numbers it returns NumPy and raises StepError for a
-    step that fails; inside jit, grad or vmap, which need `with co.float64():`, look at `code`; the derivative of a
-    failed run does not exist, and reverse mode by native code returns NaN for it. `backend`: "native" code (reverse
-    mode natively, forward mode by XLA), "xla" (any derivative of any order); "auto" takes native code on processors
-    where the step can be traced.
+        def height(mass):  # inside `with co.float64():`
+            return co.trajectory(body.replace(mass=mass), start, dt=0.01, steps=200).final.q[2]
+
+        with co.float64():
+            slope = jax.grad(height)(2.0)
+
+    Derivatives, forward and reverse, go through each step by the implicit function theorem: with R(z, s) = 0 the
+    equations of a step from the state s, dz = −(∂R/∂z)⁻¹ ∂R/∂s ds. They are exact to round-off.
+
+    Arguments:
+        system, start, method, inputs, keep: those of `co.simulate`, without `co.each`; map over members with
+            `jax.vmap`.
+        dt: h, s; one number, traced or not, not 0; a negative one goes back in time.
+        steps: the number of steps, at least 1.
+        save_every: every how many steps a record is kept, by default 1; it must divide `steps`.
+        backend: "native", with reverse mode in machine code and forward mode by XLA; "xla", for derivatives of any
+            order; "auto" (the default), native on processors where the step can be traced.
+
+    Returns a `Trajectory`. Called with plain numbers its arrays are NumPy's, and StepError is raised for a step that
+    fails. Inside jit, grad or vmap, which need `with co.float64():`, `code` reports failure instead; the derivative of
+    a failed run does not exist, and reverse mode by native code returns NaN for it.
+
+    Raises ArgumentError, GroupError and LagrangianError as `co.simulate` does; StepError as said above.
     """
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)
     h, steps, save_every = step_size(dt), whole(steps, "steps"), whole(save_every, "save_every")
+    kernels.require_backend(backend)
     if steps % save_every:
         raise ArgumentError(f"Argument `save_every` must divide steps = {steps}, but is {save_every}.")
     if count_members(system.parameters) is not None or np.ndim(start.t):
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
-    system, start = with_inputs(system, start, inputs)
+    start, _ = continued(system, start, keep)
+    system, start = with_inputs(system, start, inputs, method.start == "velocity")
     require_internal(system, start, h)
     if not traced(system.parameters, start, h):
         require_forward(system, method, start, h)
-    digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []))
+    digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []), pure=False)
     begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)
-    inside = traced(system.parameters, begun, h)
+    return computed(program, constants, begun, h, (steps // save_every, save_every), backend)
+
+
+def computed(
+    program: StepProgram, constants: Constants, begun: State, h: Any, blocks: Blocks, backend: Backend
+) -> Trajectory:
+    """blocks = (records, save_every) of a program from a state that was begun: what `trajectory` returns."""
+    inside = traced(constants, begun, h)
     if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise ArgumentError(
             "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
         )
     chosen = _choose(program, constants, begun, backend, inside)
-    blocks = (steps // save_every, save_every)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
     if inside:
         return found
     found = jax.tree.map(np.asarray, found)
     if found.code:
-        told = failure(system, float(found.final.t), float(h))
+        told = failure(program.skeleton, float(found.final.t), float(h))
         what = told or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
         raise StepError(f"A step of the trajectory failed: {what}")
     return found

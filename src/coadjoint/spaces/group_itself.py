@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.matrix_exponential import exponential_minus_one
@@ -24,7 +24,8 @@ ON_GROUP = 1e-9
 class GroupItself(Space):
     """Q = G with g·x = gx (`action="multiplication"`) or g·x = gxg⁻¹ (`action="conjugation"`).
 
-    The user's functions see an element x, and a velocity of the same structure: xη̂ for the body velocity η of x.
+    The user's functions see an element x, and a velocity of the same structure: xη̂ for the body velocity η of x. So
+    on SO(3) ℓ(ξ, n, ν) gets matrices n and ν = nη̂, and on SE(3) pairs, n = (R, x) and ν = (Rω̂, Rv) for η = (ω, v).
     Ambient coordinates are the numbers of an element; ρ(x, xη̂) = x exp η, and the frame is that of xê_i made
     orthonormal. Raises GroupError for a group whose product is not affine in the second factor.
     """
@@ -33,9 +34,9 @@ class GroupItself(Space):
     flat = False
 
     def __post_init__(self):
-        if self.action not in ("multiplication", "conjugation"):
+        if not isinstance(self.action, str) or self.action not in ("multiplication", "conjugation"):
             raise ArgumentError(
-                f'Argument `action` of GroupItself must be "multiplication" or "conjugation", but is {self.action!r}.'
+                f'Argument `action` must be "multiplication" or "conjugation", but is {shown(self.action)}.'
             )
 
     def ambient(self, group: LieGroup) -> int:

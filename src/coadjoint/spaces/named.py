@@ -7,7 +7,7 @@ from typing import Any
 
 import jax
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 
 
 @jax.tree_util.register_pytree_with_keys_class
@@ -72,7 +72,17 @@ class Named:
 
 def named(tree: Any) -> Any:
     """A dictionary, and the dictionaries in it, as namespaces; anything else as it is."""
-    return Named(**{name: named(value) for name, value in tree.items()}) if isinstance(tree, Mapping) else tree
+    if not isinstance(tree, Mapping):
+        return tree
+    require_names(tree)
+    return Named(**{name: named(value) for name, value in tree.items()})
+
+
+def require_names(given: Mapping[Any, Any]) -> None:
+    """Raise ArgumentError unless the keys of a dictionary are texts, by which its values can be read."""
+    strange = [key for key in given if not isinstance(key, str)]
+    if strange:
+        raise ArgumentError(f"The names in a dictionary of values must be texts, but one is {shown(strange[0])}.")
 
 
 def _made(kind: type[Named], values: dict[str, Any]) -> Named:

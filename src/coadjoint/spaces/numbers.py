@@ -7,9 +7,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, CoadjointError, shown
+from coadjoint.kernels.jaxprs import Tracer
 
 
 def float64(value: Any, name: str) -> Any:
@@ -20,20 +20,27 @@ def float64(value: Any, name: str) -> Any:
     if isinstance(value, Tracer):
         return _float64_tracer(value, name)
     leaves = jax.tree.leaves(value, is_leaf=lambda leaf: leaf is None)
-    for leaf in leaves:
-        if type(leaf) not in (float, int):
-            _require_real(leaf, name)
+    try:
+        for leaf in leaves:
+            if type(leaf) not in (float, int):
+                _require_real(leaf, name)
+    except CoadjointError:
+        raise
+    except Exception as error:  # Of an object that cannot be converted.
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         with jax.enable_x64(True):
             return jnp.asarray(value, dtype=np.float64)
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {value!r}.") from error
+    except OverflowError as error:
+        raise ArgumentError(f"{name} must be a number of at most 1.8e308 in size, but is {shown(value)}.") from error
+    except Exception as error:
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown(value)}.") from error
     if not np.all(np.isfinite(array)):
         bad = np.sum(~np.isfinite(array))
-        shown = f"is {array.tolist()}" if array.size <= 9 else f"{bad} of its {array.size} numbers are not"
-        raise ArgumentError(f"{name} must be finite, but {shown}.")
+        said = f"is {array.tolist()}" if array.size <= 9 else f"{bad} of its {array.size} numbers are not"
+        raise ArgumentError(f"{name} must be finite, but {said}.")
     return array
 
 
@@ -56,10 +63,14 @@ def _require_real(leaf: Any, name: str) -> None:
     if isinstance(leaf, Tracer):
         _float64_tracer(leaf, name)
         return
+    if np.ma.is_masked(leaf):
+        raise ArgumentError(
+            f"{name} must have a value everywhere, but some of its entries are masked: fill them first."
+        )
     array = leaf if hasattr(leaf, "dtype") else np.asarray(leaf)
     if array.dtype == object and leaf is not None:
         for entry in np.ravel(array):
-            if entry is None or isinstance(entry, (str, bytes, bool, complex, np.generic)):
+            if entry is None or isinstance(entry, (str, bytes, bool, complex, np.generic, np.ma.MaskedArray)):
                 _require_real(entry, name)
     elif is_short(array.dtype):
         raise ArgumentError(
@@ -67,5 +78,5 @@ def _require_real(leaf: Any, name: str) -> None:
             "make it with NumPy, or with jax.numpy inside `with co.float64():`."
         )
     elif array.dtype.kind not in "fiu":
-        shown = repr(leaf) if len(repr(leaf)) < 60 else f"an array of {array.dtype}"
-        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {shown}.")
+        said = shown(leaf) if len(shown(leaf)) < 60 else f"an array of {array.dtype}"
+        raise ArgumentError(f"{name} must be a number or an array of numbers, but is {said}.")

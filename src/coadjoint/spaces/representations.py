@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, shown
 from coadjoint.groups import SE2, SE3, SO3, LieGroup, SemidirectProduct
 from coadjoint.groups.group import Array, Element
 from coadjoint.spaces.space import Space
@@ -92,7 +92,7 @@ class Trivial(Representation):
 
     def __post_init__(self):
         if not isinstance(self.size, int) or self.size < 0:
-            raise GroupError(f"Argument `size` of Trivial must be a whole number, but is {self.size!r}.")
+            raise GroupError(f"Argument `size` of Trivial must be a whole number, but is {shown(self.size)}.")
 
     def ambient(self, group: LieGroup) -> int:
         return self.size

@@ -10,7 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.spaces.named import Named
@@ -25,13 +25,17 @@ class Several(Space):
     factors: tuple[Space, ...]
 
     def __init__(self, spaces: Mapping[str, Space]):
+        if not isinstance(spaces, Mapping):
+            raise ArgumentError(
+                f"Several takes a dictionary of spaces, as in dict(down=co.Defining()), but got {shown(spaces)}."
+            )
         if not spaces:
             raise ArgumentError("A dictionary of spaces must hold at least one space, but is empty.")
         for name, space in spaces.items():
             if not isinstance(space, Space) or not str(name).isidentifier():
                 raise ArgumentError(
                     f"A dictionary of spaces must map names to spaces, as in dict(down=co.Defining()), "
-                    f"but has {name!r}: {space!r}."
+                    f"but has {shown(name)}: {shown(space)}."
                 )
         object.__setattr__(self, "names", tuple(spaces))
         object.__setattr__(self, "factors", tuple(spaces.values()))
@@ -116,7 +120,9 @@ class Several(Space):
             value = value.asdict()
         if not isinstance(value, Mapping) or set(value) != set(self.names):
             given = sorted(value) if isinstance(value, Mapping) else value
-            raise ArgumentError(f"Argument `{name}` must be a dictionary of {', '.join(self.names)}, but is {given!r}.")
+            raise ArgumentError(
+                f"Argument `{name}` must be a dictionary of {', '.join(self.names)}, but is {shown(given)}."
+            )
         spaces = zip(self.names, self.factors, strict=True)
         parts = [getattr(s, method)(group, value[key], f"{name}.{key}") for key, s in spaces]
         concatenate = np.concatenate if all(isinstance(p, np.ndarray) for p in parts) else jnp.concatenate

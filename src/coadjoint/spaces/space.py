@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.spaces.numbers import float64
@@ -168,8 +168,8 @@ def checked_vector(value: Any, size: int, name: str) -> Any:
         value = float64(value, f"Argument `{name}`")
     try:
         shape = np.shape(value)
-    except ValueError as error:
-        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {value!r}.") from error
+    except Exception as error:
+        raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.") from error
     if shape != (size,):
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
     return float64(value, f"Argument `{name}`")

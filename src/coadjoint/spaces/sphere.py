@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate
@@ -28,7 +28,7 @@ class Sphere(Representation):
 
     def __post_init__(self):
         if not isinstance(self.inside, Representation) or not self.inside.flat:
-            raise ArgumentError(f"Sphere needs a representation such as co.Defining(), but got {self.inside!r}.")
+            raise ArgumentError(f"Sphere needs a representation such as co.Defining(), but got {shown(self.inside)}.")
 
     def ambient(self, group: LieGroup) -> int:
         return self.inside.ambient(group)
@@ -43,7 +43,7 @@ class Sphere(Representation):
         moved = np.asarray(evaluate(lambda g, x: self.act(group, g, x), g, x))
         if not abs(np.linalg.norm(moved) - np.linalg.norm(x)) <= 1e-9 * np.linalg.norm(x):
             raise GroupError(
-                f"Sphere() needs a group that acts by orthogonal matrices, but {group!r} in {self.inside!r} "
+                f"Sphere() needs a group that acts by orthogonal matrices, but {group!r} in {shown(self.inside)} "
                 f"changes the length of a vector from {np.linalg.norm(x):.4g} to {np.linalg.norm(moved):.4g}."
             )
 

@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
+from coadjoint.groups.overrides import in_words
 from coadjoint.kernels.evaluate import evaluate
 from coadjoint.spaces.representations import Defining
 from coadjoint.spaces.space import Space, random_motion
@@ -48,12 +49,13 @@ class Submanifold(Space):
         if not callable(self.constraint) or not isinstance(self.inside, Space) or not self.inside.flat:
             raise ArgumentError(
                 "Submanifold needs a function c with c(x) = 0 on the space, and a flat space that it lies in, but got "
-                f"{self.constraint!r} and {self.inside!r}."
+                f"{shown(self.constraint)} and {shown(self.inside)}."
             )
 
     def equations(self, group: LieGroup, x: Array) -> Array:
         """c(x), shape (number of constraints,)."""
-        return jnp.ravel(jnp.asarray(self.constraint(self.inside.view(group, x))))
+        with in_words("The constraint of a Submanifold"):
+            return jnp.ravel(jnp.asarray(self.constraint(self.inside.view(group, x))))
 
     def normals(self, group: LieGroup, x: Array) -> Array:
         """Dc(x), one gradient a row."""

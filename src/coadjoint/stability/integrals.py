@@ -19,7 +19,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.stability.reduced import IGNORABLE, Reduced
 
 DRIFT = 1e-8
-"""A rate of an integral up to this fraction of its terms counts as zero."""
+"""A rate of an integral up to this fraction of |dC||ẏ| counts as zero."""
 
 
 @lru_cache(maxsize=16)
@@ -74,13 +74,16 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
         return *jax.jacfwd(at)(zero), reduced.phase(state, still)[1]
 
     at = tabulate(slopes, reduced.near)
+    scales = reduced.scales
     for state in reduced.around:
         dC, y_z, rate = at(state)
-        directions = np.column_stack([rate, reduced.ignorable])
+        # In natural sizes: a coordinate may be an integral, whose slope and rate are round-off of the others alone.
+        dC, y_z = dC * scales.z, y_z * scales.z / scales.y[:, None]
+        directions = np.column_stack([rate, reduced.ignorable]) / scales.y[:, None]
         # δy = rate, and δy = k of those k that the chart reaches: what it does not reach changes no orbit of a.
         z = np.linalg.lstsq(y_z, directions, rcond=None)[0]
         z = z * (np.linalg.norm(y_z @ z - directions, axis=0) <= IGNORABLE * np.linalg.norm(directions, axis=0))
-        along = np.abs(dC @ z) > DRIFT * (np.abs(dC) @ np.abs(z))
+        along = np.abs(dC @ z) > DRIFT * np.outer(np.linalg.norm(dC, axis=1), np.linalg.norm(z, axis=0))
         for i, does in enumerate(along):
             if np.any(does):
                 name = getattr(integrals[i], "__name__", "<lambda>")
@@ -97,11 +100,12 @@ def _is_integral(reduced: Reduced, function: Callable) -> bool:
         y, rate = reduced.phase(state)
         return jax.grad(lambda y: function(_at(state, y)))(y), rate
 
+    scale = reduced.scales.y
     for state in reduced.around:
         dC, rate = evaluate(slope, state)
-        terms = float(np.abs(dC) @ np.abs(rate))
-        along = np.max(np.abs(dC @ reduced.ignorable), initial=0.0)
-        if not np.any(dC) or not abs(dC @ rate) <= IGNORABLE * terms or along > IGNORABLE * np.max(np.abs(dC)):
+        dC, directions = dC * scale, np.column_stack([rate, reduced.ignorable]) / scale[:, None]
+        terms = np.linalg.norm(dC) * np.linalg.norm(directions, axis=0)
+        if not np.any(dC) or not np.all(np.abs(dC @ directions) <= IGNORABLE * terms):
             return False
     return True
 

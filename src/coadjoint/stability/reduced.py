@@ -17,9 +17,13 @@ from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import vector_field
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.stability.scales import Scales, natural_scales
 
 SAMPLES = 4
 """Motions around the given one at which it is looked for what the equations do not depend on."""
+
+SPREAD = 0.5
+"""How far these are from the given one, in natural sizes."""
 
 IGNORABLE = 1e-9
 """A slope up to this fraction of the largest counts as zero."""
@@ -101,6 +105,12 @@ class Reduced:
         return Slopes(y, rate, y_z, rate_z)
 
     @cached_property
+    def scales(self) -> Scales:
+        """What counts as one around the given state, whatever the units."""
+        slopes = self.slopes(self.near)
+        return natural_scales(self.system, self.near, slopes.y_z, slopes.rate_z, self.sizes)
+
+    @cached_property
     def _tabulated(self) -> Any:
         def both(state: State) -> Any:
             def at(z: Any) -> Any:
@@ -117,7 +127,8 @@ class Reduced:
         dim, ambient = self.system.group.dim, self.system.additional.ambient(self.system.group)
         size = dim + 2 * ambient + self.system.advected.ambient(self.system.group)
         basis = np.eye(size)[:, [*range(dim, dim + ambient), *range(dim + 2 * ambient, size)]]
-        samples = [self._jacobian(state) for state in self.around]
+        scale = self.scales.y
+        samples = [self._jacobian(state) * scale / scale[:, None] for state in self.around]
         tolerance = IGNORABLE * max(float(np.max(np.abs(A), initial=0.0)) for A in samples)
         while basis.shape[1]:
             outside = np.eye(size) - basis @ basis.T
@@ -127,6 +138,7 @@ class Reduced:
             if kept.shape[1] == basis.shape[1]:
                 break
             basis = basis @ kept
+        basis = np.linalg.qr(scale[:, None] * basis)[0]
         projector = basis @ basis.T
         axes = np.diag(projector) > 0.5
         return np.eye(size)[:, axes] if np.allclose(projector, np.diag(axes), atol=1e-8) else basis
@@ -143,13 +155,9 @@ class Reduced:
     @cached_property
     def around(self) -> list[State]:
         """Random states around the given one."""
-        random, found = np.random.default_rng(1760), []
-        near = self.near
-        for _ in range(SAMPLES):
-            spread = [0.3 * (1 + float(np.max(np.abs(x), initial=0.0))) for x in (near.xi, near.n, near.nu)]
-            z = np.concatenate([s * random.normal(size=n) for s, n in zip([*spread, 0.5], self.sizes, strict=True)])
-            found.append(evaluate(self.moved, near, z))
-        return found
+        random = np.random.default_rng(1760)
+        changes = [SPREAD * self.scales.z * random.normal(size=sum(self.sizes)) for _ in range(SAMPLES)]
+        return [evaluate(self.moved, self.near, z) for z in changes]
 
     def _jacobian(self, state: State) -> np.ndarray:
         """∂Y/∂y in all ambient directions at a state."""

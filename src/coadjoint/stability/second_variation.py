@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.stability.integrals import casimirs, conserved
-from coadjoint.stability.reduced import Reduced
+from coadjoint.stability.reduced import IGNORABLE, Reduced
 from coadjoint.stability.spectrum import Linearisation
 from coadjoint.stability.steady import SteadyMotion
 
@@ -61,22 +61,25 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     reduced = motion.reduced
     if reduced.system.forces is not None:
         return _undecided("forces act")
-    names, derivatives = _derivatives(reduced, (*reduced.symmetries, *integrals))
+    names, derivatives, units = _derivatives(reduced, (*reduced.symmetries, *integrals))
     first, second = derivatives(motion.state)
     if not _energy_is_reduced(reduced, motion.state, first[0]):
         return _undecided("the energy depends on what is ignorable")
     charts = linear.charts
-    dE, dC = first[0] @ charts, first[1:] @ charts
-    forms = np.einsum("kij,ia,jb->kab", second, charts, charts)
+    slopes = first @ charts / units[:, None]
+    forms = np.einsum("kij,ia,jb->kab", second, charts, charts) / units[:, None, None]
+    dE, dC = slopes[0], slopes[1:]
     # A slope that is round-off beside the curvature is none.
     dC[np.linalg.norm(dC, axis=1) <= 1e-9 * np.max(np.abs(forms[1:]), axis=(1, 2), initial=0.0)] = 0.0
     scale = float(np.linalg.norm(dE)) + float(np.max(np.abs(forms[0])))
-    kept = [i for i, row in enumerate(dC) if np.linalg.norm(row) + np.max(np.abs(forms[i + 1])) > 1e-12]
+    kept = [i for i, row in enumerate(dC) if np.linalg.norm(row) + np.max(np.abs(forms[i + 1])) > 1e-9]
     names, dC, forms = [names[i] for i in kept], dC[kept], forms[[0, *(i + 1 for i in kept)]]
     multipliers = np.linalg.lstsq(dC.T, dE, rcond=1e-9)[0] if len(dC) else np.zeros(0)
     if np.linalg.norm(dE - dC.T @ multipliers) > CRITICAL * scale:
         return _undecided("the energy is not critical on the level of the known integrals")
-    return _definite(names, dC, forms, multipliers, _flows(reduced, motion.state, linear))
+    found = _definite(names, dC, forms, multipliers, _flows(reduced, motion.state, linear))
+    per = dict(zip(names, units[0] / units[[i + 1 for i in kept]], strict=True))
+    return replace(found, multipliers={name: per[name] * x for name, x in found.multipliers.items()})
 
 
 def _definite(
@@ -188,26 +191,42 @@ def _kernel(rows: np.ndarray, size: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _derivatives(reduced: Reduced, integrals: tuple[Callable, ...]) -> tuple[tuple[str, ...], Callable]:
-    """The names of C_i, and a function of a state: first and second derivatives of E and C_i by z, a row each."""
+def _derivatives(reduced: Reduced, integrals: tuple[Callable, ...]) -> tuple[tuple[str, ...], Callable, np.ndarray]:
+    """The names of C_i, a function of a state — first and second derivatives of E and C_i by z, a row each — and sizes.
+
+    The size of E is that of `scales`; that of C_i is |dC_i| in natural sizes at motions around, by all of a, so that
+    a·a has one although it stays on every orbit.
+    """
     functions = {**casimirs(reduced), **conserved(reduced, integrals)}
 
-    def values(z: Any, state: State) -> Any:
-        moved = reduced.with_momenta(reduced.moved(state, z))
+    def values(state: State) -> Any:
+        moved = reduced.with_momenta(state)
         return jnp.stack([reduced.energy(moved), *(f(moved) for f in functions.values())])
 
     def both(state: State) -> Any:
         zero = jnp.zeros(sum(reduced.sizes))
-        return jax.jacfwd(values)(zero, state), jax.jacfwd(jax.jacrev(values))(zero, state)
+        return tuple(d(lambda z: values(reduced.moved(state, z)))(zero) for d in (jax.jacfwd, jax.hessian))
 
-    return tuple(functions), tabulate(both, reduced.near)
+    def ambient(state: State) -> Any:
+        at = (state.xi, state.n, state.nu, state.a)
+        parts = jax.jacfwd(lambda at: values(state.replace(xi=at[0], n=at[1], nu=at[2], a=at[3])))(at)
+        return jnp.concatenate(parts, axis=1)
+
+    slope = tabulate(ambient, reduced.near)
+    scales, room = reduced.scales, len(reduced.near.a)
+    unit = np.concatenate([scales.z[: sum(reduced.sizes[:3])], scales.y[len(scales.y) - room :]])
+    around = [np.linalg.norm(slope(state) * unit, axis=1) for state in reduced.around]
+    sizes = np.array([scales.energy, *np.max(around, axis=0)[1:]])
+    return tuple(functions), tabulate(both, reduced.near), np.where(sizes > 0, sizes, 1.0)
 
 
 def _energy_is_reduced(reduced: Reduced, state: State, dE: np.ndarray) -> bool:
     """Whether E does not change along ignorable directions at constant momenta."""
-    slopes = reduced.slopes(state)
+    scales = reduced.scales
+    y_z = reduced.slopes(state).y_z * scales.z / scales.y[:, None]
+    k = reduced.ignorable / scales.y[:, None]
     # δy = k: the part that the chart reaches; what it does not reach changes no orbit of a.
-    z = np.linalg.lstsq(slopes.y_z, reduced.ignorable, rcond=None)[0]
-    within = np.linalg.norm(slopes.y_z @ z - reduced.ignorable, axis=0) < 1e-9
-    size = float(np.max(np.abs(dE), initial=0.0)) + 1e-300
-    return bool(np.all(np.abs(dE @ z[:, within]) <= 1e-9 * size))
+    z = np.linalg.lstsq(y_z, k, rcond=None)[0]
+    z = z[:, np.linalg.norm(y_z @ z - k, axis=0) < IGNORABLE * np.linalg.norm(k, axis=0)]
+    terms = scales.energy * np.linalg.norm(z, axis=0)
+    return bool(np.all(np.abs(dE * scales.z @ z) <= IGNORABLE * terms))

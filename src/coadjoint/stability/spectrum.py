@@ -19,7 +19,7 @@ MARGINAL = 1e-6
 """A growth rate up to this fraction of the largest eigenvalue counts as zero: round-off splits double ones so far."""
 
 TURNING = 1e-3
-"""Eigenvalues are weighed beside this fraction of |ξ| at least, where they are round-off of terms that cancel."""
+"""Eigenvalues are weighed beside this fraction of the motion's natural rate at least: terms may cancel to round-off."""
 
 SHARE = 0.05
 """A velocity with less than this share of a mode's kinetic energy is not named."""
@@ -105,13 +105,14 @@ def linearised(motion: SteadyMotion) -> Linearisation:
     """
     reduced = motion.reduced
     slopes = reduced.slopes(motion.state)
-    C = _inertias(motion, slopes.y_z)[:, None] * reduced.essential
-    moved, moving = C @ slopes.y_z, C @ slopes.rate_z
+    scales = reduced.scales
+    C = reduced.essential / (np.abs(reduced.essential) @ scales.y)[:, None]
+    moved, moving = C @ slopes.y_z * scales.z, C @ slopes.rate_z
     U, singular, Vt = np.linalg.svd(moved, full_matrices=False)
     rank = int(np.sum(singular > 1e-10 * singular[0]))
-    charts = Vt[:rank].T / singular[:rank]
+    charts = scales.z[:, None] * Vt[:rank].T / singular[:rank]
     L = U[:, :rank].T @ moving @ charts
-    turning = TURNING * float(np.max(np.abs(motion.state.xi), initial=0.0))
+    turning = TURNING * scales.rate
     eigenvalues, zeros = _without_zeros(L, turning)
     modes = _modes(motion.system, L, charts, eigenvalues, slopes.y_z, turning)
     rows = U[:, :rank].T @ C
@@ -130,16 +131,6 @@ def velocity_names(system: System) -> list[str]:
         first = [f"ξ{i + 1}" for i in range(dim)]
     last = [f"ν{i + 1}" for i in range(ambient)]
     return first + (going if isinstance(system.additional, Defining) and first == turning else last)
-
-
-def _inertias(motion: SteadyMotion, y_z: np.ndarray) -> np.ndarray:
-    """Factors of the rows of C that make velocities of momenta, so that all are of a size: 1/M_ii, or 1 for n and a."""
-    dim, ambient = motion.reduced.sizes[:2]
-    scale = np.ones(len(y_z))
-    diagonal = np.abs(_mass(y_z, dim, ambient).diagonal())
-    momenta = [*range(dim), *range(dim + ambient, dim + 2 * ambient)]
-    scale[momenta] = 1 / np.where(diagonal > 0, diagonal, 1.0)
-    return np.abs(motion.reduced.essential) @ scale
 
 
 def _mass(y_z: np.ndarray, dim: int, ambient: int) -> np.ndarray:
@@ -161,7 +152,9 @@ def _without_zeros(L: np.ndarray, least: float) -> tuple[np.ndarray, int]:
             break
         zeros, L = zeros + len(L) - rank, rows[:rank] @ L @ rows[:rank].T
     found = np.linalg.eigvals(L) if L.size else np.zeros(0)
-    return found[np.lexsort((found.imag, -found.real))], zeros
+    # The real parts of neutral ones are round-off: these go by their frequency, the fastest first.
+    grows = np.where(np.abs(found.real) > MARGINAL * max(scale, least), found.real, 0.0)
+    return found[np.lexsort((found.imag, -np.abs(found.imag), -grows))], zeros
 
 
 def _modes(

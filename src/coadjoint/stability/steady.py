@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named
@@ -22,6 +22,9 @@ from coadjoint.stability.reduced import IGNORABLE, Reduced
 
 FOUND = 1e-9
 """Rates up to this fraction of their terms count as zero."""
+
+GIVES_WAY = 0.01
+"""The weight of a condition beside that of an equation of motion, in natural sizes, where not all can be met."""
 
 TRIPS = 40
 """Newton's iterations at most."""
@@ -93,14 +96,15 @@ class Search:
         self.scales = [float(free[name]) if isinstance(free, Mapping) else 1.0 for name in self.free]
         self.charts = self._charts()
         self.width = self.charts.shape[1]
-        C, carried = self.reduced.essential, len(self.reduced.symmetries)
+        C, carried, scales = self.reduced.essential, len(self.reduced.symmetries), self.reduced.scales
+        self.terms = GIVES_WAY * scales.rate * (np.abs(C) @ scales.y)
         conditions = conditions or self._on_the_orbit_of(near)
 
         def equations(w: Any, guess: State, aim: Any) -> Any:
             state = self._moved(guess, w)
             wanted = conditions(self.reduced.with_momenta(state), aim)
             rate = self.reduced.phase(state, w[len(w) - carried :])[1]
-            return jnp.concatenate([C @ rate, jnp.ravel(jnp.asarray(wanted, dtype=float))])
+            return jnp.concatenate([C @ rate / self.terms, jnp.ravel(jnp.asarray(wanted, dtype=float))])
 
         def both(w: Any, guess: State, aim: Any) -> Any:
             return equations(w, guess, aim), jax.jacfwd(equations)(w, guess, aim)
@@ -131,9 +135,9 @@ class Search:
         return SteadyMotion(reduced.system, state, residual, found, reduced)
 
     def _charts(self) -> np.ndarray:
-        """z of w: all but ignorable changes of n, which nothing would hold."""
+        """z of w in natural sizes: all but ignorable changes of n, which nothing would hold."""
         dim, ambient, *_ = self.reduced.sizes
-        unit = np.eye(sum(self.reduced.sizes))
+        unit = np.diag(self.reduced.scales.z)
         within = self.reduced.essential[:, dim : dim + ambient]
         held = np.linalg.svd(within)[2][: np.linalg.matrix_rank(within)] if ambient else np.zeros((0, 0))
         n = unit[:, dim : dim + ambient] @ held.T
@@ -152,8 +156,11 @@ class Search:
         functions = (*functions, *self.reduced.symmetries)
         if not functions:
             return lambda state, aim: jnp.zeros(0)
-        wanted, slopes = evaluate(lambda s: _values_and_slopes(functions, self.reduced.with_momenta(s)), near)
-        known = slopes > IGNORABLE * np.max(slopes)
+        both = tabulate(
+            lambda s: _values_and_slopes(functions, self.reduced.with_momenta(s), self.reduced.scales.y), near
+        )
+        wanted, slopes = both(near)
+        known = slopes > IGNORABLE * np.max([both(state)[1] for state in self.reduced.around], axis=0)
         weights = np.where(known, 1 / np.where(known, slopes, 1.0), 0.0)
         return lambda state, aim: weights * (jnp.stack([f(state) for f in functions]) - wanted)
 
@@ -173,14 +180,15 @@ class Search:
 
     def _relative(self, state: State, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Every equation relative to the sizes of its terms, J times the unknowns."""
-        moving = [state.xi, state.n, state.nu, np.ones(self.reduced.sizes[3])]
-        unknowns = [self.charts.T @ np.concatenate(moving)]
+        scale = self.reduced.scales.z
+        moving = [state.xi, state.n, state.nu, scale[len(scale) - self.reduced.sizes[3] :]]
+        unknowns = [np.linalg.pinv(self.charts / scale[:, None]) @ (np.concatenate(moving) / scale)]
         unknowns += [np.ravel(_held(state, name)[1]) / s for name, s in zip(self.free, self.scales, strict=True)]
         unknowns += [np.ones(len(self.reduced.symmetries))]
         sizes = np.abs(np.concatenate(unknowns))
         terms = np.abs(slope) @ np.maximum(sizes, 1e-3 * max(float(np.max(sizes, initial=0.0)), 1e-300))
-        # An equation that vanishes with all of its terms is met as well as the others.
-        return np.abs(value) / np.maximum(terms, max(1e-6 * float(np.max(terms, initial=0.0)), 1e-300))
+        # An equation that vanishes with all of its terms is met as well as the others: its natural size is 1/GIVES_WAY.
+        return np.abs(value) / np.maximum(terms, 1e-6 * max(float(np.max(terms, initial=0.0)), 1 / GIVES_WAY))
 
     def _what(self, relative: np.ndarray, value: np.ndarray) -> str:
         """What is furthest from zero, in words."""
@@ -191,7 +199,7 @@ class Search:
             return f"{what} is off by {value[worst]:.3g}"
         index = int(np.searchsorted(np.cumsum(self.reduced.sizes[:3]), np.argmax(np.abs(C[worst])), side="right"))
         kind = ("a torque", "a velocity of n", "a force", "a rate of an advected parameter")[index]
-        return f"{kind} of {abs(value[worst]):.3g} is left"
+        return f"{kind} of {abs(value[worst] * self.terms[worst]):.3g} is left"
 
 
 def _solve(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray) -> np.ndarray:
@@ -224,15 +232,17 @@ def _newton(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], w: np.n
     return w, False
 
 
-def _values_and_slopes(functions: Sequence[Callable], state: State) -> tuple[Any, Any]:
-    """The functions at a state, and the sizes of their derivatives by (μ, π)."""
+def _values_and_slopes(functions: Sequence[Callable], state: State, scale: np.ndarray) -> tuple[Any, Any]:
+    """The functions at a state, and the sizes of their derivatives by (μ, π) in natural sizes of y."""
 
     def values(momenta: Any) -> Any:
         mu, pi = momenta
         return jnp.stack([f(state.replace(mu=mu, pi=pi)) for f in functions])
 
-    slopes = jax.jacrev(values)((state.mu, state.pi))
-    return values((state.mu, state.pi)), sum(jnp.sum(jnp.abs(part), axis=1) for part in slopes)
+    dim, room = len(state.mu), len(state.pi)
+    by_mu, by_pi = jax.jacrev(values)((state.mu, state.pi))
+    sizes = jnp.abs(by_mu) @ scale[:dim] + jnp.abs(by_pi) @ scale[dim + room : dim + 2 * room]
+    return values((state.mu, state.pi)), sizes
 
 
 def _finite(value: np.ndarray) -> np.ndarray:

@@ -1,5 +1,13 @@
 """The theorems of both papers as functions: unreduced and reduced algorithms, reduction, and every printed equation."""
 
+from coadjoint.theory.continuous import (
+    ContinuousLagrangian,
+    body_velocity,
+    continuous_invariance_defect,
+    reduce_continuous,
+    space_velocity,
+    unreduce_continuous,
+)
 from coadjoint.theory.equations import Equations, Residual, equations_of, printed_equations
 from coadjoint.theory.euler_poincare import (
     Link,
@@ -11,6 +19,14 @@ from coadjoint.theory.euler_poincare import (
     left_momenta,
     reduced_action,
     right_momenta,
+)
+from coadjoint.theory.instant import Instant, instants
+from coadjoint.theory.legendre import (
+    MomentumMaps,
+    Transforms,
+    discrete_legendre,
+    discrete_momentum_maps,
+    link_momentum_maps,
 )
 from coadjoint.theory.poisson import (
     PoissonLagrangian,
@@ -24,6 +40,7 @@ from coadjoint.theory.poisson import (
 )
 from coadjoint.theory.reduction import invariance_defect, reconstruct, reduce, reduced_path, unreduce
 from coadjoint.theory.semidirect import (
+    SemidirectLagrangian,
     SemidirectLink,
     discrete_euler_poincare_semidirect,
     semidirect_algorithm,
@@ -38,32 +55,45 @@ from coadjoint.theory.unreduced import (
     configuration,
     discrete_euler_lagrange,
     discrete_euler_lagrange_algorithm,
+    link_of,
 )
 
 __all__ = [
     "Configuration",
+    "ContinuousLagrangian",
     "Equations",
+    "Instant",
     "Link",
     "Momenta",
+    "MomentumMaps",
     "PoissonLagrangian",
     "PoissonLink",
     "Residual",
+    "SemidirectLagrangian",
     "SemidirectLink",
+    "Transforms",
     "UnreducedLagrangian",
     "Variation",
     "action",
+    "body_velocity",
     "configuration",
+    "continuous_invariance_defect",
     "discrete_euler_lagrange",
     "discrete_euler_lagrange_algorithm",
     "discrete_euler_poincare",
     "discrete_euler_poincare_algorithm",
     "discrete_euler_poincare_poisson",
     "discrete_euler_poincare_semidirect",
+    "discrete_legendre",
+    "discrete_momentum_maps",
     "equations_of",
     "induced_variation",
+    "instants",
     "invariance_defect",
     "kelvin_noether_poisson",
     "left_momenta",
+    "link_momentum_maps",
+    "link_of",
     "poisson_algorithm",
     "poisson_lagrangian",
     "poisson_link",
@@ -71,6 +101,7 @@ __all__ = [
     "printed_equations",
     "reconstruct",
     "reduce",
+    "reduce_continuous",
     "reduced_action",
     "reduced_path",
     "right_momenta",
@@ -78,5 +109,7 @@ __all__ = [
     "semidirect_lagrangian",
     "semidirect_link",
     "semidirect_system",
+    "space_velocity",
     "unreduce",
+    "unreduce_continuous",
 ]

@@ -39,7 +39,7 @@ class Algorithm:
         """The equations that F and s solve, on 𝔤* and on T*Q at n."""
         raise NotImplementedError
 
-    def following(self, pair: Any, F: Element, s: Array) -> Any:
+    def following(self, pair: Any, h: Array, F: Element, s: Array) -> Any:
         """The next pair."""
         raise NotImplementedError
 
@@ -107,7 +107,7 @@ class Algorithm:
         return state
 
     def advance(self, parameters: Any, state: Any, h: Array, z: Array, sound: Array) -> Any:
-        return self.following(state, *self._solution(state, h, z))
+        return self.following(state, h, *self._solution(state, h, z))
 
     def certificate(self, parameters: Any, before: Any, h: Array, z: Array, after: Any) -> Mapping[str, Array]:
         return {}

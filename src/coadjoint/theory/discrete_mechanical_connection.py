@@ -23,9 +23,11 @@ def discrete_mechanical_connection(system: System, method: Method, dt: float) ->
 
     D^R_FΛ = μ_k is the left discrete Legendre transform, so that horizontal steps are those with momentum zero, and
     a motion of `method`, a rule of one stage, with momentum zero is the horizontal lift of its shapes. Of kinetic
-    energy and a potential of x, Ω does not depend on dt. Where no F is found, Ω is not finite, and what uses it raises.
+    energy and a potential of x, Ω does not depend on dt. Forces have no part in it. Where no F is found, Ω is not
+    finite, and what uses it raises.
     """
     size, step, h = timeless(system), one_stage(system, method), positive_step(dt)
+    system = system.unforced
     group = system.group
     at = method.begin(system, system.state(q=random_shapes(size, 1)[0]), h)
     at = at.replace(mu=np.zeros(group.dim))

@@ -20,16 +20,10 @@ from coadjoint.kernels.evaluate import evaluate
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods import (
-    GroupVariational,
-    LeftRectangle,
-    Method,
-    Midpoint,
-    RightRectangle,
-    Trapezoidal,
-    Variational,
-)
-from coadjoint.theory.euler_poincare import advected
+from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
+from coadjoint.theory.curves import NODES
+from coadjoint.theory.euler_poincare import advected, impulse
+from coadjoint.theory.instant import Instant
 from coadjoint.theory.poisson import (
     discrete_euler_poincare_poisson,
     kelvin_noether_poisson,
@@ -38,10 +32,10 @@ from coadjoint.theory.poisson import (
 )
 from coadjoint.theory.reduction import unreduce
 from coadjoint.theory.semidirect import discrete_euler_poincare_semidirect, semidirect_lagrangian, semidirect_link
-from coadjoint.theory.slopes import Slopes, slopes_of, trivialised
-from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, discrete_euler_lagrange, has_points
+from coadjoint.theory.slopes import Slopes, legendre_transforms, slopes_of, trivialised
+from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, discrete_euler_lagrange, has_points, link_of
 
-RULES = (LeftRectangle, RightRectangle, Trapezoidal, Midpoint, Variational)
+RULES = (*NODES, Variational, Galerkin)
 
 
 class Residual(NamedTuple):
@@ -84,14 +78,21 @@ def printed_equations(
 ) -> Equations:
     """The residuals of (P37)–(P52) and, where Λ is in group form, of (B8)–(B25), over a run that kept every step.
 
+    With forces they are those of the discrete Lagrange–d'Alembert principle. The rows F⁻ and F⁺ compare the momenta of
+    the records with the discrete Legendre transforms of the steps that start and end there.
     `noether`: the 𝒦 of (P50)–(P52), by default 𝒦 = c. `unreduced`: L of (P36) for (P37) and (B8), by default that of
-    the system. Raises ArgumentError for runs with forces, compositions, or records that are not consecutive.
+    the system; the forces are always the system's. Raises ArgumentError for compositions, and for records that are not
+    consecutive.
     """
     if not hasattr(run, "plan"):
         raise ArgumentError(f"Argument `run` must be a run of co.simulate, but is {run!r}; equations_of takes states.")
     if run.plan.save_every != 1:
         raise ArgumentError("The equations need consecutive records: run with save_every=1.")
-    return equations_of(run.system, run.method, run.records, run.dt, noether, unreduced)
+    records = run.records
+    if len(records.t) > 1 and abs(records.t[-1] - records.t[-2] - run.dt) > 1e-6 * run.dt:
+        # The part of a step that led to an event has another Λ.
+        records = jax.tree.map(lambda leaf: leaf[:-2], records)
+    return equations_of(run.system, run.method, records, run.dt, noether, unreduced)
 
 
 def equations_of(
@@ -103,24 +104,22 @@ def equations_of(
     unreduced: UnreducedLagrangian | None = None,
 ) -> Equations:
     """`printed_equations` of states with a leading axis: consecutive nodes with the unknowns that start at them."""
-    if system.forces is not None:
-        raise ArgumentError("The printed equations are those of motion without forces, but the system has some.")
     if not isinstance(method, RULES):
         raise ArgumentError(
             f"The printed equations are those of one discrete Lagrangian a step, which {method.title} does not have: "
-            "use co.LeftRectangle, co.RightRectangle, co.Trapezoidal, co.Midpoint, co.Variational or "
-            "co.GroupVariational."
+            "use co.LeftRectangle, co.RightRectangle, co.Trapezoidal, co.Midpoint, co.Simpson, co.Galerkin, "
+            "co.Variational or co.GroupVariational."
         )
     if len(records.t) < 3:
         raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
     noether = noether or KelvinNoether(np.ones(system.group.dim))
     slopes = evaluate(jax.vmap(partial(slopes_of, system, method, h)), records)
-    rows = [*_of_nodes(system, records, slopes), *_of_steps(system, slopes)]
+    rows = [*_of_nodes(system, records, slopes), *_of_steps(system, slopes), *_of_momenta(system, records, slopes)]
     rows += _of_noether(system, records, slopes, noether)
     if isinstance(method, GroupVariational):
         rows += _of_group_form(system, records, slopes, h, unreduced or unreduce(system))
         rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
-    else:
+    elif not isinstance(method, Galerkin):
         rows.append(_of_variations(system, method, records, h))
     return Equations(tuple(rows))
 
@@ -165,39 +164,71 @@ def _of_nodes(system: System, records: State, slopes: Slopes) -> list[Residual]:
 
 
 def _of_steps(system: System, slopes: Slopes) -> list[Residual]:
-    """(P42) with the pull-back of (P46)."""
-    group, Q, V = system.places
+    """(P42) with the pull-back of (P46): F⁻ of a step is F⁺ of the one before."""
+    group, Q, _ = system.places
 
     def both(before: Slopes, here: Slopes):
-        torque = V.diamond(group, here.along_a, here.link.a) + Q.diamond(group, here.along_n, here.link.n)
-        torque = torque + Q.diamond(group, here.along_s, here.link.s)
-        pulled = Q.pull(group, before.link.F, here.link.n, before.along_s)
-        return here.right - before.left - torque, Q.coordinates(group, here.link.n, here.along_n + pulled)
+        left, right = legendre_transforms(system, here)[0], legendre_transforms(system, before)[1]
+        return left.mu - right.mu, Q.coordinates(group, here.link.n, left.pi - right.pi), here.inner
 
-    mu, pi = evaluate(jax.vmap(both), *_pairs(slopes))
-    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    mu, pi, inner = evaluate(jax.vmap(both), *_pairs(slopes))
+    of_mu, of_pi = _scales(slopes)
+    forced = system.forces is not None
+    rows = [
+        _row("P42 μ", f"{'T⁻_k + ' * forced}D^L_FΛ_{{k−1}} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s = D^R_FΛ_k", mu, of_mu),
+        _row("P42 π", f"∂_nΛ_k{' + φ⁻_k' * forced} = −F*_{{k−1}}∂_sΛ_{{k−1}}", pi, of_pi),
+    ]
+    if inner.shape[1]:
+        rows.append(_row("P41", "δΣΛ = 0 between the ends of a step", inner, of_mu + of_pi))
+    return rows
+
+
+def _of_momenta(system: System, records: State, slopes: Slopes) -> list[Residual]:
+    """The momenta of the records against the discrete Legendre transforms of the steps on their two sides."""
+    group, Q, _ = system.places
+
+    def off(before: Slopes, here: Slopes, record: State):
+        left, right = legendre_transforms(system, here)[0], legendre_transforms(system, before)[1]
+        apart = [Q.coordinates(group, record.n, record.pi - momenta.pi) for momenta in (left, right)]
+        return record.mu - left.mu, apart[0], record.mu - right.mu, apart[1]
+
+    before, here = _pairs(slopes)
+    values = evaluate(jax.vmap(off), before, here, jax.tree.map(lambda x: x[1:], records))
+    of_mu, of_pi = _scales(slopes)
     return [
-        _row("P42 μ", "D^R_FΛ_k = D^L_FΛ_{k−1} + ∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s", mu, _largest(slopes.right) + lever),
-        _row("P42 π", "∂_nΛ_k = −F*_{k−1}∂_sΛ_{k−1}", pi, _largest((slopes.along_n, slopes.along_s))),
+        _row("F⁻ μ", "μ_k = D^R_FΛ_k − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻_k", values[0], of_mu),
+        _row("F⁻ π", "π_k = −∂_nΛ_k − φ⁻_k", values[1], of_pi),
+        _row("F⁺ μ", "μ_{k+1} = D^L_FΛ_k + T⁺_k", values[2], of_mu),
+        _row("F⁺ π", "π_{k+1} = F*_k∂_sΛ_k + φ⁺_k", values[3], of_pi),
     ]
 
 
+def _scales(slopes: Slopes) -> tuple[float, float]:
+    """What round-off in μ and in π is relative to: the largest terms of (P42)."""
+    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    return _largest(slopes.right) + lever, _largest((slopes.along_n, slopes.along_s))
+
+
 def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinNoether) -> list[Residual]:
+    """(P50), and (P52) with the forces' share ⟨𝒦_k, T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k⟩."""
     group, Q, V = system.places
     first = jax.tree.map(lambda x: x[0], records)
 
     def quantities(record: State, at: Slopes):
         K = noether.momentum_map(system, record)
         since = group.Ad(group.compose(group.inverse(record.g), first.g), noether.momentum_map(system, first))
-        momentum = at.right - Q.diamond(group, at.along_s, at.link.s)
-        return K, K - since, K @ momentum, K @ V.diamond(group, at.along_a, at.link.a)
+        momentum, work = at.right - Q.diamond(group, at.along_s, at.link.s), at.impulse
+        source = V.diamond(group, at.along_a, at.link.a) + work.torque - Q.diamond(group, work.force, record.n)
+        n, _ = advected(system, at.link)
+        return K, K - since, K @ momentum, K @ source, work.torque_next - Q.diamond(group, work.force_next, n)
 
-    K, off, quantity, source = evaluate(jax.vmap(quantities), records, slopes)
-    lever = _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
-    size = system.group.dim * _largest(K) * (_largest(slopes.right) + lever)
+    K, off, quantity, source, behind = evaluate(jax.vmap(quantities), records, slopes)
+    change = source[1:] + np.sum(K[1:] * behind[:-1], axis=1)
+    size = system.group.dim * _largest(K) * _scales(slopes)[0]
+    forced = " + T⁻_k − φ⁻_k⋄n_k + T⁺_{k−1} − φ⁺_{k−1}⋄n_k" if system.forces is not None else ""
     return [
         _row("P50", "𝒦(c_k, a_k) = Ad_{g_k⁻¹g_0} 𝒦(c_0, a_0)", off, _largest(K)),
-        _row("P52", "(P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩", np.diff(quantity) - source[1:], size),
+        _row("P52", f"(P51)_k − (P51)_{{k−1}} = ⟨𝒦_k, ∂_aΛ⋄a_k{forced}⟩", np.diff(quantity) - change, size),
     ]
 
 
@@ -225,17 +256,31 @@ def _of_group_form(system: System, records: State, slopes: Slopes, h: float, L: 
     link, _ = _pairs(slopes.link)
 
     def value(x, y, link):
-        return L(x, y, a0, h), system.reduced_group_lagrangian(link.F, link.n, link.s, link.a, h)
+        F, n, s, a, at = link
+        below = system.reduced_group_lagrangian(F, n, s, a, h, at.t, at.inputs, at.internal)
+        return L(x, y, a0, h, _seen(system, L, at)), below
+
+    def stationary(x, y, z, before, here):
+        pair = _seen(system, L, before), _seen(system, L, here)
+        return discrete_euler_lagrange(
+            L, x, y, z, a0, h, pair, impulse(system, link_of(system.places, y, z, a0, here), h)
+        )
 
     above, below = evaluate(jax.vmap(value), first, second, link)
     triple = [jax.tree.map(lambda x, cut=cut: x[cut], path) for cut in (slice(-2), slice(1, -1), slice(2, None))]
-    on_group, on_space = evaluate(jax.vmap(lambda x, y, z: discrete_euler_lagrange(L, x, y, z, a0, h)), *triple)
+    on_group, on_space = evaluate(jax.vmap(stationary), *triple, *_pairs(link.at))
     size = _largest(slopes.right) + _largest(slopes.along_s) * (1 + _largest((slopes.link.n, slopes.link.s)))
+    forced = system.forces is not None
     return [
         _row("P37", "L(g_k, q_k, g_{k+1}, q_{k+1}, a₀) = Λ(F_k, n_k, s_k, a_k)", above - below, _largest(below)),
-        _row("B8 g", "D₃L_{k−1} + D₁L_k = 0", on_group, size),
-        _row("B8 q", "D₄L_{k−1} + D₂L_k = 0", on_space, _largest((slopes.along_s, slopes.along_n))),
+        _row("B8 g", f"D₃L_{{k−1}} + D₁L_k{' + T⁻_k' * forced} = 0", on_group, size),
+        _row("B8 q", f"D₄L_{{k−1}} + D₂L_k{' + g_k·φ⁻_k' * forced} = 0", on_space, _scales(slopes)[1]),
     ]
+
+
+def _seen(system: System, L: UnreducedLagrangian, at: Instant) -> Instant:
+    """An instant as an L takes it that is not driven itself: with the inputs that the system sees there."""
+    return at if L.reduced.inputs is not None else Instant(at.t, system.inputs_at(at.t, at.inputs), at.internal)
 
 
 def _of_semidirect(system: System, slopes: Slopes, h: float) -> list[Residual]:
@@ -249,11 +294,14 @@ def _of_semidirect(system: System, slopes: Slopes, h: float) -> list[Residual]:
         return discrete_euler_poincare_semidirect(group, Q, l, link(before), link(here), h)
 
     on_group, on_space = evaluate(jax.vmap(both), *_pairs(slopes.link))
-    size = _largest(slopes.right) + _largest(slopes.along_s) * _largest((slopes.link.n, slopes.link.s))
+    T, f = (" + T⁻_k − φ⁻_k⋄u_k", " + φ⁻_k") if system.forces is not None else ("", "")
     return [
-        _row("B13 f", "Ad*_{f_k}(D^Rl_k − D₂l_k⋄y_k) = D^Rl_{k−1} − D₂l_{k−1}⋄y_{k−1}", on_group, size),
-        _row("B13 u", "f_k*D₂l_k + D₃l_{k−1} = 0", on_space, _largest(slopes.along_s)),
-    ]
+        _row(
+            "B13 f", f"Ad*_{{f_k}}(D^Rl_k − D₂l_k⋄y_k){T} = D^Rl_{{k−1}} − D₂l_{{k−1}}⋄y_{{k−1}}", on_group,
+            _scales(slopes)[0],
+        ),
+        _row("B13 u", f"f_k*D₂l_k + D₃l_{{k−1}}{f} = 0", on_space, _largest(slopes.along_s)),
+    ]  # fmt: skip
 
 
 def _of_poisson(system: System, records: State, slopes: Slopes, h: float, noether: KelvinNoether) -> list[Residual]:
@@ -271,9 +319,9 @@ def _of_poisson(system: System, records: State, slopes: Slopes, h: float, noethe
     later = jax.tree.map(lambda x: x[1:], records)
     equation, quantity, change, K = evaluate(jax.vmap(rows), *_pairs(slopes.link), later)
     size = _largest(slopes.right)
+    T, source = (" − T⁻_k", "D₂l_k⋄a_k + T⁻_k") if system.forces is not None else ("", "D₂l_k⋄a_k")
+    off = np.diff(quantity) - change[:-1]
     return [
-        _row("B19", "Ad*_{f_k}D^Rl_k − D^Rl_{k−1} = −D₂l_k⋄a_k", equation, size),
-        _row(
-            "B25", "I_{k+1} − I_k = −⟨D₂l_k⋄a_k, 𝒦_k⟩", np.diff(quantity) - change[:-1], size * _largest(K) * group.dim
-        ),
+        _row("B19", f"Ad*_{{f_k}}D^Rl_k − D^Rl_{{k−1}} = −D₂l_k⋄a_k{T}", equation, size),
+        _row("B25", f"I_{{k+1}} − I_k = −⟨{source}, 𝒦_k⟩", off, size * _largest(K) * group.dim),
     ]

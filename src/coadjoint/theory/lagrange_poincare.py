@@ -23,7 +23,9 @@ from coadjoint.mechanics.mechanical_connection import shape_size
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
+from coadjoint.methods.program import held
 from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
+from coadjoint.theory.slopes import impulse_of
 
 
 class BundleMotion(NamedTuple):
@@ -38,8 +40,9 @@ class BundleMotion(NamedTuple):
 class Contribution(NamedTuple):
     """What one step contributes to (B35–B36).
 
-    group = D^R_σ l ∈ 𝔤*, first = D₁l + (Ad_{F⁻¹}B₁)* D^R_σ l, last = D₃l + (Ad_{F⁻¹}B₂)* D^R_σ l, carried =
-    Ad*_{F⁻¹} D^R_σ l, with F = Ωσ⁻¹, ⟨B₁, δx⟩ = (∂_xΩ·δx)Ω⁻¹ and B₂ likewise.
+    group = D^R_σ l − T⁺ ∈ 𝔤*, first = D₁l + (Ad_{F⁻¹}B₁)* D^R_σ l + φ⁻, last = D₃l + (Ad_{F⁻¹}B₂)* D^R_σ l + φ⁺,
+    carried = Ad*_{F⁻¹} D^R_σ l + T⁻, with F = Ωσ⁻¹, ⟨B₁, δx⟩ = (∂_xΩ·δx)Ω⁻¹ and B₂ likewise; (T⁻, φ⁻), (T⁺, φ⁺) are
+    what forces give at the two ends of the step.
     """
 
     group: Array
@@ -78,9 +81,7 @@ class ReducedLagrangian:
         F = self.increment(x, sigma, x_next)
         slope = jax.jacfwd(lambda xi: self._apart(state, xi, F))(xi)
         xi = xi - jnp.linalg.solve(slope, self._apart(state, xi, F))
-        unknowns = jnp.concatenate([xi, (x_next - x) / self.h])
-        record = self.step.record(self.system, state.replace(n=x), self.h, unknowns)
-        return self.step.discrete_lagrangian(self.system, record, self.h)
+        return self.step.discrete_lagrangian(self.system, self._record(state, xi, x, x_next), self.h)
 
     def _turn(self, state: State, xi: Array) -> Element:
         """F(hξ)."""
@@ -109,11 +110,16 @@ class ReducedLagrangian:
             return group.vee(group.matrix(group.compose(omega(x, x_next), back)))
 
         B1, B2 = jax.vjp(turned, x, x_next)[1](carried)
-        return Contribution(along_sigma, carried, D1 + B1, D3 + B2)
+        work = impulse_of(self.system, self.step, self.h, self._record(state, xi, x, x_next))
+        group_part, carried = along_sigma - work.torque_next, carried + work.torque
+        return Contribution(group_part, carried, D1 + B1 + work.force, D3 + B2 + work.force_next)
+
+    def _record(self, state: State, xi: Array, x: Array, x_next: Array) -> State:
+        return self.step.record(self.system, state.replace(n=x), self.h, jnp.concatenate([xi, (x_next - x) / self.h]))
 
 
 class _Node(NamedTuple):
-    """Where the reduced algorithm stands: D^R_σ l and the last part of step k−1; t, x_k and guesses in a state."""
+    """Where the reduced algorithm stands: what step k−1 contributes; t, x_k, what is held, and guesses in a state."""
 
     before: Array
     last: Array
@@ -128,14 +134,15 @@ def lagrange_poincare(
         Ad*_{F_k⁻¹} D^R_σ l_k = D^R_σ l_{k−1}
         D₁l_k + (Ad_{F_k⁻¹}B₁)* D^R_σ l_k + D₃l_{k−1} + (Ad_{F_{k−1}⁻¹}B₂)* D^R_σ l_{k−1} = 0          (B35–B36)
 
-    The motion does not depend on the connection, and is that of co.simulate with the same `method`, a rule of one
-    stage. Written to be read and compared with, not for speed. Raises ArgumentError for systems that are not on
-    M × G or have forces, and StepError where Newton fails.
+    Forces add T⁻_k to the left and −T⁺_{k−1} to the right of the first, φ⁻_k + φ⁺_{k−1} to the second; inputs are those
+    of `system.driven(inputs)`. The motion does not depend on the connection, and is that of co.simulate with the same
+    `method`, a rule of one stage. Written to be read and compared with, not for speed. Raises ArgumentError for systems
+    that are not on M × G, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
         raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
-    state = method.begin(system, start, dt)
+    state = method.begin(system, evaluate(partial(held, system), start), dt)
     at = _Node(-state.mu, state.pi, state)
     advance = tabulate(partial(_advance, l), at)
     shapes, sigmas = [state.n], []
@@ -170,7 +177,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
 
     root = newton.solve(residual, step.guess(system, state, h), h, step.groups(system))
     now, sigma, after = slopes(root.unknowns)
-    return sigma, _Node(now.group, now.last, after), root.code
+    return sigma, _Node(now.group, now.last, held(system, after)), root.code
 
 
 def lagrange_poincare_residual(
@@ -184,14 +191,18 @@ def lagrange_poincare_residual(
     l = _reduced_lagrangian(system, method, connection, dt)
     x = shapes_of(connection, x)
     sigma = reduced(connection, g, x)
-    state = method.begin(system, start, dt)
-    times = start.t + l.h * np.arange(len(x) - 1)
+    state = method.begin(system, evaluate(partial(held, system), start), dt)
+    ends = x[:-1], sigma, x[1:]
+    xi = evaluate(jax.vmap(partial(l.velocity, state)), *ends)
 
-    def slopes_at(t, *ends):
-        here = state.replace(t=t)
-        return l.slopes(here, l.velocity(here, *ends), *ends)
+    def next_state(state, xi, x, x_next):
+        return held(system, state.replace(xi=xi, nu=(x_next - x) / l.h).later(l.h, n=x_next))
 
-    slopes = evaluate(jax.vmap(slopes_at), times, x[:-1], sigma, x[1:])
+    states, advance = [state.replace(n=x[0])], tabulate(next_state, state, xi[0], x[0], x[1])
+    for k in range(len(x) - 2):
+        states.append(advance(states[k], xi[k], x[k], x[k + 1]))
+    states = jax.tree.map(lambda *rows: np.stack(rows), *states)
+    slopes = evaluate(jax.vmap(l.slopes), states, xi, *ends)
     turning, moving = slopes.carried[1:] - slopes.group[:-1], slopes.first[1:] + slopes.last[:-1]
     return finite(np.concatenate([turning, moving], axis=1), "The reduced Lagrangian")
 
@@ -206,6 +217,4 @@ def _reduced_lagrangian(system: System, method: Method, connection: Any, dt: Any
             f"The connection is on {connection.group!r} with {connection.size} shape coordinates, but the system on "
             f"{system.group!r} with {size}."
         )
-    if system.forces is not None:
-        raise ArgumentError("The Lagrange–Poincaré equations hold without forces; use co.simulate with forces.")
     return ReducedLagrangian(system, one_stage(system, method), connection, positive_step(dt))

@@ -10,42 +10,57 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.errors import ArgumentError, GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
 from coadjoint.theory.algorithm import Algorithm
-from coadjoint.theory.euler_poincare import Link
-from coadjoint.theory.unreduced import has_points
+from coadjoint.theory.euler_poincare import Link, impulse, instant_after
+from coadjoint.theory.instant import ALWAYS, Instant, given
+from coadjoint.theory.unreduced import KEYWORDS, has_points, keywords_of, with_keywords
 
 End = Literal["left", "right"]
 """Where the parameter of l is taken: l(f_k, a_k) or, as (B18) prints it, l(f_k, a_{k+1})."""
 
-PoissonFunction = Callable[[Element, Array, Any], Any]
+PoissonFunction = Callable[..., Any]
 
 
 class PoissonLink(NamedTuple):
-    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀."""
+    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀; `at`: when the step starts and what is held over it, where that matters."""
 
     f: Element
     a: Array
+    at: Instant = ALWAYS
 
 
 @dataclass(frozen=True)
 class PoissonLagrangian:
-    """l(f, a, h) on G × V* with its parameter at the left end, l(f_k, a_k), or at the right, l(f_k, a_{k+1}) (B18)."""
+    """l(f, a, h) on G × V* with its parameter at the left end, l(f_k, a_k), or at the right, l(f_k, a_{k+1}) (B18).
+
+    `function` may take keyword-only `t`, `inputs` and `internal`. `driven`: the system whose forces, inputs and
+    internal state act; that of l itself, which has none, unless l was made by `poisson_lagrangian(system)`.
+    """
 
     group: LieGroup
     space: Space
     function: PoissonFunction
     parameter: End = "left"
+    driven: System | None = None
 
     def __post_init__(self):
         if self.parameter not in ("left", "right"):
             raise ArgumentError(f'Argument `parameter` must be "left" or "right", but is {self.parameter!r}.')
         if not self.space.flat:
             raise GroupError(f"Advected parameters need a representation of the group, but got {self.space!r}.")
+        if self.driven is None:
+            object.__setattr__(self, "driven", poisson_system(self))
+
+    @property
+    def system(self) -> System:
+        """The system of l, with the forces, inputs and internal state that act."""
+        assert self.driven is not None
+        return self.driven
 
     def taken(self, link: PoissonLink) -> Array:
         """The parameter that l sees on a step: a_k, or a_{k+1} = f_ka_k."""
@@ -54,41 +69,69 @@ class PoissonLagrangian:
     def slopes(self, link: PoissonLink, h: Array) -> tuple[Array, Array]:
         """D^Rl and D₂l⋄a with the parameter that l sees, both (dim,); ⟨D^Rl, χ⟩ = d/dε l(e^{εχ}f, a)."""
         a = self.taken(link)
-        source = self.space.diamond(self.group, jax.grad(self.function, argnums=1)(link.f, a, h), a)
-        return right_derivative(self.group, lambda f: self.function(f, a, h), link.f), source
+
+        keywords = self.system.keywords(self.function, *given(self.system, link.at))
+
+        def value(f: Element, a: Array) -> Array:
+            return self.function(f, a, h, **keywords)
+
+        source = self.space.diamond(self.group, jax.grad(value, argnums=1)(link.f, a), a)
+        return right_derivative(self.group, lambda f: value(f, a), link.f), source
+
+    def torque(self, link: PoissonLink, h: Array) -> Array:
+        """T⁻ = hT, what the forces give at the left node of a step."""
+        return impulse(self.system, self.link(link), h)[0]
+
+    def link(self, link: PoissonLink) -> Link:
+        """The same step in the variables of (P38), F = f⁻¹."""
+        nothing = jnp.zeros(0)
+        return Link(self.group.inverse(link.f), nothing, nothing, link.a, link.at)
 
     def next_a(self, link: PoissonLink) -> Array:
         """a_{k+1} = f_ka_k."""
         return self.space.act(self.group, link.f, link.a)
 
 
-def poisson_system(l: PoissonLagrangian) -> System:
-    """The system of l: Λ(F, a; h) = l(F⁻¹, a, h), or l(F⁻¹, F⁻¹a, h) with the parameter at the right end."""
+def poisson_system(l: PoissonLagrangian, *, forces: Any = None, internal: Any = None) -> System:
+    """The system of l: Λ(F, a; h) = l(F⁻¹, a, h), or l(F⁻¹, F⁻¹a, h) with the parameter at the right end.
 
-    def group_lagrangian(F, a, h):
+    `forces`, `internal`: as those of co.System.
+    """
+
+    def group_lagrangian(F, a, h, **keywords):
         f = l.group.inverse(F)
-        return l.function(f, l.taken(PoissonLink(f, a)), h)
+        return l.function(f, l.taken(PoissonLink(f, a)), h, **keywords)
 
-    return System(l.group, group_lagrangian=group_lagrangian, advected=l.space)
+    taking = with_keywords(group_lagrangian, keywords_of(l.function))
+    return System(l.group, group_lagrangian=taking, advected=l.space, forces=forces, internal=internal)
 
 
 def poisson_lagrangian(system: System, parameter: End = "left") -> PoissonLagrangian:
-    """l(f, a_k) = Λ(f⁻¹, a_k), or l(f, a_{k+1}) = Λ(f⁻¹, f⁻¹a_{k+1}), of a system without additional dynamics."""
+    """l(f, a_k) = Λ(f⁻¹, a_k), or l(f, a_{k+1}) = Λ(f⁻¹, f⁻¹a_{k+1}), of a system without additional dynamics.
+
+    Time, forces, inputs and the internal state of the system act on l.
+    """
     group, Q, V = system.places
     if has_points(Q):
         raise GroupError("The Euler–Poincaré–Poisson equations have no additional dynamics: leave out `additional`.")
+    if system.group_lagrangian is None:
+        raise LagrangianError(
+            "l(f, a) needs a discrete Lagrangian in group form: pass `group_lagrangian` to co.System."
+        )
+    plain = system.driven(None)
 
-    def function(f, a, h):
+    def function(f, a, h, t=0.0, inputs=None, internal=None):
         F, nothing = group.inverse(f), jnp.zeros(0)
         a = a if parameter == "left" else V.act(group, F, a)
-        return system.reduced_group_lagrangian(F, nothing, nothing, a, h)
+        return plain.reduced_group_lagrangian(F, nothing, nothing, a, h, t, inputs, internal)
 
-    return PoissonLagrangian(group, V, function, parameter)
+    keywords = tuple(filter(system.takes, KEYWORDS))
+    return PoissonLagrangian(group, V, with_keywords(function, keywords), parameter, system)
 
 
 def poisson_link(group: LieGroup, link: Link) -> PoissonLink:
     """(f, a) = (F⁻¹, a)."""
-    return PoissonLink(group.inverse(link.F), link.a)
+    return PoissonLink(group.inverse(link.F), link.a, link.at)
 
 
 def discrete_euler_poincare_poisson(
@@ -97,11 +140,12 @@ def discrete_euler_poincare_poisson(
     here: PoissonLink,
     h: Array,
 ) -> Array:
-    """(B19): Ad*_{f_k}D^Rl_k − D^Rl_{k−1} + D₂l⋄a_k, zero on solutions, with D₂l of step k for a parameter at the left
-    end and of step k − 1 for one at the right end. Shape (dim,); traceable by JAX.
+    """(B19): Ad*_{f_k}D^Rl_k − D^Rl_{k−1} + D₂l⋄a_k + T⁻_k, zero on solutions, with D₂l of step k for a parameter at
+    the left end and of step k − 1 for one at the right end. Shape (dim,); traceable by JAX.
     """
     (now, source), (last, source_before) = l.slopes(here, h), l.slopes(before, h)
-    return l.group.Ad_dual(here.f, now) - last + (source if l.parameter == "left" else source_before)
+    turning = l.group.Ad_dual(here.f, now) - last + (source if l.parameter == "left" else source_before)
+    return turning + l.torque(here, h)
 
 
 @dataclass(frozen=True)
@@ -122,10 +166,11 @@ class EulerPoincarePoisson(Algorithm):
         return self.group.inverse(pair.f), jnp.zeros(0), jnp.zeros(0)
 
     def conditions(self, pair: PoissonLink, h, F, s):
-        return discrete_euler_poincare_poisson(self.l, pair, self.following(pair, F, s), h), s
+        return discrete_euler_poincare_poisson(self.l, pair, self.following(pair, h, F, s), h), s
 
-    def following(self, pair: PoissonLink, F, s):
-        return PoissonLink(self.group.inverse(F), self.l.next_a(pair))
+    def following(self, pair: PoissonLink, h, F, s):
+        now = instant_after(self.l.system, self.l.link(pair), h)
+        return PoissonLink(self.group.inverse(F), self.l.next_a(pair), now)
 
 
 def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: float, steps: int) -> PoissonLink:
@@ -142,10 +187,11 @@ def kelvin_noether_poisson(
     K: Array,
     h: Array,
 ) -> tuple[Array, Array]:
-    """I^B_k = ⟨D^Rl_{k−1}, 𝒦(c_k, a_k)⟩ (B24) and its change −⟨D₂l⋄a_k, 𝒦(c_k, a_k)⟩ over the next step (B25).
+    """I^B_k = ⟨D^Rl_{k−1}, 𝒦(c_k, a_k)⟩ (B24) and its change −⟨D₂l⋄a_k + T⁻_k, 𝒦(c_k, a_k)⟩ over the next step (B25).
 
     `K` is 𝒦(c_k, a_k) (dim,). With the parameter at the left end D₂l is that of step k and I^B = −I of Theorem 7; at
     the right end D₂l is that of step k − 1. Traceable by JAX.
     """
     (momentum, source_before), (_, source) = l.slopes(before, h), l.slopes(here, h)
-    return momentum @ K, -(source if l.parameter == "left" else source_before) @ K
+    change = (source if l.parameter == "left" else source_before) + l.torque(here, h)
+    return momentum @ K, -change @ K

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -12,76 +14,123 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import Places
-from coadjoint.mechanics.system import System
+from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.theory.euler_poincare import Link
-from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, has_points
+from coadjoint.theory.instant import ALWAYS, Instant, given
+from coadjoint.theory.unreduced import KEYWORDS, Configuration, UnreducedLagrangian, has_points, link_of, with_keywords
 
-INVARIANT = 1e-9
+INVARIANT = 1e-12
 """The relative change of L under random group elements that round-off may make."""
 
+CANCELLED = 32 * np.finfo(float).eps / INVARIANT
+"""How far an entry x of the arguments counts, |∂_xL||x|, so that what cancels in L is no defect."""
 
-def invariance_defect(L: UnreducedLagrangian, h: float = 0.1, q: Any = None, samples: int = 5) -> float:
+
+def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:
+    """|L(turned) − L(plain)| relative to |L| and to what round-off in the arguments makes of L; traceable by JAX."""
+
+    def sized(arguments: Any) -> tuple[Array, Array]:
+        value, slopes = jax.value_and_grad(lambda arguments: function(*arguments))(arguments)
+        pairs = zip(jax.tree.leaves(slopes), jax.tree.leaves(arguments), strict=True)
+        inside = sum((jnp.sum(jnp.abs(jnp.nan_to_num(slope) * x)) for slope, x in pairs), jnp.zeros(()))
+        return value, jnp.abs(value) + CANCELLED * inside
+
+    (value, size), (moved, other) = sized(plain), sized(turned)
+    return jnp.abs(moved - value) / jnp.maximum(jnp.maximum(size, other), 1e-300)
+
+
+def invariance_defect(
+    L: UnreducedLagrangian, h: float = 0.1, q: Any = None, samples: int = 5, at: Instant = ALWAYS
+) -> float:
     """The largest |L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀) − L(g, q, g⁺, q⁺, a₀)| over random elements, relative to |L| (P36).
 
+    Half of the steps are of length 1, half of length h, where a potential counts beside the kinetic energy.
     `q`: a point of a curved Q, where random points are made from it by the group; not needed on a linear Q.
+    `at`: the instant of the step, for an L with inputs or an internal state.
     """
     group, Q, V = L.places
     random = np.random.default_rng(36)
-    if not Q.flat and q is None:
-        raise ArgumentError("The additional space is curved: give `q`, one of its points, to test invariance at.")
+    base = point_of(L.places, q)
+    at = replace(at, t=0.36) if at.t is None else at
+    given(L.reduced, at)
 
-    def compare(etas, points, a0):
-        g, g_next, moving = (group.exp(eta) for eta in etas)
-        x, y = points
-        if q is not None:
-            x, y = Q.act(group, g, x), Q.act(group, g_next, y)
-        plain = L(Configuration(g, x), Configuration(g_next, y), a0, h)
-        turned = [Configuration(group.compose(moving, e), Q.act(group, moving, z)) for e, z in ((g, x), (g_next, y))]
-        return plain, L(turned[0], turned[1], V.act(group, moving, a0), h)
+    def compare(etas, points, a0, scale):
+        g, moving = group.exp(etas[0]), group.exp(etas[2])
+        g_next = group.compose(g, group.exp(scale * etas[1]))
+        x, y = points[0], points[0] + scale * (points[1] - points[0])
+        if base is not None:
+            x, y = Q.act(group, g, x), Q.act(group, g_next, x)
+        plain = Configuration(g, x), Configuration(g_next, y), a0
+        turned = [Configuration(group.compose(moving, e), Q.act(group, moving, z)) for e, z in plain[:2]]
+        return defect_of(
+            lambda first, second, a0: L(first, second, a0, h, at), plain, (*turned, V.act(group, moving, a0))
+        )
 
     found = []
-    for _ in range(samples):
-        etas = random.normal(scale=0.6, size=(3, group.dim))
-        points = random.normal(size=(2, Q.ambient(group))) if q is None else np.array([Q.point(group, q, "q")] * 2)
-        found.append(evaluate(compare, etas, points, random.normal(size=V.ambient(group))))
-    pairs = np.array(found)
-    return float(np.max(np.abs(pairs[:, 0] - pairs[:, 1])) / max(np.max(np.abs(pairs)), 1e-300))
+    for scale in (1.0, h):
+        for _ in range(samples):
+            etas = random.normal(scale=0.6, size=(3, group.dim))
+            points = random.normal(size=(2, Q.ambient(group))) if base is None else np.array([base] * 2)
+            a0 = random.normal(size=V.ambient(group))
+            found.append(evaluate(compare, etas, points, a0, np.float64(scale)))
+    return float(np.max(found))
 
 
-def reduce(L: UnreducedLagrangian, h: float = 0.1, q: Any = None) -> System:
+def point_of(places: Places, q: Any) -> np.ndarray | None:
+    """A point of a curved Q; None on a flat one, where any will do."""
+    group, Q, _ = places
+    if q is not None:
+        return Q.point(group, q, "q")
+    if not Q.flat:
+        raise ArgumentError("The additional space is curved: give `q`, one of its points, to test invariance at.")
+    return None
+
+
+def reduce(L: UnreducedLagrangian, h: float = 0.1, q: Any = None, at: Instant = ALWAYS) -> System:
     """The reduced system: Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37), (B11), to be run by co.GroupVariational.
 
-    `h`, `q`: where invariance is tested, see `invariance_defect`.
-    Raises LagrangianError where L is not left-invariant.
+    `h`, `q`, `at`: where invariance is tested, see `invariance_defect`; give the h of your runs.
+    Raises LagrangianError where L is not left-invariant to 1e-12 of its size.
     """
-    defect = invariance_defect(L, h, q)
-    if not defect <= INVARIANT:
-        raise LagrangianError(
-            "The discrete Lagrangian must be left-invariant, L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀) = L(g, q, g⁺, q⁺, a₀), but at "
-            f"random group elements it is off by {defect:.1e} of its size: make what breaks the symmetry an advected "
-            "parameter."
-        )
+    require_invariant(invariance_defect(L, h, q, at=at), "discrete Lagrangian", "L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀)")
     return L.reduced
 
 
+def require_invariant(defect: float, what: str, turned: str) -> None:
+    """Raise LagrangianError unless a defect is one of round-off."""
+    if not defect <= INVARIANT:
+        plain = turned.replace("g̃", "")
+        raise LagrangianError(
+            f"The {what} must be left-invariant, {turned} = {plain}, but at random group elements it is off by "
+            f"{defect:.1e} of its size: make what breaks the symmetry an advected parameter."
+        )
+
+
 def unreduce(system: System) -> UnreducedLagrangian:
-    """L(g, q, g⁺, q⁺, a₀; h) = Λ(g⁻¹g⁺, g⁻¹q, g⁻¹q⁺, g⁻¹a₀; h), the left-invariant Lagrangian of a reduced one."""
+    """L(g, q, g⁺, q⁺, a₀; h) = Λ(g⁻¹g⁺, g⁻¹q, g⁻¹q⁺, g⁻¹a₀; h), the left-invariant Lagrangian of a reduced one.
+
+    Time, forces, inputs and the internal state of the system are those of L.
+    """
     group, Q, V = system.places
     dynamic, ruled = has_points(Q), has_points(V)
+    # What L takes by keyword has been read from the signals already.
+    plain = system.driven(None)
 
-    def unreduced(g, *rest):
+    def unreduced(g, *rest, t=0.0, inputs=None, internal=None):
         rest = list(rest)
         q = rest.pop(0) if dynamic else np.zeros(0)
         g_next = rest.pop(0)
         q_next = rest.pop(0) if dynamic else np.zeros(0)
         a0 = rest.pop(0) if ruled else np.zeros(0)
-        link = _link(system.places, Configuration(g, flat(q)), Configuration(g_next, flat(q_next)), flat(a0))
-        return system.reduced_group_lagrangian(*link, rest[-1])
+        ends = Configuration(g, flat(q)), Configuration(g_next, flat(q_next))
+        F, n, s, a, _ = link_of(system.places, *ends, flat(a0))
+        here = plain if plain.parameters is None else replace_parameters(plain, rest[-2])
+        return here.reduced_group_lagrangian(F, n, s, a, rest[-1], t, inputs, internal)
 
-    return UnreducedLagrangian(
-        group, unreduced, additional=Q if dynamic else None, advected=V if ruled else None,
-        parameters=system.parameters,
-    )  # fmt: skip
+    function = with_keywords(unreduced, tuple(filter(system.takes, KEYWORDS)))
+    spaces = {"additional": Q if dynamic else None, "advected": V if ruled else None}
+    driven = {"parameters": system.parameters, "forces": system.forces, "internal": system.internal}
+    return UnreducedLagrangian(group, function, **spaces, **driven).driven(system.inputs)
 
 
 def flat(value: Any) -> Array:
@@ -89,23 +138,16 @@ def flat(value: Any) -> Array:
     return jnp.concatenate([flat(part) for part in value.asdict().values()]) if hasattr(value, "asdict") else value
 
 
-def _link(places: Places, first: Configuration, second: Configuration, a0: Array) -> Link:
-    group, Q, V = places
-    back = group.inverse(first.g)
-    return Link(
-        group.compose(back, second.g), Q.act(group, back, first.q), Q.act(group, back, second.q), V.act(group, back, a0)
-    )
-
-
-def reduced_path(places: Places, path: Configuration, a0: Any = None) -> Link:
+def reduced_path(places: Places, path: Configuration, a0: Any = None, at: Instant = ALWAYS) -> Link:
     """The links F_k = g_k⁻¹g_{k+1}, n_k = g_k⁻¹q_k, s_k = g_k⁻¹q_{k+1}, a_k = g_k⁻¹a₀ of a sequence (P38), (B9), (B10).
 
-    `places` are those of a system or of an unreduced Lagrangian.
+    `places` are those of a system or of an unreduced Lagrangian. `at`: the instants of the steps, with a leading axis,
+    such as theory.instants of a run's records but the last, where the system depends on them.
     """
     group, _, V = places
     a0 = np.zeros(0) if a0 is None else V.point(group, a0, "a0")
     first, second = (jax.tree.map(lambda leaf, cut=cut: leaf[cut], path) for cut in (slice(None, -1), slice(1, None)))
-    return evaluate(jax.vmap(lambda x, y: _link(places, x, y, a0)), first, second)
+    return evaluate(jax.vmap(lambda x, y, at: link_of(places, x, y, a0, at)), first, second, at)
 
 
 def reconstruct(places: Places, g0: Element, path: Link) -> Configuration:

@@ -9,80 +9,137 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.errors import GroupError
+from coadjoint.errors import GroupError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 from coadjoint.theory.algorithm import Algorithm
-from coadjoint.theory.euler_poincare import Link
+from coadjoint.theory.euler_poincare import Link, impulse, instant_after
+from coadjoint.theory.instant import ALWAYS, Instant, given
+from coadjoint.theory.unreduced import KEYWORDS, keywords_of, with_keywords
 
 
 class SemidirectLink(NamedTuple):
-    """f = g_{k+1}⁻¹g_k, y = f u_k and u = u_{k+1}, with u_k = g_k⁻¹v_k (B9), (B10)."""
+    """f = g_{k+1}⁻¹g_k, y = f u_k and u = u_{k+1}, with u_k = g_k⁻¹v_k (B9), (B10).
+
+    `at`: when the step starts and what is held over it, where that matters.
+    """
 
     f: Element
     y: Array
     u: Array
+    at: Instant = ALWAYS
 
 
-SemidirectLagrangian = Callable[[Element, Array, Array, Any], Any]
-"""l(f, y, u⁺, h) on S × V (B11)."""
+SemidirectFunction = Callable[..., Any]
+"""l(f, y, u⁺, h) on S × V (B11); it may take keyword-only `t`, `inputs` and `internal`."""
 
 
-def semidirect_system(group: LieGroup, space: Space, l: SemidirectLagrangian) -> System:
-    """The system of l(f, y, u⁺, h) on G Ⓢ V: Λ(F, n, s; h) = l(F⁻¹, F⁻¹n, F⁻¹s, h). `space` is V, a representation."""
+@dataclass(frozen=True)
+class SemidirectLagrangian:
+    """l(f, y, u⁺, h) of a system, whose time, forces, inputs and internal state act on it."""
+
+    system: System
+
+    @property
+    def function(self) -> SemidirectFunction:
+        """l as a function with the keywords of the system."""
+        group, Q, _ = self.system.places
+        plain = self.system.driven(None)
+
+        def l(f, y, u, h, t=0.0, inputs=None, internal=None):  # noqa: E743
+            F = group.inverse(f)
+            n, s = Q.act(group, F, y), Q.act(group, F, u)
+            return plain.reduced_group_lagrangian(F, n, s, np.zeros(0), h, t, inputs, internal)
+
+        return with_keywords(l, tuple(filter(self.system.takes, KEYWORDS)))
+
+    def __call__(self, f: Element, y: Array, u: Array, h: Array, **keywords: Any) -> Array:
+        """l(f, y, u⁺, h)."""
+        return self.function(f, y, u, h, **keywords)
+
+
+def semidirect_system(
+    group: LieGroup, space: Space, l: SemidirectFunction, *, forces: Any = None, internal: Any = None
+) -> System:
+    """The system of l(f, y, u⁺, h) on G Ⓢ V: Λ(F, n, s; h) = l(F⁻¹, F⁻¹n, F⁻¹s, h). `space` is V, a representation.
+
+    `forces`, `internal`: as those of co.System; the functions of (B13) take them with `semidirect_lagrangian(system)`.
+    """
     if not space.flat:
         raise GroupError(f"A semidirect product needs a representation of the group, but got {space!r}.")
 
-    def group_lagrangian(F, n, s, h):
+    def group_lagrangian(F, n, s, h, **keywords):
         f = group.inverse(F)
-        return l(f, space.act(group, f, n), space.act(group, f, s), h)
+        return l(f, space.act(group, f, n), space.act(group, f, s), h, **keywords)
 
-    return System(group, group_lagrangian=group_lagrangian, additional=space)
+    taking = with_keywords(group_lagrangian, keywords_of(l))
+    return System(group, group_lagrangian=taking, additional=space, forces=forces, internal=internal)
 
 
 def semidirect_lagrangian(system: System) -> SemidirectLagrangian:
     """l(f, y, u⁺, h) = Λ(f⁻¹, f⁻¹y, f⁻¹u⁺; h) of a system without advected parameters."""
-    group, Q, V = system.places
+    group, _, V = system.places
     if V.ambient(group):
         raise GroupError("l(f, y, u⁺) of (B11) has no parameters: leave out `advected`, or see `poisson_lagrangian`.")
+    if system.group_lagrangian is None:
+        raise LagrangianError(
+            "l(f, y, u⁺) needs a discrete Lagrangian in group form: pass `group_lagrangian` to co.System."
+        )
+    return SemidirectLagrangian(system)
 
-    def l(f, y, u, h):  # noqa: E743
-        F = group.inverse(f)
-        nothing = np.zeros(0)
-        return system.reduced_group_lagrangian(F, Q.act(group, F, y), Q.act(group, F, u), nothing, h)
 
-    return l
+def _driven(group: LieGroup, space: Space, l: SemidirectFunction | SemidirectLagrangian) -> SemidirectLagrangian:
+    """l with the system that drives it; one of its own, without forces, where it is a function."""
+    if isinstance(l, SemidirectLagrangian):
+        return l
+    return SemidirectLagrangian(semidirect_system(group, space, l))
 
 
 def semidirect_link(group: LieGroup, space: Space, link: Link) -> SemidirectLink:
     """(f, y, u⁺) = (F⁻¹, F⁻¹n, F⁻¹s) (B9); traceable by JAX."""
     f = group.inverse(link.F)
-    return SemidirectLink(f, space.act(group, f, link.n), space.act(group, f, link.s))
+    return SemidirectLink(f, space.act(group, f, link.n), space.act(group, f, link.s), link.at)
+
+
+def _link(group: LieGroup, space: Space, link: SemidirectLink) -> Link:
+    """The same step in the variables of (P38)."""
+    F = group.inverse(link.f)
+    return Link(F, space.act(group, F, link.y), space.act(group, F, link.u), np.zeros(0), link.at)
 
 
 def discrete_euler_poincare_semidirect(
     group: LieGroup,
     space: Space,
-    l: SemidirectLagrangian,
+    l: SemidirectFunction | SemidirectLagrangian,
     before: SemidirectLink,
     here: SemidirectLink,
     h: Array,
 ) -> tuple[Array, Array]:
-    """(B13): Ad*_{f_k}(D^Rl_k − D₂l_k⋄y_k) − (D^Rl_{k−1} − D₂l_{k−1}⋄y_{k−1}) and f_k*D₂l_k + D₃l_{k−1}.
+    """(B13): Ad*_{f_k}(D^Rl_k − D₂l_k⋄y_k) − (D^Rl_{k−1} − D₂l_{k−1}⋄y_{k−1}) + T⁻_k − φ⁻_k⋄u_k and
+    f_k*D₂l_k + D₃l_{k−1} + φ⁻_k.
 
     ⟨D^Rl, χ⟩ = d/dε l(e^{εχ}f, y, u⁺). Zero on solutions; shapes (dim,), (dim V,). Traceable by JAX.
     """
+    driven = _driven(group, space, l)
+    function = driven.function if l is driven else l
 
     def momentum(link: SemidirectLink) -> tuple[Array, Array, Array]:
-        along_y, along_u = jax.grad(l, argnums=(1, 2))(*link, h)
-        turned = right_derivative(group, lambda f: l(f, link.y, link.u, h), link.f)
+        keywords = driven.system.keywords(function, *given(driven.system, link.at))
+
+        def value(f: Element, y: Array, u: Array) -> Array:
+            return function(f, y, u, h, **keywords)
+
+        along_y, along_u = jax.grad(value, argnums=(1, 2))(*link[:3])
+        turned = right_derivative(group, lambda f: value(f, link.y, link.u), link.f)
         return turned - space.diamond(group, along_y, link.y), along_y, along_u
 
     now, along_y, _ = momentum(here)
     last, _, along_u = momentum(before)
-    return group.Ad_dual(here.f, now) - last, space.pull(group, here.f, before.u, along_y) + along_u
+    torque, force = impulse(driven.system, _link(group, space, here), h)
+    turning = group.Ad_dual(here.f, now) - last + torque - space.diamond(group, force, before.u)
+    return turning, space.pull(group, here.f, before.u, along_y) + along_u + force
 
 
 @dataclass(frozen=True)
@@ -91,31 +148,31 @@ class SemidirectEulerPoincare(Algorithm):
 
     group: LieGroup
     space: Space
-    l: SemidirectLagrangian
+    l: SemidirectFunction | SemidirectLagrangian
 
     def last(self, pair: SemidirectLink, h):
         F = self.group.inverse(pair.f)
         return F, pair.u, (pair.u - pair.y) / h
 
-    def _next(self, pair: SemidirectLink, F, s) -> SemidirectLink:
-        return semidirect_link(self.group, self.space, Link(F, pair.u, s, np.zeros(0)))
-
     def conditions(self, pair: SemidirectLink, h, F, s):
-        here = self._next(pair, F, s)
+        here = self.following(pair, h, F, s)
         return discrete_euler_poincare_semidirect(self.group, self.space, self.l, pair, here, h)
 
-    def following(self, pair: SemidirectLink, F, s):
-        return self._next(pair, F, s)
+    def following(self, pair: SemidirectLink, h, F, s):
+        system = _driven(self.group, self.space, self.l).system
+        now = instant_after(system, _link(self.group, self.space, pair), h)
+        return semidirect_link(self.group, self.space, Link(F, pair.u, s, np.zeros(0), now))
 
 
 def semidirect_algorithm(
     group: LieGroup,
     space: Space,
-    l: SemidirectLagrangian,
+    l: SemidirectFunction | SemidirectLagrangian,
     first: SemidirectLink,
     h: float,
     steps: int,
 ) -> SemidirectLink:
     """The `steps` links (f, y, u⁺) that start with one and solve (B13), every leaf with a leading axis."""
+    first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
     found: Any = SemidirectEulerPoincare(group, space, l).run(first, h, steps - 1)
     return found

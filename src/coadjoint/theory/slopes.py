@@ -6,22 +6,34 @@ mistakes.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods import GroupVariational, Variational
-from coadjoint.theory.euler_poincare import Link
+from coadjoint.theory.curves import Curve, Trial, trial
+from coadjoint.theory.euler_poincare import Link, Momenta
+from coadjoint.theory.instant import instants
+
+
+class Impulse(NamedTuple):
+    """(T⁻, φ⁻) at the beginning and (T⁺, φ⁺) at the end of a step: the virtual work of its forces."""
+
+    torque: Array
+    force: Array
+    torque_next: Array
+    force_next: Array
 
 
 class Slopes(NamedTuple):
-    """A step of a trajectory with what the equations take from Λ there."""
+    """A step of a trajectory with what the equations take from Λ and from forces there.
+
+    right = D^R_FΛ, left = D^L_FΛ, then ∂_nΛ, ∂_sΛ, ∂_aΛ. `inner`: what is left of d(ΣΛ) + work along variations of the
+    step with fixed ends: empty for a rule of one velocity, zero on the solutions of Galerkin's curves.
+    """
 
     link: Link
     right: Array
@@ -29,38 +41,111 @@ class Slopes(NamedTuple):
     along_n: Array
     along_s: Array
     along_a: Array
+    impulse: Impulse
+    inner: Array
 
 
-def slopes_of(system: System, step: Any, h: float, record: State) -> Slopes:
-    """The link of the step that starts at a record, D^R_FΛ, D^L_FΛ and the gradients of Λ."""
-    group, Q, _ = system.places
-    F, turn = step.relative(system, record, h), step.turn(system, h, record.xi)
-    start = record.n if turn is None else Q.act(group, group.inverse(turn), record.n)
-    chord = record.nu if turn is None else Q.push(group, turn, start, record.nu)
-    s = record.n + h * chord
-    if isinstance(step, GroupVariational):
+def slopes_of(system: System, step: Any, h: Array, record: State) -> Slopes:
+    """The link of the step that starts at a record, with D^R_FΛ, D^L_FΛ, the gradients of Λ, and the forces' share."""
+    group = system.group
+    here, n, a = trial(system, step, h, record), record.n, record.a
+    curve = here.curve(here.z, n, a)
+    link = Link(curve.F, n, n + curve.d, a, instants(record))
+    ends = _ends(system, here, record, curve)
 
-        def in_group(F, n, s, a):
-            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs, record.internal)
+    along_z, along_n, along_a = jax.grad(lambda *at: here.curve(*at).value, argnums=(0, 1, 2))(here.z, n, a)
+    right, along_s, inner = _through(ends, along_z, group.dim)
+    impulse, more = _impulse(system, here, h, record, link, curve, ends)
+    inner = inner + more if len(more) else inner
+    return Slopes(
+        link, right, group.Ad_dual(curve.F, right), along_n - along_s, along_s, along_a, impulse, inner
+    )  # fmt: skip
 
-        right = right_derivative(group, lambda F: in_group(F, record.n, s, record.a), F)
-        along = jax.grad(in_group, argnums=(1, 2, 3))(F, record.n, s, record.a)
+
+def impulse_of(system: System, step: Any, h: Array, record: State) -> Impulse:
+    """What the forces of a step of a rule of one velocity give at its two ends."""
+    here = trial(system, step, h, record)
+    curve = here.curve(here.z, record.n, record.a)
+    link = Link(curve.F, record.n, record.n + curve.d, record.a)
+    return _impulse(system, here, h, record, link, curve, _ends(system, here, record, curve))[0]
+
+
+def _ends(system: System, here: Trial, record: State, curve: Curve) -> Array:
+    """The matrix of δz ↦ ((δF)F⁻¹, δd)."""
+    group, F = system.group, system.group.matrix(curve.F)
+
+    def end(z: Array) -> tuple[Array, Array]:
+        moved = here.curve(z, record.n, record.a)
+        return group.matrix(moved.F), moved.d
+
+    turning, moving = jax.jacfwd(end)(here.z)
+    return jnp.concatenate([jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(turning), moving])
+
+
+def _right_trivialised(group: Any, F: Array):
+    """δF ↦ (δF)F⁻¹ ∈ 𝔤."""
+    return lambda change: group.vee(jnp.linalg.solve(F.T, change.T).T)
+
+
+def _through(ends: Array, along_z: Array, dim: int) -> tuple[Array, Array, Array]:
+    """(D^R_F, ∂_s) of a function of the ends of a step from its slope along z, and what z changes beyond them."""
+    if ends.shape[0] == ends.shape[1]:
+        found, inner = jnp.linalg.solve(ends.T, along_z), jnp.zeros(0)
     else:
-        value = partial(_value, system, step, record, h)
-        along_xi, *along = jax.grad(value, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
-        right = jnp.linalg.solve(trivialised(system, step, h, record.xi).T, along_xi)
-    return Slopes(Link(F, record.n, s, record.a), right, group.Ad_dual(F, right), *along)
+        found = jnp.linalg.solve(ends @ ends.T, ends @ along_z)
+        inner = along_z - ends.T @ found
+    return found[:dim], found[dim:], inner
 
 
-def _value(system: System, step: Any, record: State, h: float, xi, n, s, a) -> Array:
-    """Λ(ξ, n, s, a; h) of a rule: h Σ w ℓ at its nodes; or the user's own."""
-    if isinstance(step, Variational):
-        return step.discrete_lagrangian(system, record.replace(xi=xi, n=n, nu=(s - n) / h, a=a), h)
+def _impulse(
+    system: System, here: Trial, h: Array, record: State, link: Link, curve: Curve, ends: Array
+) -> tuple[Impulse, Array]:
+    """The virtual work h Σ w (⟨T, g⁻¹δg⟩ + ⟨f, g⁻¹δq⟩) of the nodes as covectors at the ends, and its inner part.
+
+    At a node in the frame X at x, seen from node k: g⁻¹δg = Ad_{X⁻¹}η + X⁻¹δX and g⁻¹δq = X⁻¹(δx + η·x).
+    """
     group, Q, _ = system.places
-    turn = step.turn(system, h, xi)
-    nu = (s - n) / h if turn is None else Q.push(group, group.inverse(turn), n, (s - n) / h)
-    moved = record.replace(xi=xi, n=n, nu=nu, a=a)
-    return h * sum(weight * at.lagrangian for weight, at in step.nodes(system, moved, h))
+    if system.forces is None:
+        nothing = jnp.zeros(group.dim), jnp.zeros_like(record.n)
+        return Impulse(*nothing, *nothing), jnp.zeros(0)
+    held = record.inputs, record.internal
+    forces = [(h * p.weight, *system.body_force(system.motion(*p.point, *held))) for p in curve.places]
+
+    def work(z: Array, n: Array) -> Array:
+        """Its derivative is the virtual work at fixed g_k."""
+        total = jnp.zeros(())
+        for (size, torque, force), was, now in zip(
+            forces, curve.places, here.curve(z, n, record.a).places, strict=True
+        ):
+            back = group.inverse(was.frame)
+            turned = group.vee(group.matrix(group.compose(back, now.frame)))
+            total = total + size * (torque @ turned + force @ Q.push(group, back, was.x, now.x - was.x))
+        return total
+
+    along_z, along_n = jax.grad(work, argnums=(0, 1))(here.z, record.n)
+    right, along_s, inner = _through(ends, along_z, group.dim)
+    along_n = along_n - along_s
+    torque = Q.diamond(group, along_n, link.n) + Q.diamond(group, along_s, link.s) - right
+    for (size, T, f), place in zip(forces, curve.places, strict=True):
+        back = group.inverse(place.frame)
+        torque = torque + size * group.Ad_dual(back, T)
+        torque = torque - size * Q.diamond(group, Q.pull(group, back, place.x, f), place.x)
+    ahead = Q.act(group, group.inverse(link.F), link.s)
+    return Impulse(torque, along_n, group.Ad_dual(link.F, right), Q.pull(group, link.F, ahead, along_s)), inner
+
+
+def legendre_transforms(system: System, at: Slopes) -> tuple[Momenta, Momenta]:
+    """F⁻ = (μ_k, π_k) and F⁺ = (μ_{k+1}, π_{k+1}) of a step:
+
+    μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻; μ_{k+1} = D^L_FΛ + T⁺, π_{k+1} = F*∂_sΛ + φ⁺.
+    """
+    group, Q, V = system.places
+    F, n, s, a, _ = at.link
+    torque = V.diamond(group, at.along_a, a) + Q.diamond(group, at.along_n, n) + Q.diamond(group, at.along_s, s)
+    left = Momenta(at.right - torque - at.impulse.torque, Q.project(group, n, -at.along_n - at.impulse.force))
+    ahead = Q.act(group, group.inverse(F), s)
+    pi = Q.pull(group, F, ahead, at.along_s) + at.impulse.force_next
+    return left, Momenta(at.left + at.impulse.torque_next, Q.project(group, ahead, pi))
 
 
 def trivialised(system: System, step: Any, h: float, xi: Array) -> Array:
@@ -68,4 +153,4 @@ def trivialised(system: System, step: Any, h: float, xi: Array) -> Array:
     group = system.group
     F = group.matrix(step.increment(system, h, xi))
     slope = jax.jacfwd(lambda x: group.matrix(step.increment(system, h, x)))(xi)
-    return jax.vmap(lambda d: group.vee(jnp.linalg.solve(F.T, d.T).T), in_axes=2, out_axes=1)(slope)
+    return jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(slope)

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import LagrangianError
 from coadjoint.groups.derivative import left_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Places
-from coadjoint.mechanics.system import System, require_signature
+from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
 from coadjoint.theory.algorithm import Algorithm
+from coadjoint.theory.euler_poincare import Link, impulse, instant_after
+from coadjoint.theory.instant import ALWAYS, Instant, given
+
+KEYWORDS = ("t", "inputs", "internal")
+"""What Lagrangians may take by keyword."""
 
 
 class Configuration(NamedTuple):
@@ -35,7 +44,9 @@ class UnreducedLagrangian:
     """L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) on (G × Q)² × V* (P36); on S × S with S = G Ⓢ V it is (B7), Q = V.
 
     `function` takes g [, q], g_next [, q_next] [, a0] [, p], h in this order and returns a number: q with
-    `additional`, a0 with `advected`, p with `parameters`. Raises LagrangianError for other arguments.
+    `additional`, a0 with `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`.
+    `forces`, `internal`: as those of co.System, functions of the body's motion. Raises LagrangianError for other
+    arguments.
     """
 
     def __init__(
@@ -46,38 +57,73 @@ class UnreducedLagrangian:
         additional: Space | Mapping[str, Space] | None = None,
         advected: Space | Mapping[str, Space] | None = None,
         parameters: Parameters | Mapping[str, Any] | None = None,
+        forces: Any = None,
+        internal: Callable[..., Any] | None = None,
     ):
         self.function = function
         self.reduced = System(
-            group, group_lagrangian=self._at_identity, additional=additional, advected=advected, parameters=parameters,
+            group,
+            group_lagrangian=with_keywords(self._at_identity, keywords_of(function)),
+            additional=additional,
+            advected=advected,
+            parameters=parameters,
+            forces=forces,
+            internal=internal,
             name=getattr(function, "__name__", "system"),
-        )  # fmt: skip
+        )
         dynamic = has_points(self.places.additional)
         pair = ["g", "q", "g_next", "q_next"] if dynamic else ["g", "g_next"]
         rest = ["a0"] if has_points(self.places.advected) else []
         rest += [] if self.reduced.parameters is None else ["p"]
         require_signature(function, "The unreduced discrete Lagrangian", [*pair, *rest, "h"])
 
+    def driven(self, inputs: Any) -> UnreducedLagrangian:
+        """A copy driven by the `inputs` of a run, as co.simulate takes them."""
+        made = copy(self)
+        made.reduced = self.reduced.driven(inputs)
+        return made
+
     @property
     def places(self) -> Places:
         """G, Q and V*."""
         return self.reduced.places
 
-    def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array) -> Array:
-        """L at two configurations."""
+    def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array, at: Instant = ALWAYS) -> Array:
+        """L at two configurations, of a step that starts at an instant."""
         group, Q, V = self.places
         pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
         rest = [V.view(group, a0)] if has_points(V) else []
         rest += [] if self.reduced.parameters is None else [self.reduced.parameters]
-        return self.function(*pair[0], *pair[1], *rest, h)
+        keywords = self.reduced.keywords(self.function, *given(self.reduced, at))
+        return self.function(*pair[0], *pair[1], *rest, h, **keywords)
 
-    def _at_identity(self, F: Element, *rest: Any) -> Array:
+    def _at_identity(self, F: Element, *rest: Any, **keywords: Any) -> Array:
         """Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37)."""
         e = self.places.group.identity()
         if not has_points(self.places.additional):
-            return self.function(e, F, *rest)
+            return self.function(e, F, *rest, **keywords)
         n, s, *others = rest
-        return self.function(e, n, F, s, *others)
+        return self.function(e, n, F, s, *others, **keywords)
+
+
+def keywords_of(function: Any) -> tuple[str, ...]:
+    """Which of t, inputs and internal a function takes by keyword; raises LagrangianError for what is no function."""
+    if not callable(function):
+        raise LagrangianError(f"The unreduced discrete Lagrangian must be a Python function, but is {function!r}.")
+    known = inspect.signature(function).parameters
+    return tuple(key for key in KEYWORDS if keyword_only(known, key))
+
+
+def with_keywords(function: Callable[..., Any], keywords: tuple[str, ...]) -> Callable[..., Any]:
+    """A function of any positional arguments that takes these keywords, and says so to who asks for its signature."""
+
+    def made(*arguments: Any, **given: Any) -> Any:
+        return function(*arguments, **given)
+
+    rest = inspect.Parameter("rest", inspect.Parameter.VAR_POSITIONAL)
+    named = [inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY) for key in keywords]
+    vars(made)["__signature__"] = inspect.Signature([rest, *named])
+    return made
 
 
 def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configuration:
@@ -90,27 +136,49 @@ def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configur
     return Configuration(g, Q.point(group, q, "q"))
 
 
-def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: float) -> Array:
-    """A = Σ L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) of a sequence (B7); traceable by JAX."""
+def link_of(places: Places, first: Configuration, second: Configuration, a0: Array, at: Instant = ALWAYS) -> Link:
+    """F = g⁻¹g⁺, n = g⁻¹q, s = g⁻¹q⁺, a = g⁻¹a₀ of two configurations (P38), (P39); traceable by JAX."""
+    group, Q, V = places
+    back = group.inverse(first.g)
+    n, s, a = Q.act(group, back, first.q), Q.act(group, back, second.q), V.act(group, back, a0)
+    return Link(group.compose(back, second.g), n, s, a, at)
+
+
+def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: float, at: Instant = ALWAYS) -> Array:
+    """A = Σ L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) of a sequence (B7); traceable by JAX.
+
+    `at`: the instants of the steps, with a leading axis, where L depends on them.
+    """
     first, second = (jax.tree.map(lambda leaf, cut=cut: leaf[cut], path) for cut in (slice(None, -1), slice(1, None)))
-    return jax.numpy.sum(jax.vmap(lambda x, y: L(x, y, a0, h))(first, second))
+    return jnp.sum(jax.vmap(lambda x, y, at: L(x, y, a0, h, at))(first, second, at))
 
 
 def discrete_euler_lagrange(
-    L: UnreducedLagrangian, before: Configuration, here: Configuration, after: Configuration, a0: Array, h: Array
+    L: UnreducedLagrangian,
+    before: Configuration,
+    here: Configuration,
+    after: Configuration,
+    a0: Array,
+    h: Array,
+    at: tuple[Instant, Instant] = (ALWAYS, ALWAYS),
+    work: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """(D₃L_{k−1} + D₁L_k, D₄L_{k−1} + D₂L_k) (B8), zero where the sequence is stationary.
+    """(D₃L_{k−1} + D₁L_k + T⁻_k, D₄L_{k−1} + D₂L_k + g_k·φ⁻_k) (B8), zero where Lagrange–d'Alembert's principle holds.
 
     The first is left-trivialised, ⟨·, η⟩ for δg_k = g_kη, shape (dim,); the second a covector at q_k, projected onto
-    T*Q. Traceable by JAX.
+    T*Q. `at`: the instants of steps k − 1 and k. `work`: (T⁻, φ⁻) of step k, by default (hT, hf) of the forces of L.
+    Traceable by JAX.
     """
     group, Q, _ = L.places
 
     def two(g, q):
-        return L(before, Configuration(g, q), a0, h) + L(Configuration(g, q), after, a0, h)
+        middle = Configuration(g, q)
+        return L(before, middle, a0, h, at[0]) + L(middle, after, a0, h, at[1])
 
-    on_group = left_derivative(group, lambda g: two(g, here.q), here.g)
-    return on_group, Q.project(group, here.q, jax.grad(two, argnums=1)(here.g, here.q))
+    torque, force = work or impulse(L.reduced, link_of(L.places, here, after, a0, at[1]), h)
+    on_group = left_derivative(group, lambda g: two(g, here.q), here.g) + torque
+    on_space = jax.grad(two, argnums=1)(here.g, here.q) + Q.pull(group, group.inverse(here.g), here.q, force)
+    return on_group, Q.project(group, here.q, on_space)
 
 
 @dataclass(frozen=True)
@@ -128,28 +196,37 @@ class DiscreteEulerLagrange(Algorithm):
         return self.L.places.additional
 
     def last(self, pair, h):
-        before, here, _ = pair
+        before, here, *_ = pair
         Q, group = self.space, self.group
         velocity = Q.tangent(group, here.q, Q.coordinates(group, here.q, (here.q - before.q) / h))
         return group.compose(group.inverse(before.g), here.g), here.q, velocity
 
     def conditions(self, pair, h, F, s):
-        before, here, a0 = pair
-        return discrete_euler_lagrange(self.L, before, here, Configuration(self.group.compose(here.g, F), s), a0, h)
+        before, here, a0, at = pair
+        here, after, _, now = self.following(pair, h, F, s)
+        return discrete_euler_lagrange(self.L, before, here, after, a0, h, (at, now))
 
-    def following(self, pair, F, s):
-        _, here, a0 = pair
-        return here, Configuration(self.group.compose(here.g, F), s), a0
+    def following(self, pair, h, F, s):
+        before, here, a0, at = pair
+        now = instant_after(self.L.reduced, link_of(self.L.places, before, here, a0, at), h)
+        return here, Configuration(self.group.compose(here.g, F), s), a0, now
 
 
 def discrete_euler_lagrange_algorithm(
-    L: UnreducedLagrangian, first: Configuration, second: Configuration, a0: Any, h: float, steps: int
+    L: UnreducedLagrangian,
+    first: Configuration,
+    second: Configuration,
+    a0: Any,
+    h: float,
+    steps: int,
+    at: Instant = ALWAYS,
 ) -> Configuration:
     """The sequence of `steps` + 1 configurations that starts with two and solves (B8) at every inner node.
 
-    `a0` (dim V*,) or None without advected parameters. Raises StepError where Newton does not solve a step.
+    `a0` (dim V*,) or None without advected parameters. `at`: the instant of the first step, for an L with time, forces,
+    inputs or an internal state. Raises StepError where Newton does not solve a step, ArgumentError where `at` lacks.
     """
     group, _, V = L.places
     a0 = np.zeros(0) if a0 is None else V.point(group, a0, "a0")
-    before, here, _ = DiscreteEulerLagrange(L).run((first, second, a0), h, steps - 1)
+    before, here, *_ = DiscreteEulerLagrange(L).run((first, second, a0, at), h, steps - 1)
     return jax.tree.map(lambda rows, ends: np.concatenate([rows[:1], ends]), before, here)

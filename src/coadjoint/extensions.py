@@ -1,0 +1,53 @@
+"""What storeys above add to a room: models of the catalogue, figures, formats of files, kinds of run files.
+
+A room declares a `Registry` of one kind. A module named in `coadjoint.EXTENSIONS` adds to it by a table of that kind,
+such as `MODELS = {"remus_100": Entry(…)}`; the room never names who adds to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib import import_module
+from typing import Any, TypeVar
+
+from coadjoint.errors import ArgumentError
+
+T = TypeVar("T")
+
+
+class Registry(Mapping[str, T]):
+    """Entries by name: a room's own, and after them those of extensions, which are loaded when it is first read.
+
+    kind: the name of the tables in extensions. Raises ArgumentError where a name is given twice.
+    """
+
+    def __init__(self, kind: str, own: Mapping[str, T] | None = None):
+        self.kind, self._own = kind, dict(own or {})
+
+    @cached_property
+    def _entries(self) -> dict[str, T]:
+        import coadjoint
+
+        found = dict(self._own)
+        for module in coadjoint.EXTENSIONS:
+            for name, entry in getattr(import_module(module), self.kind, {}).items():
+                if name in found:
+                    raise ArgumentError(f"{module} adds `{name}` to {self.kind}, which is there already.")
+                found[name] = entry
+        return found
+
+    def __getitem__(self, name: str) -> T:
+        return self._entries[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+def located(place: str) -> Any:
+    """What stands at "module:name", imported now."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,30 @@
+"""Complex matrices as real ones of twice the size, A + iB ↦ [[A, −B], [B, A]]: sums, products and inverses stay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.group import Array
+
+
+def real_form(matrix: Any) -> Any:
+    """[[A, −B], [B, A]] of complex matrices A + iB, shape (…, N, N) to (…, 2N, 2N); it acts on (Re z, Im z)."""
+    numbers = jnp if isinstance(matrix, jnp.ndarray) else np
+    A, B = numbers.real(matrix), numbers.imag(matrix)
+    return numbers.concatenate([numbers.concatenate([A, -B], axis=-1), numbers.concatenate([B, A], axis=-1)], axis=-2)
+
+
+def complex_form(matrix: Any) -> Any:
+    """A + iB of [[A, −B], [B, A]], shape (…, 2N, 2N) to (…, N, N)."""
+    size = matrix.shape[-1] // 2
+    return matrix[..., :size, :size] + 1j * matrix[..., size:, :size]
+
+
+def off_real_form(matrix: Array) -> Array:
+    """What is not of the form [[A, −B], [B, A]]: both differences of blocks, (2N²,)."""
+    size = matrix.shape[-1] // 2
+    A, B, C, D = matrix[:size, :size], matrix[size:, :size], matrix[:size, size:], matrix[size:, size:]
+    return jnp.concatenate([jnp.ravel(A - D), jnp.ravel(B + C)])

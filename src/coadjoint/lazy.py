@@ -1,0 +1,49 @@
+"""Packages whose names are loaded when first used: the imports under `if TYPE_CHECKING:` are the list of them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+
+class Lazy(NamedTuple):
+    """What a package takes as its `__getattr__`, `__dir__` and `__all__`."""
+
+    getattr: Callable[[str], Any]
+    dir: Callable[[], list[str]]
+    all: list[str]
+
+
+def lazy(package: str) -> Lazy:
+    """The names that `package` imports under `if TYPE_CHECKING:`, each loaded at its first use.
+
+    Editors and type checkers follow the imports; at run time nothing is loaded before it is used.
+    """
+    homes = _imported(package)
+    names = sorted(homes)
+
+    def load(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"{package} has no `{name}`; it has: {', '.join(names)}.")
+        module, there = homes[name]
+        if module == package:
+            return import_module(f"{package}.{there}")
+        value = getattr(import_module(module), there)
+        setattr(import_module(package), name, value)
+        return value
+
+    return Lazy(load, lambda: names, names)
+
+
+def _imported(package: str) -> dict[str, tuple[str, str]]:
+    """Module and name of every import under `if TYPE_CHECKING:`, by the name that it is given."""
+    spec = find_spec(package)
+    source = spec.loader.get_source(package) if spec is not None and spec.loader is not None else None  # pyright: ignore[reportAttributeAccessIssue]
+    if source is None:
+        raise ImportError(f"The source of {package} is needed, because its names are listed there.")
+    blocks = [node.body for node in ast.parse(source).body if isinstance(node, ast.If)]
+    imports = [line for block in blocks for line in block if isinstance(line, ast.ImportFrom)]
+    return {alias.asname or alias.name: (str(line.module), alias.name) for line in imports for alias in line.names}

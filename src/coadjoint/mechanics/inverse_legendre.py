@@ -1,0 +1,133 @@
+"""The inverse Legendre transform: the velocities at a node of its momenta, and how well they were found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.kernels.jaxprs import depends
+from coadjoint.mechanics.legendre import Place
+from coadjoint.mechanics.legendre import velocities as slopes
+from coadjoint.mechanics.momentum_sizes import Sizes, above, alone, largest, relative
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+TRIPS = 192
+"""Newton's iterations where ℓ is not quadratic in the velocities, divided by the square of their number, 2 to 12:
+native code writes them out. Each is cut down where it does not help."""
+
+FRACTIONS = (1.0, 0.25, 1 / 16, 1 / 64)
+"""The parts of an increment that are tried: Newton's own overshoots by far where the inertia all but vanishes."""
+
+NEAR, PLAIN_TRIPS = 1e-3, 2
+"""Plain iterations from a residual that is near: convergence is quadratic, and what is found has the derivatives of the
+solution."""
+
+SOLVED = 1e-9
+"""Up to which relative residual of ∂ℓ = (μ, π) the velocities count as found."""
+
+
+class Velocities(NamedTuple):
+    """ξ, ν, and the residual of ∂_ξℓ = μ, ∂_νℓ = π; None where it is round-off.
+
+    It is relative to |μ|∞ and |π|∞, or where what ξ and ν give cancels, to what either alone would give.
+    """
+
+    xi: Array
+    nu: Array
+    residual: Array | None
+
+
+def velocities(system: System, state: State) -> Velocities:
+    """(ξ, ν) with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ.
+
+    Of a Hamiltonian they are (∂_μℋ, ∂_πℋ) (P6, P7). Where ℓ is quadratic in the velocities one linear solve gives
+    them. Elsewhere Newton's iteration starts from the state's own (ξ, ν); of each increment that part is taken which
+    leaves the smallest residual. Two plain iterations end it, so that what is found has the derivatives of the
+    solution, too.
+    """
+    group, Q, _ = system.places
+    if system.hamiltonian is not None:
+        return _by_hamiltonian(system, state)
+
+    def unpack(z: Array) -> tuple[Array, Array]:
+        return z[: group.dim], Q.tangent(group, state.n, z[group.dim :])
+
+    def mismatch(z: Array) -> Array:
+        xi, nu = unpack(z)
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        return jnp.concatenate([mu - state.mu, Q.coordinates(group, state.n, pi - state.pi)])
+
+    z = jnp.concatenate([state.xi, Q.coordinates(group, state.n, state.nu)])
+    if _affine(mismatch, z):
+        return Velocities(*unpack(z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))), None)
+
+    def sizes(z: Array) -> Sizes:
+        by_xi, by_nu = alone(system, state, *unpack(z))
+        mu, pi = jnp.maximum(by_xi.mu, by_nu.mu), jnp.maximum(by_xi.pi, by_nu.pi)
+        return Sizes(jnp.maximum(largest(state.mu), mu), jnp.maximum(largest(state.pi), pi))
+
+    first = sizes(z)
+
+    def errors(z: Array) -> Sizes:
+        rows = mismatch(z)
+        return Sizes(largest(rows[: group.dim]), largest(rows[group.dim :]))
+
+    def residual(z: Array) -> Array:
+        """Round-off of what the iteration started from is no more than that, also where it ends at zero."""
+        parts = zip(errors(z), sizes(z), first, strict=True)
+        return jnp.maximum(*(above(error, size, size + begun) for error, size, begun in parts))
+
+    trips = min(max(TRIPS // len(z) ** 2, 2), 12) if TRIPS else 0
+    improve = partial(_improved, mismatch, errors, sizes)
+    z = jax.lax.fori_loop(0, trips, lambda _, z: jax.lax.cond(residual(z) > NEAR, improve, lambda z: z, z), z)
+    left = residual(z)
+    z = jax.lax.fori_loop(0, PLAIN_TRIPS, lambda _, z: jnp.where(left <= NEAR, _newton(mismatch, z), z), z)
+    return Velocities(*unpack(z), residual(z))
+
+
+def _newton(mismatch: Callable[[Array], Array], z: Array) -> Array:
+    return z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
+
+
+def _improved(
+    mismatch: Callable[[Array], Array],
+    errors: Callable[[Array], Sizes],
+    sizes: Callable[[Array], Sizes],
+    z: Array,
+) -> Array:
+    """The best of z − fδ over the fractions f of Newton's increment δ, or z where none is better.
+
+    Errors are relative to the sizes at z: relative to their own, what is far away would look near.
+    """
+    scale = sizes(z)
+
+    def error(z: Array) -> Array:
+        return jnp.maximum(*(relative(part, size) for part, size in zip(errors(z), scale, strict=True)))
+
+    increment = jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
+    best, least = z, error(z)
+    for fraction in FRACTIONS:
+        there = z - fraction * increment
+        now = error(there)
+        best, least = jnp.where(now < least, there, best), jnp.where(now < least, now, least)
+    return best
+
+
+def _affine(function: Callable[[Array], Array], z: Array) -> bool:
+    """Whether the derivative of the function as it is traced does not depend on z."""
+    return not any(depends(jax.jacfwd(function), np.zeros(np.shape(z))))
+
+
+def _by_hamiltonian(system: System, state: State) -> Velocities:
+    z = jnp.concatenate([state.xi, state.nu])
+    place = Place(system, z, state.n, state.a, state.t, state.inputs, state.internal)
+    found = slopes(jnp.concatenate([state.mu, state.pi]), place)
+    return Velocities(found[: system.group.dim], found[system.group.dim :], None)

@@ -1,0 +1,52 @@
+"""How large momenta are before they cancel, and what of a residual is round-off of that size."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+
+class Sizes(NamedTuple):
+    """|∂_ξℓ|∞ and |∂_νℓ|∞."""
+
+    mu: Array
+    pi: Array
+
+
+def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
+    """The sizes of (μ, π) that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at the state's place.
+
+    μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there.
+    """
+    return _momenta(system, state, xi, jnp.zeros_like(nu)), _momenta(system, state, jnp.zeros_like(xi), nu)
+
+
+def _momenta(system: System, state: State, xi: Array, nu: Array) -> Sizes:
+    found = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+    sizes = [largest(part) for part in found]
+    return Sizes(*(jnp.where(jnp.isfinite(size), size, 0.0) for size in sizes))
+
+
+def above(error: Array, size: Array, terms: Array, least: Array | float = 0.0) -> Array:
+    """error/size; of what is round-off of the terms, or of the least momentum, no more than 16 ε."""
+    roundoff = 16 * np.finfo(float).eps
+    beyond = jnp.maximum(error - roundoff * terms - least, 0.0)
+    scale = jnp.where(size > 0, size, terms)
+    return jnp.where(beyond > 0, relative(beyond, scale), jnp.minimum(relative(error, scale), roundoff))
+
+
+def largest(*arrays: Array) -> Array:
+    """The largest entry in size, 0 of nothing."""
+    return jnp.max(jnp.abs(jnp.concatenate([jnp.ravel(array) for array in arrays])), initial=0.0)
+
+
+def relative(error: Array, scale: Array) -> Array:
+    """error/scale, and the error itself at scale 0."""
+    return jnp.where(scale > 0, error / jnp.where(scale > 0, scale, 1.0), error)

@@ -1,0 +1,76 @@
+"""Where a record comes from, and what of it stays when a run goes on from it with other parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.system import System, replace_parameters
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.parameters import Parameters
+
+Keep = Literal["momentum", "velocity"]
+
+
+def continued(system: System, start: State, keep: Keep | None) -> tuple[State, str | None]:
+    """The start of a run of `system`, and in words what of it was kept, None where nothing changed.
+
+    A record of a run with other parameters has other velocities with the same momentum: `keep="momentum"` lets
+    (μ, π) stay, as where nothing acts while the parameters change; `keep="velocity"` lets (ξ, ν) of the node stay, as
+    where what is dropped takes its own momentum along. Raises ArgumentError where neither is said.
+    """
+    if keep is not None and keep not in get_args(Keep):
+        raise ArgumentError(f'Argument `keep` must be "momentum" or "velocity", but is {keep!r}.')
+    before, plain = start.origin.system, start.replace(origin=Origin())
+    if before is None or start.from_velocities:
+        if keep == "velocity" and not start.from_velocities:
+            raise ArgumentError('keep="velocity" needs a record of a run: of this start only the momentum is known.')
+        return plain, None
+    changed = _changed(before.parameters, system.parameters)
+    if not changed:
+        return plain, None
+    if keep is None:
+        raise ArgumentError(
+            f'The start is a record of a run with other parameters, {changed}: say what stays, keep="momentum" for '
+            'μ and π, so that velocities change, or keep="velocity" for ξ and ν.'
+        )
+    told = f"The run goes on with the {keep} of a record; {changed}."
+    if keep == "momentum":
+        return plain, told
+    xi, nu = _velocities(before, plain)
+    return plain.replace(xi=xi, nu=nu, from_velocities=True), told
+
+
+def _velocities(system: System, state: State) -> tuple[Any, Any]:
+    from coadjoint.mechanics.continuous import velocities
+
+    return evaluate(lambda s, p: velocities(replace_parameters(system, p), s), state, system.parameters)
+
+
+def _changed(before: Parameters | None, after: Parameters | None) -> str:
+    """Which parameters differ, in words; nothing where all are the same, or where numbers are not known."""
+    if traced(before, after):
+        return ""
+    old, new = (
+        {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in _leaves(tree)}
+        for tree in (before, after)
+    )
+    names = [name for name in {**old, **new} if not _same(old.get(name), new.get(name))]
+    return f"{', '.join(f'`{name}`' for name in names)} changed" if names else ""
+
+
+def _leaves(tree: Any) -> Any:
+    return jax.tree_util.tree_leaves_with_path(tree)
+
+
+def _same(one: Any, other: Any) -> bool:
+    try:
+        return bool(np.array_equal(one, other))
+    except (TypeError, ValueError):
+        return False

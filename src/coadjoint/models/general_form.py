@@ -1,0 +1,140 @@
+"""An underwater vehicle about any body origin, with a full added mass matrix, on SO(3) × ℝ³ and on SE(3)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.groups import SE3, SO3
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.paper_form import UNITS
+from coadjoint.models.quantities import direction, number, positive, positive_definite, positive_semidefinite, vector
+from coadjoint.spaces import Defining, Dual
+
+SE3_UNITS = {
+    "x": "m",
+    "xi": "rad/s (3), m/s (3)",
+    "xi_spatial": "rad/s (3), m/s (3)",
+    "mu": "kg m²/s (3), kg m/s (3)",
+    "a": "1 (3), m",
+    "energy": "J",
+    "discrete_energy": "J",
+}
+
+
+def kinetic(omega: Array, v: Array, p: Any) -> Array:
+    """½ [v; ω]ᵀ(M_RB + M_A)[v; ω] = ½ m|v + ω×r_g|² + ½ ω·I_cω + ½ [v; ω]ᵀM_A[v; ω]."""
+    center = v + jnp.cross(omega, p.center_of_mass)
+    both = jnp.concatenate([v, omega])
+    return 0.5 * (p.mass * center @ center + omega @ p.inertia @ omega + both @ p.added_mass @ both)
+
+
+def potential(depth: Array, down: Array, p: Any) -> Array:
+    """U = −(mg − B) depth − (mg r_g − B r_b)·down, down in the body frame."""
+    weight = p.mass * p.gravity
+    righting = weight * p.center_of_mass - p.buoyancy * p.center_of_buoyancy
+    return -(weight - p.buoyancy) * depth - righting @ down
+
+
+def lagrangian(xi, n, nu, a, p):
+    """ℓ(ω, n, ν, a) on SO(3) × ℝ³: depth = n·a."""
+    return kinetic(xi, nu, p) - potential(n @ a, a, p)
+
+
+def se3_lagrangian(xi, a, p):
+    """ℓ((ω, v), (a, depth)) on SE(3)."""
+    return kinetic(xi[:3], xi[3:], p) - potential(a[3], a[:3], p)
+
+
+def _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_buoyancy, gravity) -> Parameters:
+    m, g = positive(mass, "mass"), number(gravity, "gravity", at_least=0.0)
+    return Parameters(
+        mass=m,
+        inertia=positive_definite(inertia, "inertia"),
+        added_mass=positive_semidefinite(added_mass, "added_mass", size=6),
+        buoyancy=m * g if buoyancy is None else number(buoyancy, "buoyancy", at_least=0.0),
+        center_of_mass=vector(center_of_mass, "center_of_mass"),
+        center_of_buoyancy=vector(center_of_buoyancy, "center_of_buoyancy"),
+        gravity=g,
+    )
+
+
+def general_vehicle(
+    *,
+    mass: Any,
+    inertia: Any,
+    added_mass: Any,
+    buoyancy: Any = None,
+    center_of_mass: Any = (0.0, 0.0, 0.0),
+    center_of_buoyancy: Any = (0.0, 0.0, 0.0),
+    gravity: Any = 9.81,
+) -> System:
+    """An underwater vehicle on SO(3) × ℝ³ about any origin O fixed in the body, in still water.
+
+    ℓ = ½ [ν; ω]ᵀ(M_RB + M_A)[ν; ω] + (mg − B) n·a + (mg r_g − B r_b)·a, M_RB = [[mI, −m r̂_g], [m r̂_g, I_c − m r̂_g²]];
+    q = R n is the position of O, ν the body velocity of O, a = R⁻¹a₀ points down.
+
+    mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal (3,), kg m².
+    added_mass: M_A about O, (6, 6) or its diagonal (6,), in the order surge, sway, heave, roll, pitch, yaw; kg, kg m,
+    kg m²; symmetric, without negative eigenvalues. buoyancy: B = ρ|V|g, N, by default the weight. center_of_mass,
+    center_of_buoyancy: r_g, r_b from O in the body frame, (3,) m. gravity: g, m/s².
+    Raises ArgumentError for what no vehicle can have. Source: mathematics, section 10; with O the mass centre, (P71).
+    """
+    p = _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_buoyancy, gravity)
+    return System(
+        SO3(),
+        lagrangian,
+        additional=Defining(),
+        advected=Defining(),
+        parameters=p,
+        name="underwater vehicle, general form",
+        units=UNITS,
+    )
+
+
+def se3_vehicle(
+    *,
+    mass: Any,
+    inertia: Any,
+    added_mass: Any,
+    buoyancy: Any = None,
+    center_of_mass: Any = (0.0, 0.0, 0.0),
+    center_of_buoyancy: Any = (0.0, 0.0, 0.0),
+    gravity: Any = 9.81,
+) -> System:
+    """The vehicle of `general_vehicle` on SE(3), where the pose g = (R, q) is one element and no n is needed.
+
+    ℓ(ξ, a) with ξ = (ω, v) and a = g⁻¹a₀ ∈ (ℝ⁴)*, a₀ = (down, 0), so that a = (R⁻¹down, down·q): direction of gravity
+    in the body frame and depth. The isotropy algebra of a₀ has dimension 3: horizontal momentum and the vertical
+    moment are conserved by every method, on the grid too. Arguments and errors as in `general_vehicle`.
+    """
+    p = _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_buoyancy, gravity)
+    return System(
+        SE3(), se3_lagrangian, advected=Dual(), parameters=p, name="underwater vehicle on SE(3)", units=SE3_UNITS
+    )
+
+
+def se3_start(
+    vehicle: System,
+    *,
+    position: Any = (0.0, 0.0, 0.0),
+    velocity: Any = (0.0, 0.0, 0.0),
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    angular_velocity: Any = None,
+    euler_rates: Any = None,
+    down: Any = (0.0, 0.0, 1.0),
+) -> State:
+    """The state of a vehicle on SE(3): arguments as in `start`, with q̇ in the space frame; ξ = (ω, R⁻¹q̇)."""
+    R, omega = orientation(rotation, euler_zxz, euler_zyx, angular_velocity, euler_rates)
+    q, qdot = vector(position, "position"), vector(velocity, "velocity")
+    a0 = evaluate(lambda d: jnp.append(d, 0.0), direction(down, "down"))
+    xi = evaluate(lambda R, omega, v: jnp.concatenate([omega, R.T @ v]), R, omega, qdot)
+    return vehicle.state(g=(R, q), xi=xi, a0=a0)

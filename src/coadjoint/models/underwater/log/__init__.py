@@ -1,1 +1,0 @@
-"""Logs of vehicles: a run in the words of engineers, and tables of it as CSV."""

@@ -1,1 +1,0 @@
-"""The water that a craft moves through: currents and density."""

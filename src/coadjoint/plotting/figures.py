@@ -1,0 +1,25 @@
+"""Figures that packages above add to `run.plot`, each declared by who owns what it draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from coadjoint.extensions import Registry
+
+
+@dataclass(frozen=True)
+class Added:
+    """A figure of `run.plot` by a function of its owner.
+
+    draw: "module:function", (runs, **options) → Figure; of a `film`, (runs, path, **options) → the path written.
+    fits: "module:function", a dataset → whether it has what is drawn. doc: what it shows, for help.
+    """
+
+    draw: str
+    fits: str
+    doc: str
+    film: bool = False
+
+
+ADDED: Registry[Added] = Registry("FIGURES")
+"""By the names that `run.plot` has them under."""

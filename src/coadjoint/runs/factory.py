@@ -1,0 +1,142 @@
+"""Systems written in a Python file beside the run file: `factory = "file.py:function"`."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import traceback
+from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.runs.initial import initial_values
+from coadjoint.runs.units import in_si, unknown
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
+
+STATE = ("g", "q", "xi", "qdot", "a0", "t")
+"""What `System.state` takes, as far as a file can hold it."""
+ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_rates")
+"""Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
+
+
+def require_file(factory: str, beside: Path) -> Path:
+    """The Python file of a factory, relative to the run file; raises FileError if there is none."""
+    source = beside.parent / factory.split(":")[0]
+    if not source.is_file():
+        raise FileError(f"There is no file {source}, which [system] factory = {factory!r} names.")
+    return source
+
+
+def from_factory(
+    factory: str, beside: Path, parameters: dict[str, Any], initial: dict[str, Any]
+) -> tuple[System, State]:
+    """The system and start of function(**parameters): a System, or a pair of it and a State.
+
+    A system alone starts from [initial]: keywords of `System.state`, or an attitude in other words. Raises FileError
+    for a file or function that does not exist, ArgumentError for keys that do not fit and for a factory that raises or
+    returns something else.
+    """
+    source = require_file(factory, beside)
+    function = _function(source, factory.split(":")[1])
+    made = _called(function, source, _keywords(function, parameters))
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
+
+    if isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], System) and isinstance(made[1], State):
+        if initial:
+            raise ArgumentError(f"The factory {factory} returns its own start: leave out section [initial].")
+        return made
+    if not isinstance(made, System):
+        raise ArgumentError(
+            f"The factory {factory} must return a co.System, or a pair of it and a state, but returned "
+            f"{type(made).__name__}."
+        )
+    return made, start(made, initial)
+
+
+def start(system: System, initial: dict[str, Any]) -> State:
+    """The state of a system from a section [initial]; raises ArgumentError."""
+    import jax
+
+    from coadjoint.kernels.evaluate import evaluate
+    from coadjoint.models.orientation import orientation
+
+    identity = evaluate(system.group.identity)
+    turning = ORIENTATION if getattr(identity, "shape", None) == (3, 3) else ()
+    values = initial_values(initial, [*STATE, *turning])
+    ways = {name: values.pop(name) for name in turning if name in values}
+    if ways:
+        try:
+            R, omega = orientation(**ways)
+        except CoadjointError:
+            raise
+        except ValueError as error:
+            raise ArgumentError(f"[initial] {', '.join(ways)}: {error}") from error
+        said = [("g", R, ways.keys() & {"rotation", "euler_zxz", "euler_zyx"})]
+        said.append(("xi", omega, ways.keys() & {"angular_velocity", "euler_rates"}))
+        for name, value, given in said:
+            if given and name in values:
+                raise ArgumentError(f"[initial] gives both `{name}` and `{sorted(given)[0]}`: leave one out.")
+            if given:
+                values[name] = value
+    if isinstance(values.get("g"), list) and len(jax.tree.leaves(identity)) > 1:
+        values["g"] = tuple(values["g"])
+    return system.state(**values)
+
+
+def _function(source: Path, name: str) -> Callable[..., Any]:
+    specification = spec_from_file_location(f"coadjoint_factory_{source.stem}", source)
+    if specification is None or specification.loader is None:
+        raise FileError(f"The file {source} is not a Python file: its name must end in .py.")
+    module = module_from_spec(specification)
+    sys.path.insert(0, str(source.parent.resolve()))
+    try:
+        specification.loader.exec_module(module)
+    except CoadjointError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ArgumentError(f"The file {source} could not be run: {_told(error, source)}") from error
+    finally:
+        sys.path.pop(0)
+    found = getattr(module, name, None)
+    if not callable(found):
+        functions = [key for key, value in vars(module).items() if inspect.isfunction(value)]
+        raise FileError(unknown(f"function `{name}`", f"The file {source}", name, functions))
+    return found
+
+
+def _keywords(function: Callable[..., Any], parameters: dict[str, Any]) -> dict[str, Any]:
+    """[parameters] as keywords of the factory, in SI units as far as its signature tells the names."""
+    taken = inspect.signature(function).parameters.values()
+    if any(p.kind is p.VAR_KEYWORD for p in taken):
+        return parameters
+    found = in_si("parameters", parameters, [p.name for p in taken if p.kind is not p.VAR_POSITIONAL], {})
+    lacking = [p.name for p in taken if p.default is p.empty and p.kind is not p.VAR_POSITIONAL and p.name not in found]
+    if lacking:
+        raise ArgumentError(f"Section [parameters] needs {', '.join(f'`{name}`' for name in lacking)}.")
+    return found
+
+
+def _called(function: Callable[..., Any], source: Path, keywords: dict[str, Any]) -> Any:
+    try:
+        return function(**keywords)
+    except CoadjointError:
+        raise
+    except (Exception, SystemExit) as error:
+        name = getattr(function, "__name__", "factory")
+        raise ArgumentError(f"The factory {source}:{name} raised an error: {_told(error, source)}") from error
+
+
+def _told(error: BaseException, source: Path) -> str:
+    """The error in a line, with the last line of the user's file that it went through."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == source]
+    if isinstance(error, SyntaxError) and error.lineno:
+        lines = [error.lineno]
+    where = f" (line {lines[-1]})" if lines else ""
+    first = (str(error.msg if isinstance(error, SyntaxError) else error).strip().split("\n") or [""])[0]
+    return f"{type(error).__name__}: {first.rstrip('.')}{where}."

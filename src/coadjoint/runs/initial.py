@@ -1,0 +1,42 @@
+"""Initial values in the words of run files: units in key names, and yaw, pitch, roll one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from coadjoint.errors import ArgumentError
+from coadjoint.runs.units import in_si
+
+KINDS = {
+    "t": "time",
+    "position": "length",
+    "velocity": "speed",
+    "speed": "speed",
+    "euler_zxz": "angle",
+    "euler_zyx": "angle",
+    "yaw": "angle",
+    "pitch": "angle",
+    "roll": "angle",
+    "angular_velocity": "angular velocity",
+    "euler_rates": "angular velocity",
+}
+"""What initial values measure."""
+
+_ANGLES = ("yaw", "pitch", "roll")
+
+
+def initial_values(given: Mapping[str, Any], known: Collection[str]) -> dict[str, Any]:
+    """A section [initial] under its known names, in SI units.
+
+    Where `euler_zyx` is known, `yaw`, `pitch` and `roll` are too, 0 unless given. Raises ArgumentError.
+    """
+    if "euler_zyx" not in known:
+        return in_si("initial", given, known, KINDS)
+    found = in_si("initial", given, [*known, *_ANGLES], KINDS)
+    angles = {name: found.pop(name) for name in _ANGLES if name in found}
+    if angles:
+        if "euler_zyx" in found:
+            raise ArgumentError(f"[initial] gives both `euler_zyx` and `{next(iter(angles))}`: leave one out.")
+        found["euler_zyx"] = [angles.get(name, 0.0) for name in _ANGLES]
+    return found

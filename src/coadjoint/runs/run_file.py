@@ -1,0 +1,236 @@
+"""Run files: a run as TOML, checked before anything heavy is loaded."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.extensions import Registry, located
+from coadjoint.runs.initial import initial_values
+from coadjoint.runs.runnable import Runnable
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection, section
+from coadjoint.runs.toml_text import to_toml
+from coadjoint.runs.units import NO_UNIT, in_si, unknown, without_unit
+
+if TYPE_CHECKING:
+    from coadjoint.runs.setup import Setup
+    from coadjoint.simulation.run import Run
+
+KINDS: Registry[str] = Registry("RUN_FILES")
+"""Other kinds of run files, by a section of theirs: "module:function", (table, path, text) → the file."""
+
+_SECTIONS = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
+_FREE = ("parameters", "initial")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFile(Runnable):
+    """A run: its system with parameters and initial values, its method, its grid, its output.
+
+    `parameters` and `initial` are keywords of the system's maker and of its start, in SI units.
+    """
+
+    system: SystemSection
+    parameters: dict[str, Any] = field(default_factory=dict)
+    initial: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def companions(self) -> list[Path]:
+        from coadjoint.runs.factory import require_file
+
+        return [require_file(self.system.factory, self.path)] if self.system.factory else []
+
+    def beside_results(self) -> RunFile:
+        if not self.system.factory:
+            return self
+        source, function = self.system.factory.rsplit(":", 1)
+        return replace(self, system=replace(self.system, factory=f"{Path(source).name}:{function}"))
+
+    def set_up(self) -> Setup:
+        from coadjoint.models import catalogue
+        from coadjoint.runs.factory import from_factory
+        from coadjoint.runs.setup import Setup
+
+        if self.system.factory:
+            return Setup(*from_factory(self.system.factory, self.path, self.parameters, self.initial))
+        entry = catalogue[self.system.model]
+        try:
+            system = entry.make(**self.parameters)
+            return Setup(system, entry.start(system, **self.initial))
+        except CoadjointError:
+            raise
+        except (TypeError, ValueError) as error:
+            first = str(error).split("\n")[0]
+            raise ArgumentError(
+                f"Model `{self.system.model}` cannot be made from [parameters] and [initial]: {first}"
+            ) from error
+
+    def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
+        from coadjoint.plotting.plots import save_figures
+
+        if self.output.figures is False:
+            return {}, []
+        names = None if self.output.figures is True else self.output.figures
+        return {}, save_figures([run.dataset], folder, names, self.output.format)
+
+
+def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
+    """The run in a TOML file, of a system or of another kind, with `changes` such as "run.dt=0.02".
+
+    Raises FileError for a file that cannot be read or is no TOML, ArgumentError for what does not belong there.
+    """
+    source = Path(path)
+    text = _text(source)
+    try:
+        table = tomllib.loads(text)
+        _require_short(table)
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"The file {source} is not valid TOML: {_lower(str(error))}.") from error
+    except (ValueError, OverflowError) as error:  # of whole numbers of thousands, or hundreds, of digits
+        raise FileError(f"The file {source} holds a number that is too long to be read.") from error
+    _require_run(table, source)
+    for change in changes:
+        _apply(table, change)
+    if changes:
+        text = f"# {source.name} with {', '.join(changes)}\n\n{to_toml(table)}"
+    readers = [reader for section, reader in KINDS.items() if section in table]
+    return located(readers[0])(table, source, text) if readers else from_table(table, source, text)
+
+
+def _require_run(table: dict[str, Any], source: Path) -> None:
+    """Raise ArgumentError for a file that is empty, or of a vehicle, and say which command takes it."""
+    if not table:
+        raise ArgumentError(
+            f"The file {source} is empty: `coadjoint models NAME` prints a run file to start from, and `coadjoint "
+            "vehicles mission NAME` a mission file."
+        )
+    if "body" in table:
+        raise ArgumentError(
+            f"{source} is a vehicle file, not a run: `coadjoint vehicles show {source}` shows it, and `coadjoint "
+            f"vehicles mission {source}` prints a mission of it, which `coadjoint run` takes."
+        )
+
+
+def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
+    """The run in a table of sections; raises ArgumentError."""
+    known = [*_SECTIONS, *_FREE]
+    if "mission" in table:
+        raise ArgumentError(f"The mission file {path} needs a section [vehicle].")
+    for name in table:
+        if name not in known:
+            raise ArgumentError(unknown(f"section [{name}]", "A run file", name, known))
+    for name in ("system", "run"):
+        if name not in table:
+            raise ArgumentError(f"The run file {path} needs a section [{name}].")
+    made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in _SECTIONS.items()}
+    free: dict[str, Any] = {name: _free(name, table.get(name, {})) for name in _FREE}
+    if made["system"].model:
+        free = _of_model(made["system"].model, free)
+    _require_method(made["method"])
+    return RunFile(path=path, text=text, **made, **free)
+
+
+def _require_short(value: Any) -> None:
+    """Raise OverflowError for a whole number that is no float."""
+    if isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _require_short(inner)
+    elif isinstance(value, int):
+        float(value)
+
+
+def _text(source: Path) -> str:
+    try:
+        return source.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise FileError(f"There is no run file {source}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"The file {source} is not a text in UTF-8.") from error
+    except OSError as error:
+        raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
+
+
+def _free(name: str, given: Any) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise ArgumentError(f"[{name}] must be a section of a run file, but is {given!r}.")
+    for key, value in given.items():
+        # An element g of a product is a list of arrays of several shapes.
+        if key != "g" and isinstance(value, list) and not _rectangular(value):
+            raise ArgumentError(f"[{name}] {key} must hold numbers in rows of one length, but is {value!r}.")
+    return given
+
+
+def _rectangular(value: list[Any]) -> bool:
+    if all(isinstance(inner, list) for inner in value):
+        return len({len(inner) for inner in value}) <= 1 and all(map(_rectangular, value))
+    return not any(isinstance(inner, list) for inner in value)
+
+
+def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Parameters and initial values under the names of a model of the catalogue, in SI units."""
+    from coadjoint.models import catalogue
+
+    if model not in catalogue:
+        raise ArgumentError(unknown(f"model `{model}`", "The catalogue", model, list(catalogue)))
+    entry = catalogue[model]
+    return {
+        "parameters": in_si("parameters", free["parameters"], entry.parameters, MEASURES),
+        "initial": initial_values(free["initial"], entry.initial),
+    }
+
+
+MEASURES = {
+    "mass": "mass",
+    "buoyancy": "force",
+    "center_of_mass": "length",
+    "center_of_buoyancy": "length",
+    "semi_axes": "length",
+    **dict.fromkeys(("inertia", "added_mass", "gravity", "fluid_density", "volume"), NO_UNIT),
+    "inertia_about": "nothing",
+}
+"""What the parameters of the catalogue's models measure."""
+
+
+def _require_method(chosen: MethodSection) -> None:
+    """Raise ArgumentError unless names of rules and maps are known; they are without importing them."""
+    from coadjoint.runs.methods import map_name, method_name
+
+    method_name(chosen.name)
+    map_name(chosen.map)
+    if chosen.base:
+        method_name(chosen.base)
+
+
+def _apply(table: dict[str, Any], change: str) -> None:
+    """Make a change "section.key=value" to a table; the value is TOML, and a text where it is none.
+
+    It replaces the same key in another unit too; with nothing behind the = the key, or section, is left out.
+    """
+    name, equals, value = change.partition("=")
+    keys = name.strip().split(".")
+    if equals and len(keys) == 1 and not value.strip():
+        table.pop(keys[0], None)
+        return
+    if not equals or (len(keys) < 2 and keys != ["axes"]) or not all(keys):
+        raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value
+    inner = table
+    for key in keys[:-1]:
+        inner = inner.setdefault(key, {})
+        if not isinstance(inner, dict):
+            raise ArgumentError(f"A change with --set must name a key of a section, but `{key}` of {change!r} is none.")
+    for key in [key for key in inner if without_unit(key) == without_unit(keys[-1])]:
+        del inner[key]
+    if value.strip():
+        inner[keys[-1]] = parsed
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]

@@ -1,0 +1,157 @@
+"""From a run file to a folder of results."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import FileError, StepError
+from coadjoint.plotting.whole_file import write_text
+from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free
+from coadjoint.report.summary import run_summary, to_json, versions
+from coadjoint.runs.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
+from coadjoint.runs.runnable import Runnable
+from coadjoint.runs.setup import Setup
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.run import Run
+
+TRAJECTORY = "trajectory.nc"
+
+
+@dataclass(frozen=True)
+class Written:
+    """A run, the folder that holds it, and its summary; `failure` tells why it stopped early."""
+
+    run: Run
+    folder: Path
+    summary: dict[str, Any]
+    failure: str | None = None
+
+
+def check(file: Runnable, folder: Path, overwrite: bool) -> None:
+    """What can be said before anything heavy is loaded; raises FileError."""
+    require_none_unfinished(folder, overwrite)
+    require_free(folder, file.text, overwrite)
+    _ = file.companions
+
+
+def require_fit(file: Runnable, made: Setup) -> None:
+    """Raise ArgumentError where the method does not fit the system and its start; nothing is compiled."""
+    from coadjoint.runs.methods import method
+    from coadjoint.simulation import simulate as simulation
+
+    simulation.require_fit(made.system, made.start, method(file.method), file.run.dt, made.inputs, made.until)
+
+
+def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:
+    """Run a run file and write run.toml, trajectory.nc, figures and summary.json to `folder`.
+
+    A step that fails ends the run; what was computed is written nevertheless, and the result tells. Until the results
+    are written the records are in `unfinished`, from which `resume` goes on. Raises FileError where the folder holds
+    another run or cannot be written, ArgumentError and LagrangianError before the run.
+    """
+    check(file, folder, overwrite)
+    made = file.set_up()
+    with claimed(folder, file.text, overwrite):
+        discard(folder)
+        with _companions_kept(file.companions, folder):
+            return write(
+                file, folder, made, *_ended(lambda: simulate(file, made, progress, folder / UNFINISHED), folder)
+            )
+
+
+def resume(folder: Path, progress: bool | None = None) -> Written:
+    """Go on with the run of a run file that was interrupted, and write what `execute` would have written.
+
+    Raises FileError where the folder holds no such run, or a damaged one; ArgumentError where the system has changed.
+    """
+    from coadjoint.simulation.resume import resume as go_on
+
+    file = unfinished(folder)
+    made = file.set_up()
+
+    def run() -> Run:
+        return go_on(folder / UNFINISHED, made.system, inputs=made.inputs, until=made.until, progress=progress)
+
+    return write(file, folder, made, *_ended(run, folder))
+
+
+def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
+    """A run that has ended, and why it did so early; one that is interrupted tells its folder."""
+    try:
+        return run(), None
+    except StepError as error:
+        if error.run is None:
+            raise
+        return error.run, error.sentence
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(*[folder] * (folder / UNFINISHED).exists()) from None
+
+
+@contextmanager
+def _companions_kept(sources: list[Path], folder: Path) -> Iterator[None]:
+    """Files that the run file names are copied beside the run, so that it can go on from the folder alone."""
+    copies = [folder / source.name for source in sources]
+    new = [copy for copy in copies if not copy.exists()]
+    for source in sources:
+        _copy(source, folder)
+    try:
+        yield
+    except BaseException:
+        if not (folder / UNFINISHED).exists():
+            for copy in new:
+                copy.unlink(missing_ok=True)
+        raise
+
+
+def simulate(file: Runnable, made: Setup, progress: bool | None = None, store: Path | None = None) -> Run:
+    """The run of a run file, streamed to `store`."""
+    from coadjoint.runs.methods import method
+    from coadjoint.simulation.simulate import simulate as run
+
+    grid = file.run
+    return run(
+        made.system,
+        made.start,
+        dt=grid.dt,
+        duration=grid.duration,
+        steps=grid.steps,
+        save_every=grid.save_every,
+        method=method(file.method),
+        inputs=made.inputs,
+        until=made.until,
+        progress=progress,
+        store=store,
+    )
+
+
+def write(file: Runnable, folder: Path, made: Setup, run: Run, failure: str | None) -> Written:
+    """The results, the summary last: with it the folder is complete."""
+    begin_results(folder)
+    figures: list[str] = []
+    summary: dict[str, Any] = {}
+    if run.count:
+        run.dataset.attrs.update(made.told)
+        run.warnings += file.warnings(run)
+        run.save(folder / TRAJECTORY, overwrite=True)
+        summary, figures = file.results(folder, run)
+    certificate = {} if "members" in summary else run_summary(run)
+    summary = {**certificate, **summary, "failure": failure, "figures": figures, "versions": versions()}
+    write_text(folder / SUMMARY, to_json(summary))
+    discard(folder)
+    return Written(run, folder, summary, failure)
+
+
+def _copy(source: Path, folder: Path) -> None:
+    """Keep a file beside the results that were made of it."""
+    try:
+        shutil.copyfile(source, folder / source.name)
+    except shutil.SameFileError:
+        return
+    except OSError as error:
+        raise FileError(f"{source} could not be copied to {folder}: {error.strerror or error}.") from error

@@ -1,0 +1,76 @@
+"""The memory of a stepper, allocated once: parameters, states, commands, observations, and how each lane stands."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+CONVERGED, ABSENT = 0, -1
+"""Codes in `status`: of a lane that goes on, and of one without a member."""
+
+
+class Buffers(NamedTuple):
+    """Arrays that machine code reads and writes; lanes beyond the last member repeat it and wait.
+
+    parameters (groups or 1, size, lanes), h (lanes,), state (groups, size, lanes), status (groups, 4, lanes): steps
+    done since the last reset, code, Newton's iterations and the most of one step; commands and observations
+    (groups · lanes, size).
+    """
+
+    parameters: np.ndarray
+    h: np.ndarray
+    state: np.ndarray
+    status: np.ndarray
+    commands: np.ndarray
+    observations: np.ndarray
+
+    @classmethod
+    def filled(cls, parameters: np.ndarray, h: float, state: np.ndarray, sizes: tuple[int, int], lanes: int) -> Buffers:
+        """From parameters (members or 1, size) and states (members, size); sizes of commands and observations."""
+        members = len(state)
+        groups = -(-members // lanes)
+        status, idle = np.zeros((groups, 4, lanes), np.int64), np.arange(members, groups * lanes)
+        status[idle // lanes, 1, idle % lanes] = ABSENT
+        return cls(
+            parameters=_grouped(parameters, 1 if len(parameters) == 1 else groups, lanes),
+            h=np.full(lanes, float(h)),
+            state=_grouped(state, groups, lanes),
+            status=status,
+            commands=np.zeros((groups * lanes, sizes[0])),
+            observations=np.zeros((groups * lanes, sizes[1])),
+        )
+
+    def with_parameters(self, rows: np.ndarray) -> Buffers:
+        """The same memory with parameters (members, size); shared where all are the same."""
+        groups, _, lanes = self.state.shape
+        shared = bool(np.all(rows == rows[0]))
+        return self._replace(parameters=_grouped(rows[:1] if shared else rows, 1 if shared else groups, lanes))
+
+    def copy(self) -> Buffers:
+        """The same numbers in memory of their own."""
+        return Buffers(*(array.copy() for array in self))
+
+    def context(self) -> np.ndarray:
+        """What machine code is given: `kernels.online.CONTEXT`."""
+        p = self.parameters
+        stride = 0 if len(p) == 1 else p.shape[1] * p.shape[2]
+        arrays = (self.h, self.state, self.status, self.commands, self.observations)
+        return np.array([p.ctypes.data, stride, *(array.ctypes.data for array in arrays)], np.int64)
+
+
+def by_member(grouped: np.ndarray) -> np.ndarray:
+    """A copy (groups · lanes, size) of an array (groups, size, lanes)."""
+    groups, size, lanes = grouped.shape
+    return grouped.swapaxes(1, 2).reshape(groups * lanes, size).copy()
+
+
+def put(grouped: np.ndarray, members: np.ndarray, rows: np.ndarray) -> None:
+    """Write rows (k, size) of these members (k,) into an array (groups, size, lanes)."""
+    lanes = grouped.shape[2]
+    grouped[members // lanes, :, members % lanes] = rows
+
+
+def _grouped(rows: np.ndarray, groups: int, lanes: int) -> np.ndarray:
+    index = np.minimum(np.arange(groups * lanes), len(rows) - 1).reshape(groups, lanes)
+    return np.ascontiguousarray(rows[index].swapaxes(1, 2))

@@ -1,0 +1,147 @@
+"""Saved steppers: LLVM assembly, machine code, names, layouts and numbers in one file that needs no JAX.
+
+A ZIP archive without compression of the code: `stepper.json` (format, version, names and shapes, the processor that
+`code` is for), `step.ll` (LLVM assembly), `step.o` (machine code), and an array in NumPy's format for each part of the
+memory. Where LLVM or the processor is another one, `step.ll` is compiled by llvmlite alone. Nothing in it is pickled,
+but it holds machine code that is run: trust such a file like a program.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import secrets
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.kernels.machine import processor
+from coadjoint.simulation.steppers.buffers import Buffers
+from coadjoint.simulation.steppers.face import Face
+from coadjoint.simulation.steppers.fields import Fields
+from coadjoint.simulation.steppers.native import NativeEngine
+from coadjoint.simulation.steppers.stepping import Stepping
+
+FORMAT, VERSION = "coadjoint stepper", 1
+_FIELDS = ("parameters", "state", "commands", "observations")
+
+
+def load_stepper(path: str | os.PathLike[str]) -> Stepping:
+    """The stepper that `stepper.save(path)` wrote: it stands where that one stood. JAX is not imported.
+
+        stepper = co.load_stepper("remus.step")
+
+    It steps to the bit like the one that was saved, on the same processor; `state`, `reset` and `restore` speak of
+    numbers by their names, `change` keeps momenta, and an event stops it at the node before.
+    The file holds machine code that is run: load only what you would run as a program.
+    Raises FileError for what is no such file, and for one of a newer version.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
+    try:
+        return from_bytes(content)
+    except FileError as error:
+        raise FileError(f"The file {path} {error}") from None
+
+
+def save(stepper: Any, path: str | os.PathLike[str], overwrite: bool) -> Path:
+    """Write a stepper, whole or not at all; raises FileError rather than replace a file."""
+    target = Path(path)
+    if target.exists() and not overwrite:
+        raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
+    if not target.parent.is_dir():
+        raise FileError(f"The folder {target.parent} does not exist: make it first.")
+    content = to_bytes(stepper)
+    temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}"
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise FileError(f"The stepper could not be written to {target}: {error.strerror or error}.") from error
+    return target
+
+
+def to_bytes(stepper: Any) -> bytes:
+    """A stepper as the content of a file."""
+    engine = stepper._engine
+    if not isinstance(engine, NativeEngine):
+        raise ArgumentError("A stepper that runs by XLA cannot be saved: only native code can leave the process.")
+    face = {**asdict(stepper.face), **{name: getattr(stepper.face, name).shapes for name in _FIELDS}}
+    header = {"format": FORMAT, "version": VERSION, "lanes": engine.lanes, "threads": stepper.threads,
+              "event": stepper.event, "processor": processor(), "face": face}  # fmt: skip
+    kept = io.BytesIO()
+    with zipfile.ZipFile(kept, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr("stepper.json", json.dumps(header, indent=1))
+        archive.writestr("step.ll", engine.assembly, zipfile.ZIP_DEFLATED)
+        archive.writestr("step.o", engine.code)
+        for name, array in {**stepper._buffers._asdict(), "origin": stepper._origin}.items():
+            with archive.open(f"{name}.npy", "w") as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
+    return kept.getvalue()
+
+
+def from_bytes(content: bytes) -> Stepping:
+    """The stepper of a file's content; raises FileError with what follows the file's name in a sentence."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            header = json.loads(archive.read("stepper.json"))
+            if header["format"] != FORMAT:
+                raise FileError("holds no stepper: give one that stepper.save(path) wrote.")
+            if header["version"] > VERSION:
+                raise FileError(f"is of version {header['version']}, but this library reads {VERSION}: update it.")
+            return _opened(archive, header)
+    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError) as error:
+        raise FileError("holds no stepper, or is damaged: give one that stepper.save(path) wrote.") from error
+
+
+def _opened(archive: zipfile.ZipFile, header: dict[str, Any]) -> Stepping:
+    face = dict(header["face"])
+    for name in _FIELDS:
+        face[name] = Fields.of({key: tuple(shape) for key, shape in face[name]})
+    for name in ("commanded", "remedies"):
+        face[name] = tuple(face[name])
+    face["compiled_in"] = tuple((place, value) for place, value in face["compiled_in"])
+    arrays = {}
+    for name in (*Buffers._fields, "origin"):
+        with archive.open(f"{name}.npy") as file:
+            arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
+    _require_shapes(Face(**face), header["lanes"], arrays)
+    code = archive.read("step.o") if tuple(header["processor"]) == processor() else None
+    try:
+        engine = NativeEngine(archive.read("step.ll").decode(), header["lanes"], code)
+    except RuntimeError as error:
+        raise FileError(f"cannot be compiled here by LLVM ({str(error).splitlines()[0]}).") from None
+    made = object.__new__(Stepping)
+    origin = arrays.pop("origin")
+    made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"])
+    made.event = header["event"]
+    return made
+
+
+def _require_shapes(face: Face, lanes: int, arrays: dict[str, np.ndarray]) -> None:
+    """Raise ValueError unless the arrays are those that the machine code reads and writes."""
+    groups = -(-face.count // lanes)
+    one = len(arrays["parameters"]) == 1
+    expected = {
+        "parameters": (1 if one else groups, face.parameters.size, lanes),
+        "h": (lanes,),
+        "state": (groups, face.state.size, lanes),
+        "origin": (groups, face.state.size, lanes),
+        "status": (groups, 4, lanes),
+        "commands": (groups * lanes, face.commands.size),
+        "observations": (groups * lanes, face.observations.size),
+    }
+    for name, shape in expected.items():
+        array, kind = arrays[name], np.int64 if name == "status" else np.float64
+        if array.shape != shape or array.dtype != kind or not array.flags.c_contiguous:
+            raise ValueError(name)

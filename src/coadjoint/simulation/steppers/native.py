@@ -1,0 +1,49 @@
+"""The engine of a stepper in machine code."""
+
+from __future__ import annotations
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from typing import Any
+
+from coadjoint.kernels.machine import Machine, compiled
+from coadjoint.simulation.steppers.buffers import Buffers
+
+ENTRY = "online"
+
+
+class NativeEngine:
+    """Machine code of `kernels.online`, from its LLVM assembly or, where that was compiled here before, from `code`."""
+
+    def __init__(self, assembly: str, lanes: int, code: bytes | None = None):
+        self.assembly, self.lanes = assembly, lanes
+        self.code = compiled(assembly) if code is None else code
+        self._machine = Machine(self.code)
+        whole = ctypes.c_int64
+        self._function = self._machine.function(ENTRY, ctypes.c_void_p, whole, whole, whole, result=whole)
+
+    @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor()
+
+    def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
+        """All groups by one call of the machine, which lets other threads run; or a share of them on each thread."""
+        if threads == 1 or groups == 1:
+            return self._function(context, 0, groups, steps)
+        return self._shared(context, groups, steps, min(threads, groups))
+
+    def _shared(self, context: int, groups: int, steps: int, threads: int) -> int:
+        borders = [groups * part // threads for part in range(threads + 1)]
+
+        def run(part: int) -> int:
+            return self._function(context, borders[part], borders[part + 1], steps)
+
+        waiting = [self._pool.submit(run, part) for part in range(1, threads)]
+        told = run(0)
+        for future in waiting:
+            told |= future.result()
+        return told
+
+    def __reduce__(self) -> Any:
+        raise TypeError("An engine is saved by its stepper.")

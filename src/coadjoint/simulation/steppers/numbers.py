@@ -1,0 +1,46 @@
+"""Numbers that a caller gives to a stepper, checked with NumPy alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+
+
+def whole(n: Any) -> int:
+    if isinstance(n, (bool, np.bool_)) or not isinstance(n, (int, np.integer)) or n < 1:
+        raise ArgumentError(f"Argument `n` must be a whole number of at least 1, but is {n!r}.")
+    return int(n)
+
+
+def real(value: Any, what: str) -> np.ndarray:
+    """Real numbers as a float64 array."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        array = np.asarray(None)
+    if array.dtype.kind not in "fiu":
+        raise ArgumentError(f"{what} must be a number or an array of numbers, but is {value!r}.")
+    return array.astype(np.float64, copy=False)
+
+
+def write(place: np.ndarray, value: Any, what: str, members: int | None) -> None:
+    """Write numbers into an array, of many members also the same ones into each member's."""
+    array = value if value.__class__ is float else real(value, what)
+    shape = np.shape(array)
+    if shape != place.shape and (members is None or shape != place.shape[1:]):
+        expected = "one number" if place.shape == () else f"shape {place.shape}"
+        raise ArgumentError(f"{what} must have {expected}, but has shape {shape}.")
+    place[...] = array
+
+
+def seeds(given: Any, members: int | None, which: np.ndarray) -> np.ndarray:
+    """Seeds of the members that are meant, whole numbers from 0 on."""
+    array = np.asarray(given)
+    expected = [()] if members is None else [(members,), (len(which),)]
+    if array.dtype.kind not in "iu" or array.shape not in expected or np.any(array < 0):
+        wanted = "a whole number from 0 on" if members is None else f"whole numbers, one for each of {members} members"
+        raise ArgumentError(f"Argument `seed` must be {wanted}, but is {given!r}.")
+    return array[which] if array.shape == (members,) else array.reshape(-1)

@@ -1,0 +1,23 @@
+"""What a stepper says of a step that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+NOT_CONVERGED, BEYOND_CHART = 1, 3
+"""Codes of `kernels.program.Code`."""
+
+
+def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], commands: Mapping[str, np.ndarray]) -> str:
+    """What happened in a step that ended with this code, and the remedy."""
+    unsolved, beyond = remedies
+    if bad := [name for name, value in commands.items() if not np.all(np.isfinite(value))]:
+        return f"{where} could not be taken: the command `{bad[0]}` is not finite."
+    again = "then reset or restore the stepper"
+    if code == NOT_CONVERGED:
+        return f"{where} did not converge with dt = {dt:g}; {unsolved}, {again}."
+    if code == BEYOND_CHART:
+        return f"{where} left the chart of the difference map: {beyond}, {again}."
+    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."

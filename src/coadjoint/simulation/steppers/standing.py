@@ -1,0 +1,251 @@
+"""Where a stepper stands: its memory, its states and commands, and how to go elsewhere."""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Self
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
+from coadjoint.simulation.steppers.face import NOT_FINITE, STOPPED, Engine, Face
+from coadjoint.simulation.steppers.numbers import real, seeds
+from coadjoint.simulation.steppers.sentences import failed_step
+
+BUSY = "Another thread is stepping this stepper: give each thread a clone() of its own."
+
+
+class Standing:
+    """The memory of a stepper and all that can be done without a step. Knows NumPy and an engine only.
+
+    `command` and `observation` are dictionaries of views into memory that stays: writing into
+    `stepper.command["thrust"][...]` before `step()` is the fastest way in, and what `observation` shows changes with
+    the next step. Of many members every array has a first axis of members.
+    """
+
+    def __init__(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int):
+        self._stand(face, engine, buffers, origin, threads)
+        self.reset()
+
+    def _stand(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int) -> None:
+        self.face, self._engine, self.threads = face, engine, threads
+        self._free, self._origin = threading.Lock(), origin
+        """The state that `reset` goes back to, (groups, size, lanes)."""
+        self._take_memory(buffers)
+
+    event: float | None = None
+    """When `until` ended a single one, s; of a saved stepper, the last node before."""
+
+    def _take_memory(self, buffers: Buffers) -> None:
+        face, self._buffers, self._context = self.face, buffers, buffers.context()
+        self._address, self._groups = self._context.ctypes.data, len(buffers.state)
+        rows = slice(0, face.count) if face.members is not None else 0
+        self._commands, shown = buffers.commands[rows], buffers.observations[rows]
+        self.command = face.commands.views(self._commands)
+        shown = shown.view()
+        shown.flags.writeable = False
+        self.observed = shown
+        """All observations side by side, ([members,] size), in the order of their names."""
+        self.observation = face.observations.views(shown)
+        scalars = face.members is None and face.commands.scalar
+        self._pack = struct.Struct(f"{face.commands.size}d").pack_into if scalars else None
+        places = face.commands.places() if scalars else ()
+        self._slots = {name: place.start for name, _, place in places}
+        self._fast: Any = memoryview(self._commands) if scalars else None  # pyright: ignore[reportArgumentType]
+
+    # Where it stands.
+
+    @property
+    def t(self) -> Any:
+        """The time, s: a number, or one for each member."""
+        return self._of_members(by_member(self._buffers.state[:, [self.face.time]])[:, 0])
+
+    @property
+    def steps(self) -> Any:
+        """How many good steps were done since the last reset or restore."""
+        return self._of_members(by_member(self._buffers.status[:, [0]])[:, 0])
+
+    @property
+    def status(self) -> Any:
+        """How the last step ended: 0 if well, otherwise a `kernels.program.Code`."""
+        return self._of_members(by_member(self._buffers.status[:, [1]])[:, 0])
+
+    @property
+    def failed(self) -> Any:
+        """Whether a step failed."""
+        code = self.status
+        return (code != 0) & (code != STOPPED)
+
+    @property
+    def ended(self) -> Any:
+        """Whether the event `until` has stopped it."""
+        return self.status == STOPPED
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """What happened to the members that failed, by their index."""
+        return {int(i): self._sentence(int(i)) for i in np.flatnonzero(np.atleast_1d(self.failed))}
+
+    @property
+    def failure(self) -> str | None:
+        """What happened to a single one that failed."""
+        return self.failures.get(0) if self.face.members is None else None
+
+    # Going elsewhere.
+
+    def reset(self, state: Any = None, *, seed: Any = None, mask: Any = None) -> dict[str, np.ndarray]:
+        """Go back to the start, or to another one, and return what is observed there; commands are those of the start.
+
+        state: None for that of the beginning; what `state` showed; or name → values, for those numbers that differ
+        from the start. seed: a whole number, of many members one for each, from which the random numbers of the
+        system's rule begin; what they were at the start by default. mask: (members,) truth values, which members; all
+        by default.
+        """
+        which = self._which(mask)
+        rows = by_member(self._origin)[which]
+        rows = rows if state is None else self._rows(rows, state, which)
+        return self._go(which, rows if seed is None else self._seeded(rows, seeds(seed, self.face.members, which)))
+
+    def _seeded(self, rows: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+        """States (k, size) with random numbers of these seeds (k,)."""
+        raise ArgumentError("A saved stepper begins with the random numbers of its start: leave out `seed`.")
+
+    def restore(self, state: Any, *, mask: Any = None) -> dict[str, np.ndarray]:
+        """Go on from what `state` showed before, or from where a clone stands, with its commands, to the bit."""
+        which = self._which(mask)
+        if isinstance(state, Standing):
+            if state.face.state != self.face.state or state.face.count != self.face.count:
+                raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
+            rows = by_member(state._buffers.state)[which]
+            found = self._go(which, rows)
+            put(self._buffers.status, which, by_member(state._buffers.status)[which])
+            return found
+        return self._go(which, self._rows(by_member(self._buffers.state)[which], state, which))
+
+    def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
+        """States (k, size) of these members from a state that was given, with `rows` for what it does not name."""
+        if not isinstance(state, Mapping):
+            raise ArgumentError(f"Argument `state` must be what `stepper.state` showed, but is {type(state).__name__}.")
+        self._fill(rows, state, which, "state")
+        return rows
+
+    def _fill(self, rows: np.ndarray, given: Mapping[str, Any], which: np.ndarray, what: str) -> None:
+        """Write named values, of all members or of those that are meant, into rows (k, size)."""
+        fields = getattr(self.face, "parameters" if what == "parameter" else "state")
+        views = fields.views(rows)
+        for name, value in given.items():
+            if name not in views:
+                raise ArgumentError(fields.unknown(name, what))
+            value = real(value, f"The {what} `{name}`")
+            single = views[name].shape[1:]
+            if self.face.members is not None and value.shape == (self.face.count, *single):
+                value = value[which]
+            elif value.shape not in (single, views[name].shape):
+                expected = "a number" if single == () else f"shape {single}"
+                many = "" if self.face.members is None else f", or one for each of {self.face.count} members"
+                raise ArgumentError(f"The {what} `{name}` must have {expected}{many}, but has shape {value.shape}.")
+            if not np.all(np.isfinite(value)):
+                raise ArgumentError(f"The {what} `{name}` must be finite, but is not.")
+            lead = 1 if value.shape == single else len(value)
+            rows[:, fields.place(name)] = value.reshape(lead, math.prod(single))
+
+    def _go(self, which: np.ndarray, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Stand at these states, with no step done."""
+        buffers, count = self._buffers, self.face.count
+        with self._alone():
+            self.event = None
+            put(buffers.state, which, rows)
+            put(buffers.status, which, np.zeros((len(which), 4), np.int64))
+            buffers.commands[which] = rows[:, list(self.face.commanded)]
+            if len(which) and which[-1] == count - 1 and len(buffers.commands) > count:
+                idle = np.arange(count, len(buffers.commands))
+                put(buffers.state, idle, np.broadcast_to(rows[-1], (len(idle), rows.shape[1])))
+            told = self._engine.advance(buffers, self._address, self._groups, 0, 1)
+        if told & NOT_FINITE:
+            self._judge(NOT_FINITE)
+        return self.observation
+
+    @property
+    def state(self) -> Any:
+        """All numbers of where it stands, copied, by their names: what `restore` takes."""
+        return self.face.state.views(self._of_members(by_member(self._buffers.state)))
+
+    def clone(self) -> Self:
+        """Another stepper that stands where this one does; both go their own ways from there."""
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__)
+        made._free = threading.Lock()
+        made._take_memory(self._buffers.copy())
+        return made
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Raise StepError where another thread is stepping."""
+        if not self._free.acquire(False):
+            raise StepError(BUSY)
+        try:
+            yield
+        finally:
+            self._free.release()
+
+    # What goes wrong.
+
+    def _judge(self, told: int) -> None:
+        """Raise where an observation is not finite, and where a single one has failed or has ended."""
+        if told & NOT_FINITE:
+            bad = [name for name, view in self.observation.items() if not np.all(np.isfinite(view))]
+            if bad:
+                raise StepError(f"Observation `{bad[0]}` is not finite{self._when(0)}: look for a division by zero.")
+        if self.face.members is not None or self.status == 0:
+            return
+        if self.status != STOPPED:
+            raise StepError(self._sentence(0))
+        if self.event is not None:
+            raise StepError(f"The event `until` came at t = {self.event:.6g} s: reset or restore the stepper.")
+        self.event = self._end()
+
+    def _end(self) -> float:
+        """Go to the event that stopped a single one, as far as one can, and return the time."""
+        return float(self.t)
+
+    def _when(self, member: int) -> str:
+        return f" at t = {float(np.atleast_1d(self.t)[member]):.6g} s"
+
+    def _sentence(self, member: int) -> str:
+        """What happened to a member, where, and the remedy."""
+        code, done = (int(np.atleast_1d(x)[member]) for x in (self.status, self.steps))
+        whose = "" if self.face.members is None else f" of member {member}"
+        where = f"Step {done}{whose} (t = {float(np.atleast_1d(self.t)[member]):.6g} s)"
+        commands = self.face.commands.views(self._buffers.commands[member])
+        return failed_step(where, code, self.face.dt, self.face.remedies, commands)
+
+    # Members.
+
+    def _of_members(self, rows: np.ndarray) -> Any:
+        """Rows of the members alone; the row of a single one."""
+        return rows[: self.face.count] if self.face.members is not None else rows[0]
+
+    def _which(self, mask: Any) -> np.ndarray:
+        """The members that a mask means."""
+        if mask is None:
+            return np.arange(self.face.count)
+        if self.face.members is None:
+            raise ArgumentError("Argument `mask` is for many members, but this stepper has a single one: leave it out.")
+        mask = np.asarray(mask)
+        if mask.dtype != bool or mask.shape != (self.face.count,):
+            raise ArgumentError(
+                f"Argument `mask` must be truth values of shape ({self.face.count},), one for each member, but has "
+                f"type {mask.dtype} and shape {mask.shape}."
+            )
+        return np.flatnonzero(mask)
+
+    def __repr__(self) -> str:
+        many = "" if self.face.members is None else f"{self.face.members:,} × "
+        commands, observations = (", ".join(f.names) or "none" for f in (self.face.commands, self.face.observations))
+        takes, shows = f"commands: {commands}", f"observations: {observations}"
+        return f"<Stepper of {many}{self.face.title}, dt = {self.face.dt:g} s; {takes}; {shows}>"

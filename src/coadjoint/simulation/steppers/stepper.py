@@ -1,0 +1,277 @@
+"""The stepper of a system: compiled once, then one control period at a time, as `co.simulate` would compute it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels import online
+from coadjoint.kernels.backend import Backend, fall_back, require_backend
+from coadjoint.kernels.ensemble import lanes
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.packing import layout
+from coadjoint.kernels.plan import plan, specialised
+from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.mechanics.each import Each, stacked
+from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.version import version
+from coadjoint.methods.method import Method
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.arguments import positive, require_kinds, whole
+from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.ensemble import count_of, first_member
+from coadjoint.simulation.events import crossing, part_of_step, require_until, without_event
+from coadjoint.simulation.inputs import inputs_held, with_inputs
+from coadjoint.simulation.simulate import require_chart
+from coadjoint.simulation.steppers.beginning import Beginning
+from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
+from coadjoint.simulation.steppers.by_xla import XlaEngine
+from coadjoint.simulation.steppers.changes import carried
+from coadjoint.simulation.steppers.commands import commands_from, places_of
+from coadjoint.simulation.steppers.face import Engine, Face
+from coadjoint.simulation.steppers.fields import Fields
+from coadjoint.simulation.steppers.native import NativeEngine
+from coadjoint.simulation.steppers.observing import Observe, watch
+from coadjoint.simulation.steppers.stepping import Stepping
+from coadjoint.simulation.steppers.trees import rows_of, rows_where, shapes_of, spread
+from coadjoint.simulation.steppers.twin import commanded
+from coadjoint.simulation.trajectory import Trajectory, computed
+
+
+class Stepper(Stepping):
+    """A system stepped from outside: set a command, take n steps, read the observations.
+
+        stepper = co.Stepper(vehicle, start, dt=0.05, inputs=("thrust",), observe={"depth": lambda s: s.q[2]})
+        seen = stepper.step({"thrust": 3.0}, n=2)
+        float(seen["depth"])
+
+    What it computes is to the bit what `co.simulate` computes without monitors when the same commands come as a
+    `co.Held` table and the method's nodes lie inside the step; many members agree with that to round-off.
+
+    Arguments:
+        system, start, method, until: those of `co.simulate`; a method of variable steps is refused.
+        dt: h, the length of a step, s; positive.
+        inputs: the names of commands that are numbers and start at 0, by default none; or name → where the command
+            starts, a number or an array. A signal, or a function of the motion, in the place of a start is no command,
+            but what it is for `co.simulate`. A command is held over its steps.
+        observe: name → function of the state, or of the state and the parameters, to a number or an array; by default
+            none.
+        changing: names of parameters that `change` may set to any value without compiling: those that are 0 or 1 are
+            otherwise compiled in. By default none.
+        members: how many are stepped at once; by default as many as `co.each` gives to parameters or start, otherwise
+            a single one.
+        threads: how many threads share the members, by default 1.
+        backend: as for `co.simulate`, by default "auto".
+
+    Raises ArgumentError and LagrangianError for what cannot be stepped; `step` raises StepError.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        start: State,
+        *,
+        dt: float,
+        inputs: Any = (),
+        observe: Observe | None = None,
+        method: Method | None = None,
+        until: Callable[[State], Any] | None = None,
+        changing: Sequence[str] = (),
+        members: int | None = None,
+        threads: int = 1,
+        backend: Backend = "auto",
+    ):
+        method = Midpoint() if method is None else method
+        require_kinds(system, start, method)
+        require_backend(backend)
+        if method.variable:
+            raise ArgumentError(f"A stepper takes steps of dt, but {method.title} chooses its own: take another.")
+        h, threads, count = positive(dt, "dt"), whole(threads, "threads"), _members(system, start, members)
+        commands = commands_from(inputs)
+        if commands.start is not None:
+            start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
+        # The momenta of the start are those under its first commands, as under the first values of a table.
+        kept = commands.start is not None or method.start == "velocity"
+        system, start = with_inputs(system, start, commands.inputs, kept)
+        one, first = first_member(system, start)
+        doubts = (
+            require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
+        )
+        for sentence in doubts:
+            warnings.warn(sentence, stacklevel=2)
+        begun, constants = method.begin(one, first, h), Constants(one.parameters, None)
+        require_chart(one, method, begun, h)
+        require_until(until, begun)
+        watched, seen = watch(one, observe, begun)
+        functions = [*([partial(inputs_held, one)] if one.inputs is not None else []), *([until] if until else [])]
+        skeleton = replace_parameters(system, None)
+        self._program = StepProgram(skeleton, method, version=version(one, first, *functions), until=until)
+        self._beginning = Beginning(skeleton, method, h, count, begun, constants)
+        values, axes = stacked(system.parameters)
+        parameters = rows_where(values, axes)
+        starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
+        names = shapes_of(begun)
+        fixed = Fields.of({name.removeprefix("system."): shape for name, shape in shapes_of(constants).items()})
+        face = Face(
+            title=f"{system.name}, {method.title}",
+            dt=h,
+            members=count,
+            parameters=fixed,
+            state=Fields.of(names),
+            commands=commands.fields,
+            observations=Fields.of(seen),
+            commanded=places_of(list(names.items()), commands),
+            time=Fields.of(names).place("t").start,
+            remedies=method.remedies,
+            compiled_in=_compiled_in(parameters, fixed, changing),
+        )
+        self._watch = watched
+        engine = self._engine_of(face, constants, begun, backend)
+        face = replace(face, compiled_in=()) if isinstance(engine, XlaEngine) else face
+        states = self._beginning.begun(starts, parameters)
+        sizes = (face.commands.size, face.observations.size)
+        buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
+        super().__init__(face, engine, buffers, buffers.state.copy(), threads)
+
+    def _engine_of(self, face: Face, constants: Constants, begun: State, backend: Backend) -> Engine:
+        """Machine code, or XLA for what machine code cannot take."""
+        if backend != "xla":
+            try:
+                return self._native(face, constants, begun)
+            except Untraceable as reason:
+                fall_back(reason, backend)
+        layouts = (self._beginning.constants, self._beginning.state)
+        return XlaEngine(self._program, self._watch, layouts, face.commanded)
+
+    def _native(self, face: Face, constants: Constants, begun: State) -> NativeEngine:
+        width = 1 if face.members is None else lanes()
+        values = np.full(face.parameters.size, np.nan)
+        for place, number in face.compiled_in:
+            values[place] = number
+        planned = plan(self._program, constants, begun, specialised(values), False)
+        seen = online.observed(self._watch, constants, begun)
+        return NativeEngine(online.assemble(planned, seen, face.commanded, width), width)
+
+    # The same as pure functions.
+
+    def trajectory(
+        self, state: State, command: Any = None, n: int = 1, *, parameters: Any = None, backend: Backend = "auto"
+    ) -> Trajectory:
+        """n steps from a state under commands as a pure function, for jax.grad, jit, vmap and scan: `.final`, `.code`.
+
+            after = stepper.trajectory(state, {"thrust": gain * error}, n=2).final
+
+        state: one that `stepper.state` showed, or that this led to; of a stepper of many members, of a single one.
+        command: name → value; those that are not named stay as `state.inputs` has them. parameters: those of the
+        system, by default as they are now. Derivatives, failures and backend are those of `co.trajectory`; what it
+        computes agrees with `step` to round-off, without an event.
+        """
+        n, program = whole(n, "n"), replace(self._program, until=None)
+        moved = commanded(program.skeleton.inputs, self._single(state), command)
+        return computed(program, self._constants(parameters), moved, np.float64(self.face.dt), (1, n), backend)
+
+    def observe(self, state: State, parameters: Any = None) -> dict[str, Any]:
+        """What is observed of a state, name → array, as a pure function."""
+        found = evaluate(self._watch, self._constants(parameters), self._single(state))
+        return dict(zip(self.face.observations.names, found, strict=True))
+
+    def _single(self, state: State) -> State:
+        if not isinstance(state, State) or state.from_velocities or layout(state) != self._beginning.state:
+            raise ArgumentError("Argument `state` must be that of a single member, as `stepper.state` shows it.")
+        if any(np.dtype(getattr(leaf, "dtype", float)) != np.float64 for leaf in jax.tree.leaves(state)):
+            raise ArgumentError("Argument `state` must be float64: wrap your own jit, grad or vmap in `co.float64()`.")
+        return state
+
+    def _constants(self, parameters: Any) -> Constants:
+        rows = self._parameter_rows()
+        if parameters is None and len(rows) > 1:
+            raise ArgumentError("The members have parameters of their own: give those meant as `parameters`.")
+        return self._beginning.constants.unpack(rows[0]) if parameters is None else Constants(parameters, None)
+
+    def _end(self) -> float:
+        """Take the part of a step that leads to the event, as `co.simulate` takes it."""
+        backend: Backend = "native" if isinstance(self._engine, NativeEngine) else "xla"
+        constants = self._beginning.constants.unpack(self._parameter_rows()[0])
+        run = Plan(backend, self._program, constants, self.face.dt, 1, 1, False)
+        state = self.state
+        chunk = part_of_step(without_event(run), state, crossing(run, state))
+        put(self._buffers.state, np.zeros(1, int), rows_of(spread(chunk.final, (1,)), 1))
+        self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
+        return float(self.t)
+
+    @property
+    def state(self) -> State:
+        """Where it stands, copied: what `restore` takes, and what `co.simulate` and `co.trajectory` start from."""
+        return self._beginning.state.unpack(self._of_members(by_member(self._buffers.state)))
+
+    def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
+        if not isinstance(state, State):
+            return super()._rows(rows, state, which)
+        return self._beginning.rows(state, self._parameter_rows())[which]
+
+    def _seeded(self, rows: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+        """By the rule's own seeded(internal, seeds): internal states (k, …) with random numbers of seeds (k,)."""
+        seeded = getattr(self._program.skeleton.internal, "seeded", None)
+        if seeded is None:
+            raise ArgumentError(
+                "Nothing in this system is random: leave out `seed`, or give its rule a method seeded(internal, seeds)."
+            )
+        states = self._beginning.state.unpack(rows)
+        return rows_of(states.replace(internal=seeded(states.internal, seeds)), len(rows))
+
+    @property
+    def parameters(self) -> Any:
+        """The parameters of the system, as they are now; where members have their own, with a first axis of members."""
+        rows = self._parameter_rows()
+        return self._beginning.constants.unpack(rows[0] if len(rows) == 1 else rows).system
+
+    def _fill(self, rows: np.ndarray, given: Mapping[str, Any], which: np.ndarray, what: str) -> None:
+        plain = {name: value.values if isinstance(value, Each) else value for name, value in given.items()}
+        super()._fill(rows, plain, which, what)
+
+    def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        return carried(self._beginning, states, before, after)
+
+    def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
+        warnings.warn(
+            f"Parameter {self._called(columns)} was compiled in as 0 or 1, and the step is compiled anew: name it in "
+            "`changing` of co.Stepper, and it changes at once.",
+            stacklevel=4,
+        )
+        kept = tuple(pair for pair in self.face.compiled_in if pair[0] not in columns)
+        self.face = replace(self.face, compiled_in=kept)
+        constants = self._beginning.constants.unpack(parameters[0])
+        begun = self._beginning.state.unpack(by_member(self._origin)[0])
+        self._engine = self._native(self.face, constants, begun)
+
+
+def _members(system: System, start: State, members: int | None) -> int | None:
+    count = count_of(system, start)
+    if members is None:
+        return count
+    if count is not None and count != whole(members, "members"):
+        raise ArgumentError(f"Argument `members` is {members}, but co.each gives {count} of them.")
+    return whole(members, "members")
+
+
+def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]) -> tuple[tuple[int, float], ...]:
+    """Places and values of the parameters that are 0 or 1 for all members and are not named in `changing`."""
+    free: set[int] = set()
+    for name in (changing,) if isinstance(changing, str) else changing:
+        if name not in fields.names:
+            raise ArgumentError(fields.unknown(name, "parameter"))
+        free |= set(range(fields.place(name).start, fields.place(name).stop))
+    shared = np.where(np.all(parameters == parameters[:1], axis=0), parameters[0], np.nan)
+    kinds = enumerate(specialised(shared))
+    return tuple((place, float(kind)) for place, kind in kinds if kind < 2 and place not in free)

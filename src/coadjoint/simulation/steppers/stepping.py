@@ -1,0 +1,157 @@
+"""Stepping one control period at a time: commands in, steps, observations out, in memory that is allocated once.
+
+Knows NumPy and an engine only, so that a saved stepper runs without JAX; `steppers.stepper` builds one of a system.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError
+from coadjoint.simulation.steppers.buffers import by_member, put
+from coadjoint.simulation.steppers.numbers import whole, write
+from coadjoint.simulation.steppers.standing import BUSY, Standing
+
+
+class Stepping(Standing):
+    """A system that is stepped from outside. One thread at a time steps it: give each thread a `clone()`."""
+
+    def step(self, command: Any = None, n: int = 1, *, copy: bool = False) -> dict[str, np.ndarray]:
+        """Set the commands, take n steps, and return what is observed then.
+
+        command: name → value, all numbers in the order of the names, or None: as they are. They stay until they are
+        set again. n: steps of dt. copy: arrays of their own, which the next step leaves alone.
+        Raises StepError where the step of a single one fails, and again at every step until `reset` or `restore`; of
+        many, those that fail stay where they are, and `failures` says why. ArgumentError for other names and shapes.
+        """
+        if not self._free.acquire(False):
+            raise StepError(BUSY)
+        try:
+            if command is not None:
+                self._take(command)
+            if n.__class__ is not int or n < 1:
+                n = whole(n)
+            told = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
+        finally:
+            self._free.release()
+        if told:
+            self._judge(told)
+        return self._copied() if copy else self.observation
+
+    def _take(self, command: Any) -> None:
+        """Put commands into their memory."""
+        if self._pack is not None and command.__class__ in (tuple, list):
+            try:
+                self._pack(self._fast, 0, *command)
+                return
+            except struct.error:
+                pass  # the sentence follows
+        if command.__class__ is dict or isinstance(command, Mapping):
+            for name, value in command.items():
+                if value.__class__ is float and name in self._slots:
+                    self._fast[self._slots[name]] = value
+                    continue
+                if name not in self.command:
+                    raise ArgumentError(self.face.commands.unknown(name, "command"))
+                write(self.command[name], value, f"Command `{name}`", self.face.members)
+        else:
+            alone = self.face.commands.size == 1 and np.ndim(command) < self._commands.ndim
+            place = self._commands[..., 0] if alone else self._commands
+            write(place, command, "The command", self.face.members)
+
+    def _copied(self) -> dict[str, np.ndarray]:
+        return self.face.observations.views(self.observed.copy())
+
+    # Leaving the process.
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write it to a file, such as `remus.step`, from which `co.load_stepper` goes on without JAX.
+
+        Raises FileError rather than replace a file, ArgumentError for one that runs by XLA.
+        """
+        from coadjoint.simulation.steppers.file import save
+
+        return save(self, path, overwrite)
+
+    def __reduce__(self) -> Any:
+        from coadjoint.simulation.steppers.file import from_bytes, to_bytes
+
+        return from_bytes, (to_bytes(self),)
+
+    # Parameters.
+
+    @property
+    def parameters(self) -> Any:
+        """The parameters by their names, copied; where members have their own, with a first axis of members."""
+        rows = self._parameter_rows()
+        return self.face.parameters.views((rows[0] if len(rows) == 1 else rows).copy())
+
+    def change(
+        self, values: Mapping[str, Any] | None = None, *, mask: Any = None, keep: str = "velocity", **named: Any
+    ):
+        """Change parameters between two steps, by names, or by a dictionary where names have points in them.
+
+            stepper.change(rudder_lift_slope=0.0)             # a lost fin
+            fleet.change(mass=30.0, mask=released)            # a dropped mass, of some members
+
+        mask: (members,) truth values, whose; a value may also be one for each member. keep: "velocity", so that the
+        velocities of the node are continuous and the momenta jump to what belongs to them, or "momentum"; what `reset`
+        goes back to changes alike.
+        Raises ArgumentError for what is no parameter, and for a saved stepper that would have to be compiled anew or to
+        keep velocities.
+        """
+        if keep not in ("velocity", "momentum"):
+            raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {keep!r}.')
+        given = {**(values or {}), **named}
+        if not given:
+            raise ArgumentError("Give at least one parameter to change, as in change(mass=30.0).")
+        which, size = self._which(mask), self.face.parameters.size
+        before = np.broadcast_to(self._parameter_rows(), (self.face.count, size))
+        rows = before[which]
+        self._fill(rows, given, which, "parameter")
+        after = before.copy()
+        after[which] = rows
+        columns = [place for place, value in self.face.compiled_in if np.any(after[:, place] != value)]
+        here, origin = by_member(self._buffers.state)[which], by_member(self._origin)[which]
+        if keep == "velocity":
+            twice = [np.concatenate([part, part]) for part in (before[which], rows)]
+            here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
+        if columns:
+            self._recompile(columns, after)
+        with self._alone():
+            self._origin = self._origin.copy()
+            put(self._origin, which, origin)
+            put(self._buffers.state, which, here)
+            self._take_memory(self._buffers.with_parameters(after))
+
+    def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The states (k, size) whose velocities stay when the parameters change."""
+        raise ArgumentError('A saved stepper does not know how momenta belong to velocities: pass keep="momentum".')
+
+    def _recompile(self, columns: list[int], parameters: np.ndarray) -> None:
+        """Compile anew, with these places of the parameters free."""
+        raise ArgumentError(
+            f"Parameter {self._called(columns)} is compiled into this stepper: name it in `changing` of co.Stepper "
+            "before saving."
+        )
+
+    def _called(self, columns: list[int]) -> str:
+        """The names of the parameters at these places."""
+        found = [name for name, _, place in self.face.parameters.places() if set(columns) & set(_numbers(place))]
+        return ", ".join(f"`{name}`" for name in found)
+
+    def _parameter_rows(self) -> np.ndarray:
+        """Parameters (members or 1, size)."""
+        rows = by_member(self._buffers.parameters)
+        own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
+        return rows[: self.face.count] if own else rows[:1]
+
+
+def _numbers(place: slice) -> range:
+    return range(place.start, place.stop)

@@ -1,0 +1,174 @@
+"""Continuous reduction (P1), (P10), (P15)–(P17): between L(g, ġ, q, q̇, a₀) and ℓ(ξ, n, ν, a)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import LagrangianError
+from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.signatures import require_signature
+from coadjoint.mechanics.state import Places
+from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.spaces import Space
+from coadjoint.theory.instant import ALWAYS, Instant, given
+from coadjoint.theory.reduction import defect_of, flat, point_of, require_invariant
+from coadjoint.theory.unreduced import KEYWORDS, Configuration, has_points, keywords_of, with_keywords
+
+
+def body_velocity(group: LieGroup, g: Element, g_dot: Element) -> Array:
+    """ξ = (g⁻¹ġ)ᵛ (P1), (P17), of a tangent ġ in the arrays that hold g; traceable by JAX."""
+    matrix, moved = jax.jvp(group.matrix, (g,), (g_dot,))
+    return group.vee(jnp.linalg.solve(matrix, moved))
+
+
+def space_velocity(group: LieGroup, g: Element, xi: Array) -> Element:
+    """ġ = gξ̂, in the arrays that hold g; traceable by JAX."""
+    return jax.jvp(lambda e: group.compose(g, e), (group.identity(),), (group.tangent(xi),))[1]
+
+
+class ContinuousLagrangian:
+    """L(g, ġ, q, q̇, a₀) on TG × TQ × V*, in the space frame (P15).
+
+    `function` takes g, g_dot [, q, q_dot] [, a0] [, p] in this order and returns a number: q, q_dot with `additional`,
+    a0 with `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`. ġ has the arrays of
+    g: a matrix for a matrix, a pair (Ṙ, ẋ) for a pair (R, x). `forces`, `internal`: as those of co.System.
+    Raises LagrangianError for other arguments.
+    """
+
+    def __init__(
+        self,
+        group: LieGroup,
+        function: Callable[..., Any],
+        *,
+        additional: Space | Mapping[str, Space] | None = None,
+        advected: Space | Mapping[str, Space] | None = None,
+        parameters: Parameters | Mapping[str, Any] | None = None,
+        forces: Any = None,
+        internal: Callable[..., Any] | None = None,
+    ):
+        self.function = function
+
+        def lagrangian(xi, *rest, **keywords):
+            """ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) (P17)."""
+            return function(group.identity(), group.tangent(xi), *rest, **keywords)
+
+        self.reduced = System(
+            group,
+            with_keywords(lagrangian, keywords_of(function)),
+            additional=additional,
+            advected=advected,
+            parameters=parameters,
+            forces=forces,
+            internal=internal,
+            name=getattr(function, "__name__", "system"),
+        )
+        rest = ["q", "q_dot"] if has_points(self.places.additional) else []
+        rest += ["a0"] if has_points(self.places.advected) else []
+        rest += [] if self.reduced.parameters is None else ["p"]
+        require_signature(function, "The unreduced Lagrangian", ["g", "g_dot", *rest])
+
+    def driven(self, inputs: Any) -> ContinuousLagrangian:
+        """A copy driven by the `inputs` of a run, as co.simulate takes them."""
+        made = copy(self)
+        made.reduced = self.reduced.driven(inputs)
+        return made
+
+    @property
+    def places(self) -> Places:
+        """G, Q and V*."""
+        return self.reduced.places
+
+    def __call__(self, place: Configuration, velocity: Configuration, a0: Array, at: Instant = ALWAYS) -> Array:
+        """L at (g, q) with velocities (ġ, q̇); `at`: t, inputs and internal state where L takes them."""
+        group, Q, V = self.places
+        pair = [Q.view(group, x) for x in (place.q, velocity.q)] if has_points(Q) else []
+        rest = [V.view(group, a0)] if has_points(V) else []
+        rest += [] if self.reduced.parameters is None else [self.reduced.parameters]
+        keywords = self.reduced.keywords(self.function, *given(self.reduced, at))
+        return self.function(place.g, velocity.g, *pair, *rest, **keywords)
+
+
+def continuous_invariance_defect(
+    L: ContinuousLagrangian, q: Any = None, samples: int = 5, at: Instant = ALWAYS
+) -> float:
+    """The largest |L(g̃g, g̃ġ, g̃q, g̃q̇, g̃a₀) − L(g, ġ, q, q̇, a₀)| over random elements, relative to |L| (P15).
+
+    `q`: a point of a curved Q, where random points are made from it by the group; not needed on a linear Q. `at`: the
+    instant, for an L with inputs or an internal state.
+    """
+    group, Q, V = L.places
+    random, base = np.random.default_rng(15), point_of(L.places, q)
+    at = replace(at, t=0.36) if at.t is None else at
+    given(L.reduced, at)
+
+    def compare(etas, xi, x, v, a0):
+        g, moving = group.exp(etas[0]), group.exp(etas[1])
+        if base is not None:
+            x, v = Q.act(group, g, x), Q.push(group, g, x, Q.tangent(group, x, Q.coordinates(group, x, v)))
+        turned = group.compose(moving, g)
+        plain = Configuration(g, x), Configuration(space_velocity(group, g, xi), v), a0
+        return defect_of(
+            lambda place, velocity, a0: L(place, velocity, a0, at),
+            plain,
+            (
+                Configuration(turned, Q.act(group, moving, x)),
+                Configuration(space_velocity(group, turned, xi), Q.push(group, moving, x, v)),
+                V.act(group, moving, a0),
+            ),
+        )
+
+    found = []
+    for _ in range(samples):
+        etas, xi = random.normal(scale=0.6, size=(2, group.dim)), random.normal(size=group.dim)
+        x, v = random.normal(size=(2, Q.ambient(group)))
+        found.append(evaluate(compare, etas, xi, x if base is None else base, v, random.normal(size=V.ambient(group))))
+    return float(np.max(found))
+
+
+def reduce_continuous(L: ContinuousLagrangian, q: Any = None, at: Instant = ALWAYS) -> System:
+    """The reduced system: ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) with ξ = g⁻¹ġ, n = g⁻¹q, ν = g⁻¹q̇, a = g⁻¹a₀ (P16), (P17).
+
+    Without Q it is (P10), without parameters (P1), (P2). `q`, `at`: where invariance is tested, see
+    `continuous_invariance_defect`. Raises LagrangianError where L is not left-invariant to 1e-12 of its size.
+    """
+    require_invariant(continuous_invariance_defect(L, q, at=at), "Lagrangian", "L(g̃g, g̃ġ, g̃q, g̃q̇, g̃a₀)")
+    return L.reduced
+
+
+def unreduce_continuous(system: System) -> ContinuousLagrangian:
+    """L(g, ġ, q, q̇, a₀) = ℓ(g⁻¹ġ, g⁻¹q, g⁻¹q̇, g⁻¹a₀), the left-invariant Lagrangian of a reduced one.
+
+    Time, forces, inputs and the internal state of the system are those of L. Raises LagrangianError for a system that
+    is given by a discrete Lagrangian alone.
+    """
+    if not system.continuous:
+        raise LagrangianError(
+            "This system has a discrete Lagrangian only: theory.unreduce gives its unreduced form; pass `lagrangian` "
+            "to co.System for a continuous one."
+        )
+    group, Q, V = system.places
+    dynamic, ruled = has_points(Q), has_points(V)
+    # What L takes by keyword has been read from the signals already.
+    plain = system.driven(None)
+
+    def unreduced(g, g_dot, *rest, t=0.0, inputs=None, internal=None):
+        q, q_dot = map(flat, rest[:2]) if dynamic else (np.zeros(0),) * 2
+        a0 = flat(rest[2 if dynamic else 0]) if ruled else np.zeros(0)
+        back = group.inverse(g)
+        n, nu, a = Q.act(group, back, q), Q.push(group, back, q, q_dot), V.act(group, back, a0)
+        here = plain if plain.parameters is None else replace_parameters(plain, rest[-1])
+        return here.reduced_lagrangian(body_velocity(group, g, g_dot), n, nu, a, t, inputs, internal)
+
+    function = with_keywords(unreduced, tuple(filter(system.takes, KEYWORDS)))
+    spaces: dict[str, Any] = {"additional": Q if dynamic else None, "advected": V if ruled else None}
+    driven = {"parameters": system.parameters, "forces": system.forces, "internal": system.internal}
+    return ContinuousLagrangian(group, function, **spaces, **driven).driven(system.inputs)

@@ -1,0 +1,91 @@
+"""When a step of the discrete theory starts, and what is held over it: explicit time, inputs, internal state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.program import held
+from coadjoint.spaces.named import named
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Instant:
+    """The time t (s) at which a step starts, and the inputs and the internal state that are held over it.
+
+    `inputs`: of a system driven by signals (`system.driven`) leave them out. `internal`: a dictionary like the start's.
+    All are None for a system that has none of them.
+    """
+
+    t: Any = None
+    inputs: Any = None
+    internal: Any = None
+
+    def __post_init__(self):
+        for key in ("inputs", "internal"):
+            object.__setattr__(self, key, named(getattr(self, key)))
+
+
+ALWAYS = Instant()
+"""The instant of every step of a system that has neither time, forces, inputs nor an internal state."""
+
+
+def instants(records: State) -> Instant:
+    """The instants of a state, or of the records of a run, with a leading axis."""
+    return Instant(records.t, records.inputs, records.internal)
+
+
+def timed(system: System) -> bool:
+    """Whether the steps of a system differ by when they start: by explicit time, inputs, forces, internal states."""
+    driven = system.inputs is not None or system.forces is not None or system.internal is not None
+    return driven or any(map(system.takes, ("t", "inputs", "internal")))
+
+
+def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
+    """(t, inputs, internal) as the functions of a system take them; raises ArgumentError for what is missing."""
+    if at.t is None and timed(system):
+        raise ArgumentError(
+            "The steps of this system depend on when they start, by explicit time, forces, inputs or an internal "
+            "state: give each its theory.Instant(t, inputs, internal), as theory.instants(run.records) does."
+        )
+    holds = system.inputs is not None and system.inputs.holds
+    if at.inputs is None and (holds or (system.inputs is None and system.takes("inputs"))):
+        raise ArgumentError(
+            "This system takes inputs: give those that are held over the step, as in "
+            "theory.Instant(t, inputs={'thrust': 1.0}), or drive it by signals, system.driven({'thrust': jnp.sin})."
+            if not holds
+            else "This system is driven by functions of the motion: give the first step the inputs that are held over "
+            "it, as theory.instants(run.records) does."
+        )
+    if at.internal is None and (system.internal is not None or system.takes("internal")):
+        raise ArgumentError(
+            "This system has an internal state: give the one that is held over the step, as in "
+            "theory.Instant(t, internal={'rudder': 0.0})."
+        )
+    return 0.0 if at.t is None else at.t, at.inputs, at.internal
+
+
+def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Array, Array, Array]) -> Instant:
+    """The instant of the next step, which starts at (n, a) after one with velocities (ξ, ν): `motion` is (ξ, n, ν, a).
+
+    Inputs that are functions of the motion, and the rule of the internal state, are applied as co.simulate does.
+    """
+    if at.t is None:
+        return at
+    t, inputs, internal = given(system, at)
+    xi, n, nu, a = motion
+    nothing = np.zeros(0)
+    state = State(
+        t=t + h, g=nothing, n=n, a=a, mu=nothing, pi=nothing, xi=xi, nu=nu, inputs=inputs, internal=internal,
+        internal_time=t, places=system.places,
+    )  # fmt: skip
+    state = held(system, state)
+    return instants(state)

@@ -1,0 +1,42 @@
+"""Underwater vehicles: from a file of numbers and their sources to a craft that flies its mission.
+
+    vehicle = co.vehicles.load("remus_100")
+    craft = co.vehicles.Craft(vehicle, pilot=vehicle.pilot, water=co.vehicles.water.UniformWater((0.1, 0.2, 0.0)))
+    run = co.vehicles.load_mission("square.toml").run()
+
+The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
+`logs`, `figures`, `missions`. Axes are north, east, down and forward, starboard, down; see `axes`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles import axes as axes
+    from coadjoint.vehicles import controllers as controllers
+    from coadjoint.vehicles import figures as figures
+    from coadjoint.vehicles import files as files
+    from coadjoint.vehicles import hydrodynamics as hydrodynamics
+    from coadjoint.vehicles import logs as logs
+    from coadjoint.vehicles import missions as missions
+    from coadjoint.vehicles import model as model
+    from coadjoint.vehicles import parts as parts
+    from coadjoint.vehicles import remus as remus
+    from coadjoint.vehicles import trim as trim
+    from coadjoint.vehicles import water as water
+    from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
+    from coadjoint.vehicles.files.shelf import load_vehicle as load  # noqa: F401
+    from coadjoint.vehicles.files.shelf import vehicle_names as names  # noqa: F401
+    from coadjoint.vehicles.missions.mission import load_mission as load_mission
+    from coadjoint.vehicles.model.craft import Craft as Craft
+    from coadjoint.vehicles.model.pilot import Pilot as Pilot
+    from coadjoint.vehicles.model.pilot import Sight as Sight
+    from coadjoint.vehicles.model.vehicle import Vehicle as Vehicle
+    from coadjoint.vehicles.parts.part import Command as Command
+    from coadjoint.vehicles.parts.part import Flow as Flow
+    from coadjoint.vehicles.parts.part import Part as Part
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

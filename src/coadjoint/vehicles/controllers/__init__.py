@@ -1,0 +1,22 @@
+"""Pilots: what sees a craft, at its sample times, and says what its actuators shall do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.controllers.attitude import Attitude as Attitude
+    from coadjoint.vehicles.controllers.cruise import Cruise as Cruise
+    from coadjoint.vehicles.controllers.hover import Hover as Hover
+    from coadjoint.vehicles.controllers.hover import Manoeuvre as Manoeuvre
+    from coadjoint.vehicles.controllers.hover import Pose as Pose
+    from coadjoint.vehicles.controllers.line_of_sight import LineOfSight as LineOfSight
+    from coadjoint.vehicles.controllers.proposed import proposed_pilot as proposed_pilot
+    from coadjoint.vehicles.controllers.sawtooth import Sawtooth as Sawtooth
+    from coadjoint.vehicles.model.function_pilot import FunctionPilot as FunctionPilot
+    from coadjoint.vehicles.model.pilot import Pilot as Pilot
+    from coadjoint.vehicles.model.pilot import Sight as Sight
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,119 @@
+"""Attitude control on SO(3) itself: the error of an attitude, and the acceleration that takes it away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.vehicles.controllers.design import TurningModel, propose_attitude
+from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
+from coadjoint.vehicles.controllers.pid import pull
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
+
+
+def attitude_of(down: Array, north: Array) -> Array:
+    """R, body to space (north, east, down): its rows are the space axes as the body sees them."""
+    return jnp.stack([north, jnp.cross(down, north), down])
+
+
+def level(heading: Any) -> Array:
+    """The attitude without roll and pitch at a heading (rad)."""
+    c, s, o = jnp.cos(heading), jnp.sin(heading), jnp.zeros(())
+    return jnp.stack([jnp.stack([c, -s, o]), jnp.stack([s, c, o]), jnp.array([0.0, 0.0, 1.0])])
+
+
+def attitude_error(R: Array, wanted: Array) -> Array:
+    """e_R = ½(R_dᵀR − RᵀR_d)^∨, rad for small errors; |e_R| = sin of the angle between R and R_d.
+
+    Source: Bullo and Murray (1999); Lee, Leok, McClamroch (2010), (10).
+    """
+    E = wanted.T @ R
+    return 0.5 * jnp.stack([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
+
+
+def pointing_error(R: Array, wanted: Array) -> Array:
+    """e = (RᵀR_d e₁) × e₁, rad for small errors, of the nose alone: |e| = sin of the angle between R e₁ and R_d e₁.
+
+    Source: Bullo and Murray (1999), reduced attitude.
+    """
+    nose = R.T @ wanted[:, 0]
+    return jnp.stack([jnp.zeros(()), nose[2], -nose[1]])
+
+
+def attitude_distance(R: Array, wanted: Array) -> Array:
+    """Ψ = ½ tr(I − R_dᵀR) = 1 − cos of the angle between R and R_d; at constant R_d, Ψ̇ = e_R·ω."""
+    return 0.5 * (3.0 - jnp.sum(wanted * R))
+
+
+def angular_acceleration(gains: Any, R: Array, wanted: Array, omega: Array) -> Array:
+    """α = −k_R e_R − k_ω ω, rad/s², towards an attitude R_d at rest. gains: (k_R in 1/s², k_ω in 1/s).
+
+    With ω̇ = α, V = ½|ω|² + k_R Ψ has V̇ = −k_ω|ω|²: from everywhere but a set without volume, attitudes that are half a
+    turn away, R goes to R_d. Nothing here has Euler angles, so that pitch ±90° is no special place.
+    Source: Lee, Leok, McClamroch (2010), Propositions 1 and 2, per unit of inertia.
+    """
+    return -gains[0] * attitude_error(R, wanted) - gains[1] * omega
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attitude(Pilot):
+    """Any attitude, by fins under way: a vertical dive, or a loop, is no special place.
+
+        α = −k_R e_R − k_I ∫e_R − k_ω ω,    δ = (U/u)² G⁺ (α − (u/U) A (v, w, ω) − b)
+
+    ω̇ = (u/U) A (v, w, ω) + b + (u/U)² G δ is the vehicle linearised at the speed `speed`, U, with b of its weight and
+    buoyancy (`design.turning_model`). Where no fins master the righting moment in roll, e_R is the error of the nose
+    alone, `pointing_error`. Fins are scaled down alike at fin_limit; the integral stops there and where |e_R| > ½.
+
+    Set points: `attitude`, R_d, (3, 3), body to space, and `speed` (m/s through the water).
+    Fields, the keys of [pilot] with kind = "attitude", all optional: speed (1.5 m/s); period, delay (s);
+    attitude_gains: k_R (1/s²), k_I (1/s³), k_ω (1/s); speed_gains, feed_forward, fin_limit, thrust_limit as of
+    `Cruise`. What is left out is proposed. Raises ArgumentError.
+    """
+
+    speed: Any = 1.5
+    attitude_gains: Any = None
+    speed_gains: Any = None
+    feed_forward: Any = None
+    fin_limit: Any = None
+    thrust_limit: Any = None
+    mixing: Mixing | None = None
+    model: TurningModel | None = None
+
+    def __post_init__(self) -> None:
+        require_gains(self, ("attitude_gains", "speed_gains"))
+        require_positive(self, ("speed", "period", "fin_limit", "thrust_limit"))
+
+    def fitted(self, vehicle: Any) -> Attitude:
+        """With its model of a vehicle, and what gains were left out."""
+        return self if self.model is not None else propose_attitude(self, vehicle)
+
+    def parameters(self) -> dict[str, Any]:
+        return {**super().parameters(), **({} if self.model is None else self.model._asdict())}
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {"attitude": "1", "speed": "m/s"}
+
+    def memory(self) -> dict[str, Any]:
+        return {"attitude": np.zeros(3), "speed": 0.0}
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        assert self.mixing is not None
+        v, faster = sight.velocity, sight.velocity[0] / own.speed
+        R, goal = attitude_of(sight.down, sight.north), sight.inputs.attitude
+        error = jnp.where(own.rolls > 0, attitude_error(R, goal), pointing_error(R, goal))
+        gains, following = own.attitude_gains, memory.attitude + own.period * error
+        wanted = -gains[0] * error - gains[1] * following - gains[2] * sight.omega
+        natural = faster * own.flow @ jnp.concatenate([v[1:], sight.omega]) + own.weight @ sight.down
+        fins = own.inverse @ (wanted - natural) / jnp.maximum(faster, 0.5) ** 2
+        scale = jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
+        ahead, of_speed = pull(sight, memory.speed, own)
+        commands = commands_of(self.mixing, scale * fins + own.ahead * ahead, vehicle)
+        grows = (scale == 1.0) & (error @ error < 0.25)
+        return commands, {"attitude": jnp.where(grows, following, memory.attitude), "speed": of_speed}

@@ -1,0 +1,133 @@
+"""Depth, heading and speed of vehicles with fins and propulsion: torpedoes with cross tails, X-tails, bow planes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.models.quantities import number
+from coadjoint.vehicles.controllers.design import propose
+from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
+from coadjoint.vehicles.controllers.pid import nearest_turn, pid, pull
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
+
+GAINS = ("depth_gains", "pitch_gains", "heading_gains", "roll_gains", "speed_gains")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cruise(Pilot):
+    """Depth, heading and speed by PID controllers, mixed over whatever fins and propulsion the vehicle has.
+
+        θ_c = −PID(depth error), |θ_c| ≤ pitch_limit;    n = n₀ U_c + PID(U_c − u), 0 ≤ n ≤ thrust_limit
+        δ_pitch = PID(θ_c − θ),    δ_heading = PID(ψ_c − ψ),    δ_roll = PID(−φ)
+        δ_i = Σ_j mixing_ij δ_j over the fins, scaled down alike where one is beyond fin_limit
+
+    Positive δ_pitch turns the nose up, δ_heading the nose and δ_roll the mast to starboard, whatever the fins' signs.
+    The gains are made for going at `speed`: at another u, rates count by speed/u, as fins push with its square.
+
+    Set points: `depth` (m; or `altitude` over a flat `bottom`, or `pitch` (rad), by `vertical`), `heading` (rad),
+    `speed` (m/s through the water).
+    Fields, the keys of [pilot] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
+    (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
+    m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
+    errors count as these, so that turns stay within what fins can hold; pitch_limit, fin_limit (rad); thrust_limit
+    (command); vertical: "depth", "altitude" or "pitch"; bottom (m). What is left out is proposed from the vehicle's
+    mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
+    """
+
+    speed: Any = 1.5
+    depth_gains: Any = None
+    pitch_gains: Any = None
+    heading_gains: Any = None
+    roll_gains: Any = None
+    pitch_reach: Any = None
+    heading_reach: Any = None
+    speed_gains: Any = None
+    feed_forward: Any = None
+    pitch_limit: Any = pi / 6
+    fin_limit: Any = None
+    thrust_limit: Any = None
+    vertical: str = "depth"
+    bottom: Any = None
+    mixing: Mixing | None = None
+
+    def __post_init__(self) -> None:
+        require_gains(self, GAINS)
+        require_positive(
+            self, ("speed", "period", "pitch_limit", "pitch_reach", "heading_reach", "fin_limit", "thrust_limit")
+        )
+        if self.vertical not in ("depth", "altitude", "pitch"):
+            raise ArgumentError(
+                f'Argument `vertical` of the pilot `cruise` must be "depth", "altitude" or "pitch", but is '
+                f"{self.vertical!r}."
+            )
+        if (self.vertical == "altitude") != (self.bottom is not None):
+            raise ArgumentError('The pilot `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
+        if self.bottom is not None:
+            object.__setattr__(self, "bottom", number(self.bottom, "bottom` of the pilot `cruise"))
+
+    def fitted(self, vehicle: Any) -> Cruise:
+        """With its mixing, and what gains were left out, for a vehicle; raises ArgumentError where that cannot be."""
+        return self if self.mixing is not None else propose(self, vehicle)
+
+    def parameters(self) -> dict[str, Any]:
+        return {**super().parameters(), **({} if self.mixing is None else {"mixing": self.mixing.matrix})}
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {self.vertical: "rad" if self.vertical == "pitch" else "m", "heading": "rad", "speed": "m/s"}
+
+    def memory(self) -> dict[str, Any]:
+        return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        assert self.mixing is not None
+        T, omega = own.period, sight.omega
+        faster = own.speed / jnp.maximum(sight.velocity[0], own.speed / 3)
+        climb, of_depth = self._climb(sight, memory, own)
+        # Depth that pitch has yet to follow is no error to be remembered.
+        of_depth = jnp.where(jnp.abs(climb - sight.pitch) > own.pitch_reach, memory.depth, of_depth)
+        up, of_pitch = self._turn("pitch", climb - sight.pitch, omega[1], memory.pitch, faster, own)
+        turned = nearest_turn(sight.inputs.heading - sight.heading)
+        turn = (omega[1] * jnp.sin(sight.roll) + omega[2] * jnp.cos(sight.roll)) / jnp.cos(sight.pitch)
+        round_, of_heading = self._turn("heading", turned, turn, memory.heading, faster, own)
+        over, of_roll = pid(_at(faster, own.roll_gains), -sight.roll, omega[0], memory.roll, T, own.fin_limit)
+        ahead, of_speed = pull(sight, memory.speed, own)
+        fins = own.mixing[:, :3] @ jnp.stack([over, up, round_])
+        fins = fins * jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
+        commands = commands_of(self.mixing, fins + own.mixing[:, 3] * ahead, vehicle)
+        return commands, {
+            "depth": of_depth,
+            "pitch": of_pitch,
+            "heading": of_heading,
+            "roll": of_roll,
+            "speed": of_speed,
+        }
+
+    def _turn(self, axis: str, error: Array, rate: Array, integral: Array, faster: Array, own: Any) -> Any:
+        """The mixed angle about an axis, and the integral of its error where that is within reach."""
+        far, gains = getattr(own, f"{axis}_reach"), _at(faster, getattr(own, f"{axis}_gains"))
+        near = jnp.clip(error, -far, far)
+        angle, following = pid(gains, near, rate, integral, own.period, own.fin_limit)
+        return angle, jnp.where(near == error, following, integral)
+
+    def _climb(self, sight: Sight, memory: Any, own: Any) -> tuple[Array, Array]:
+        """θ_c, rad, and the integral of the depth error."""
+        if self.vertical == "pitch":
+            return jnp.clip(sight.inputs.pitch, -own.pitch_limit, own.pitch_limit), memory.depth
+        wanted = sight.inputs.depth if self.vertical == "depth" else own.bottom - sight.inputs.altitude
+        dive, integral = pid(
+            own.depth_gains, wanted - sight.depth, sight.sink, memory.depth, own.period, own.pitch_limit
+        )
+        return -dive, integral
+
+
+def _at(faster: Array, gains: Array) -> Array:
+    """The gains with that of the rate as it counts at another speed."""
+    return gains * jnp.stack([jnp.ones(()), jnp.ones(()), faster])

@@ -1,0 +1,65 @@
+"""A glider's sawtooth: down and up between two depths, by ballast and a moving mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.models.quantities import number, positive, vector
+from coadjoint.vehicles.controllers.pid import pid
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sawtooth(Pilot):
+    """Dives until the depth is `deep`, climbs until it is `shallow`, and so on; both are inputs, m.
+
+    Diving, the ballast is at V₀ − ΔV and the moving mass holds a pitch of −θ; climbing, at V₀ + ΔV, and +θ. The mass is
+    at x = x₀ ± x₁ − PID(pitch error), + diving; x counts forward.
+
+    volume: ΔV, m³; neutral: V₀, m³. pitch: θ, rad. middle, shift: x₀ and x₁, m, those of the trim. gains: (k_p, k_i,
+    k_d), m/rad, m/(rad s), m s/rad; reach: the largest part of the PID, m. ballast, moving_mass: the names of the
+    parts. Raises ArgumentError.
+    """
+
+    volume: Any
+    pitch: Any
+    neutral: Any = 0.0
+    middle: Any = 0.0
+    shift: Any = 0.0
+    gains: Any = (0.0, 0.0, 0.0)
+    reach: Any = 0.0
+    ballast: str = "ballast"
+    moving_mass: str = "moving_mass"
+
+    def __post_init__(self) -> None:
+        for key, check in {
+            "period": positive, "volume": positive, "pitch": positive, "neutral": number, "middle": number,
+            "shift": number, "gains": vector, "reach": _at_least_nothing, "delay": _at_least_nothing,
+        }.items():  # fmt: skip
+            object.__setattr__(self, key, check(getattr(self, key), f"{key}` of the pilot `sawtooth"))
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        return {"shallow": "m", "deep": "m"}
+
+    def memory(self) -> dict[str, Any]:
+        return {"diving": 1.0, "integral": 0.0}
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        turned = jnp.where(sight.depth <= sight.inputs.shallow, 1.0, memory.diving)
+        diving = jnp.where(sight.depth >= sight.inputs.deep, -1.0, turned)
+        integral = jnp.where(diving == memory.diving, memory.integral, 0.0)
+        error = -diving * own.pitch - sight.pitch
+        pull, integral = pid(own.gains, error, sight.omega[1], integral, own.period, own.reach)
+        commands = {
+            self.ballast: own.neutral - diving * own.volume,
+            self.moving_mass: own.middle + diving * own.shift - pull,
+        }
+        return commands, {"diving": diving, "integral": integral}
+
+
+def _at_least_nothing(value: Any, name: str) -> Any:
+    return number(value, name, at_least=0.0)

@@ -1,0 +1,139 @@
+"""What pilots of thruster vehicles share: the wrench for an acceleration, and what their thrusters can give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.models.quantities import number
+from coadjoint.vehicles.controllers.attitude import attitude_error, attitude_of
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
+from coadjoint.vehicles.parts.thrusters import Thrusters
+from coadjoint.vehicles.trim.under_way import coriolis, mass_matrix, weight
+
+DAMPING_RATIO = 0.9
+LARGEST_ACCELERATION = 5.0
+"""m/s², rad/s²: what thrusters without limits are taken to give."""
+SHARE = 0.5
+"""How much of what the thrusters give the largest error may use."""
+MOMENTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+LARGEST_TURN = 1.0
+"""rad: a level vehicle is never asked for more than this at once, so that half a turn is no special case."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Thrusting(Pilot):
+    """A pilot that asks its thrusters for accelerations: w = M (a, α) − (0, π × ω + p × v) − weigh · W.
+
+    W is net weight and righting torque, and (p, π) = M (v, ω): the Munk moment, which would turn the vehicle across
+    the flow, is fed forward. M = M_RB + M_A, the model that the pilot has, is the parameter `pilot_mass`. The wrench w
+    is shared out by `Thrusters.allocate`, which keeps its direction where a thruster is at its limit.
+    """
+
+    thrusters: str | None = None
+    attitude_gains: Any = None
+    reach: Any = 1.0
+    weigh: Any = 0.0
+    mass: Any = None
+    net_weight: Any = None
+    righting: Any = None
+
+    def __post_init__(self) -> None:
+        require_gains(self, self.gains)
+        require_positive(self, ("period", "reach"))
+        object.__setattr__(self, "weigh", number(self.weigh, "weigh` of the pilot"))
+
+    NEEDS: ClassVar[tuple[str, ...]] = ("surge", "heave", "yaw")
+    """The axes along which the thrusters must be able to push."""
+
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """The names of its gains, each k_p, k_i, k_d."""
+        return ("attitude_gains",)
+
+    def fitted(self, vehicle: Any) -> Any:
+        """With the mass matrix of a vehicle, and what gains were left out.
+
+        Raises ArgumentError without thrusters, and where they cannot push as the pilot needs.
+        """
+        if self.mass is not None:
+            return self
+        part = self._part(vehicle)
+        M = mass_matrix(vehicle)
+        net_weight, righting = weight(vehicle)
+        late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
+        most = accelerations(part, M)
+        lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
+        if lacking:
+            raise ArgumentError(
+                f"The pilot `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, but those of "
+                f"`{vehicle.name}` give nothing in {', '.join(lacking)}."
+            )
+        given = self.proposed(most, late)
+        return replace(
+            self,
+            thrusters=part.name,
+            mass=M,
+            net_weight=net_weight,
+            righting=righting,
+            **{key: value for key, value in given.items() if getattr(self, key) is None},
+        )
+
+    def _part(self, vehicle: Any) -> Thrusters:
+        found = [part for part in vehicle.parts if isinstance(part, Thrusters)]
+        if self.thrusters is not None:
+            found = [part for part in found if part.name == self.thrusters]
+        if len(found) != 1:
+            named = ", ".join(part.name for part in vehicle.parts if isinstance(part, Thrusters)) or "none"
+            raise ArgumentError(
+                f"This pilot needs one part of the kind `thrusters`, named by `thrusters` where there are several, but "
+                f"`{vehicle.name}` has: {named}."
+            )
+        return found[0]
+
+    def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
+        """Gains from the accelerations (6,) that the thrusters can give and how late (s) they follow."""
+        turning = most[3:][most[3:] > 0]
+        return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
+
+    def commands(self, acceleration: Array, turn: Array, sight: Sight, own: Any, vehicle: Any) -> dict[str, Any]:
+        """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
+        weight = jnp.concatenate([own.net_weight * sight.down, jnp.cross(own.righting, sight.down)])
+        turning = coriolis(own.mass, jnp.concatenate([sight.velocity, sight.omega])) * MOMENTS
+        wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
+        part = self._part(vehicle)
+        return {part.name: part.allocate(wrench)}
+
+    def turn_to(self, wanted: Array, sight: Sight, integral: Array, own: Any) -> tuple[Array, Array]:
+        """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
+        error = attitude_error(attitude_of(sight.down, sight.north), wanted)
+        following = jnp.where(error @ error < 0.25, integral + own.period * error, integral)
+        gains = own.attitude_gains
+        return -gains[0] * error - gains[1] * following - gains[2] * sight.omega, following
+
+
+def poles(square: float, late: float) -> np.ndarray:
+    """(ω², ω³/8, 2ζω), ω² at most `square`, and slow enough for commands that are `late` (s)."""
+    frequency = min(np.sqrt(square), 0.3 / late, 2.0)
+    return np.array([frequency**2, frequency**3 / 8, 2 * DAMPING_RATIO * frequency])
+
+
+def accelerations(part: Thrusters, M: np.ndarray) -> np.ndarray:
+    """The largest acceleration along each axis (surge … yaw) by itself, m/s² and rad/s²; 0 where there is none."""
+    B = part.nominal_matrix
+    inverse, (low, high) = np.linalg.pinv(B), part.extremes
+    found = np.zeros(6)
+    for axis in range(6):
+        wrench = M[:, axis]
+        thrusts = inverse @ wrench
+        if np.linalg.norm(B @ thrusts - wrench) < 0.3 * np.linalg.norm(wrench):
+            either = [np.where(side * thrusts > 0, high, -low) / np.maximum(np.abs(thrusts), 1e-12) for side in (1, -1)]
+            found[axis] = min(np.min(most) for most in either)
+    return np.minimum(found, LARGEST_ACCELERATION)

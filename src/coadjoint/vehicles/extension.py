@@ -1,0 +1,58 @@
+"""What vehicles add to the rooms below: models of the catalogue, figures, a format of files, a kind of run files.
+
+Read by `coadjoint.extensions`; nothing is imported before it is used.
+"""
+
+from __future__ import annotations
+
+from coadjoint.models.entry import MOVING, Entry
+from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
+
+_ENTRIES = (
+    Entry(
+        "remus_100",
+        "REMUS 100 with hull drag, fins and propeller in a current, under way at a fixed number of revolutions.",
+        "coadjoint.vehicles.remus:open_loop",
+        "coadjoint.vehicles.remus:remus_start",
+        {
+            "fluid_density": 1026.0,
+            "axial_drag": 0.42,
+            "crossflow_drag": 1.1,
+            "fin_lift_slope": 3.12,
+            "current": (0.0, 0.0, 0.0),
+        },
+        {
+            "position": (0.0, 0.0, 10.0),
+            "speed": 1.5,
+            "euler_zyx": (0.0, 0.0, 0.0),
+            "stern_planes": 0.0,
+            "rudder": 0.0,
+            "revolutions": 14.94,
+        },
+        dt=0.05,
+        duration=100.0,
+    ),
+    Entry(
+        "kirchhoff_ellipsoid",
+        "A neutrally buoyant ellipsoid in an ideal fluid, with Lamb's added mass.",
+        "coadjoint.vehicles.hydrodynamics.ellipsoids:ellipsoid",
+        "coadjoint.models.paper_form:start",
+        {
+            "semi_axes": (0.5, 0.2, 0.3),
+            "fluid_density": 1000.0,
+            "gravity": 9.81,
+            "center_of_mass": (0.0, 0.0, 0.0),
+        },
+        {**MOVING, "velocity": (0.5, 0.1, 0.2), "angular_velocity": (0.5, 1.0, -0.3)},
+        dt=0.02,
+        duration=100.0,
+    ),
+)
+MODELS = {entry.name: entry for entry in _ENTRIES}
+"""To `coadjoint.models.catalogue`."""
+
+FORMATS = {".csv": "coadjoint.vehicles.logs.saving:log_text"}
+"""To `run.save`."""
+
+RUN_FILES = {"vehicle": "coadjoint.vehicles.missions.file:from_table"}
+"""To `coadjoint.runs`: what a run file with this section is read by."""

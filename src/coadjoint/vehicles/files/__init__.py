@@ -1,0 +1,15 @@
+"""Vehicles as TOML: every number with its unit and its source, those that are shipped, and what is checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.files.file import read_vehicle as read_vehicle
+    from coadjoint.vehicles.files.shelf import load_vehicle as load_vehicle
+    from coadjoint.vehicles.files.shelf import vehicle_names as vehicle_names
+    from coadjoint.vehicles.files.writing import vehicle_to_toml as vehicle_to_toml
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

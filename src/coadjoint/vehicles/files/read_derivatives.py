@@ -1,0 +1,117 @@
+"""Hydrodynamic derivatives of a vehicle file, and what of them the added mass says already."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from coadjoint.vehicles import axes as border
+from coadjoint.vehicles.files import units as u
+from coadjoint.vehicles.files.table import Section
+from coadjoint.vehicles.model.vehicle import Quantity
+from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives
+
+PLAIN = re.compile(r"^([XYZKMN])_([uvwpqr])([uvwpqr])$")
+NOTHING = 1e-9
+"""Up to this part of a coefficient, what the added mass leaves of it is round-off."""
+
+
+def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[str, Any]) -> Derivatives:
+    """The derivatives of one [[part]]: `coefficients`, a table with unit "SI" or "prime".
+
+    with_added_mass = true: those of two velocities hold Coriolis and Munk terms of the added mass too, as most
+    published sets do. The Lagrangian has these already, and they are taken away here.
+    """
+    table, unit = section.quantity("coefficients", None, special=("prime",), named=True)
+    wrong = [key for key, value in table.items() if not isinstance(value, float)]
+    if wrong:
+        raise section.fail(f"coefficients: {wrong[0]} must be one number.")
+    values: dict[str, Any] = {}
+    if "length" in section:
+        values["length"] = section.positive("length", u.LENGTH)
+    elif unit == "prime":
+        if body["length"] is None:
+            raise section.fail('coefficients have the unit "prime", for which [body] needs a `length`.')
+        values["length"] = body["length"]
+    for key, dimension in (("limit", u.ANGLE), ("lag", u.TIME), ("rate", u.ANGULAR_VELOCITY)):
+        if key in section:
+            values[key] = section.positive(key, dimension)
+    with_added_mass = section.flag("with_added_mass")
+    section.done()
+    _remember(section, name, table)
+    found = {key: sign_in(axes, key) * value for key, value in table.items()}
+    if with_added_mass:
+        scale = dict.fromkeys(found, 1.0)
+        if "length" in values:
+            scale = {key: 0.5 * body["fluid_density"] * values["length"] ** _power(key) for key in found}
+        found = _without_added_mass(found, scale, body["added_mass"])
+        if not found:
+            raise section.fail("coefficients hold nothing but Coriolis terms of the added mass: leave the part out.")
+    return Derivatives(name=name, coefficients=found, **values)
+
+
+def _remember(section: Section, name: str, table: dict[str, float]) -> None:
+    """Every coefficient in the provenance, under its own name."""
+    told = section.book.provenance.pop(f"{name}.coefficients")
+    for key, value in table.items():
+        section.book.provenance[f"{name}.{key}"] = Quantity(value, told.unit, told.source, told.note)
+
+
+def sign_in(axes: border.Axes, key: str) -> float:
+    """The sign of a derivative in FRD over that in other axes: −1 for each of Y Z M N, and of v w q r outside bars."""
+    diagonal = np.tile(np.diag(border.body_axes(axes)), 2)
+    axis, _, rest = key.partition("_")
+    signed = re.sub(r"\|.\|", "", rest.partition("_")[0])
+    factors = [diagonal[AXES.index(axis)]] if len(axis) == 1 and axis in AXES else []
+    factors += [diagonal[VELOCITIES.index(letter)] for letter in signed if letter in VELOCITIES]
+    return float(np.prod(factors))
+
+
+def _power(key: str) -> int:
+    """k of ½ρL^k for a coefficient of two velocities."""
+    axis, _, rest = key.partition("_")
+    rates = sum(letter in "pqr" for letter in rest.partition("_")[0])
+    return 2 + (axis in "KMN") + rates
+
+
+def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.ndarray) -> dict[str, float]:
+    """What is left of the coefficients of two plain velocities after the terms that the added mass makes itself."""
+    known = added_mass_derivatives(M)
+    left: dict[str, float] = {}
+    for key, value in found.items():
+        match = PLAIN.match(key)
+        if match is not None:
+            axis, *rates = match.groups()
+            canonical = f"{axis}_{''.join(sorted(rates, key=VELOCITIES.index))}"
+            rest = value - known.pop(canonical, 0.0) / scale[key]
+            if abs(rest) <= NOTHING * abs(value):
+                continue
+            value = rest
+        left[key] = value
+    return left
+
+
+def added_mass_derivatives(M: np.ndarray) -> dict[str, float]:
+    """The Coriolis and Munk terms of an added mass matrix as derivatives: "X_wq" is the coefficient of w q in X.
+
+    F = −ω × P, T = −ω × Π − v × P with (P, Π) = M (v, ω), expanded in products of the six velocities.
+    Source: Kirchhoff's equations; Lamb (1932), § 124.
+    """
+    found: dict[str, float] = {}
+    for i in range(6):
+        for j in range(i, 6):
+            one, other = np.eye(6)[i], np.eye(6)[j]
+            terms = _kirchhoff(one, M @ other)
+            if i != j:
+                terms = terms + _kirchhoff(other, M @ one)
+            for axis, value in zip(AXES, terms, strict=True):
+                if value != 0:
+                    found[f"{axis}_{VELOCITIES[i]}{VELOCITIES[j]}"] = float(value)
+    return found
+
+
+def _kirchhoff(V: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+    v, omega, P, Pi = V[:3], V[3:], momentum[:3], momentum[3:]
+    return np.concatenate([-np.cross(omega, P), -np.cross(omega, Pi) - np.cross(v, P)])

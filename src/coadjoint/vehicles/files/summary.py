@@ -1,0 +1,87 @@
+"""What follows from a vehicle's numbers before it is run: balance, righting, terminal speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import brentq
+
+from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.vehicles.model.loads import center_of_all_mass, total_mass, total_volume
+from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.parts.propeller import Propeller
+from coadjoint.vehicles.parts.thrusters import Thrusters
+from coadjoint.vehicles.trim.under_way import own, wrench
+
+FASTEST = 50.0
+"""m/s: no vehicle under water is faster."""
+
+
+class Summary(NamedTuple):
+    """mass, displaced_mass: with what the parts hold, kg. net_weight: W − B, N, positive where it sinks.
+
+    metacentric_height: of the centre of buoyancy above the centre of mass, m. terminal_speed: ahead, with everything
+    that pushes ahead at its limit, m/s, or None.
+    """
+
+    mass: float
+    displaced_mass: float
+    net_weight: float
+    metacentric_height: float
+    terminal_speed: float | None
+
+
+def summary(vehicle: Vehicle) -> Summary:
+    """What follows from the numbers of a vehicle with its parts as they start."""
+    mass, displaced = total_mass(vehicle), total_volume(vehicle) * float(vehicle.fluid_density)
+    height = float(center_of_all_mass(vehicle)[2] - vehicle.center_of_buoyancy[2])
+    net = (mass - displaced) * float(vehicle.gravity)
+    return Summary(mass, displaced, net, height, terminal_speed(vehicle))
+
+
+def terminal_speed(vehicle: Vehicle) -> float | None:
+    """u with X(u) = 0, straight and level, with everything that pushes ahead at its limit, m/s; None if nothing does.
+
+    Fins, masses and ballast stay as they start.
+    """
+    push = _surge(vehicle)
+    if not push(0.0) > 0 or push(FASTEST) > 0:
+        return None
+    return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+
+
+def without_terminal_speed(vehicle: Vehicle) -> str:
+    """Why a vehicle has no terminal speed."""
+    if not _surge(vehicle)(0.0) > 0:
+        return "no terminal speed: nothing pushes it ahead"
+    return (
+        f"no terminal speed: its drag does not hold what pushes ahead, not even at {FASTEST:g} m/s; is there damping "
+        "in surge, and of the right sign?"
+    )
+
+
+def _surge(vehicle: Vehicle) -> Callable[[float], float]:
+    """u ↦ X(u), N, straight and level, with everything that pushes ahead at its limit."""
+    commands = np.concatenate([np.zeros(0), *(_ahead(part) for part in vehicle.commanded)])
+    surge = tabulate(
+        lambda u: wrench(vehicle, jnp.stack([u, *jnp.zeros(5)]), jnp.asarray(commands))[0], np.float64(1.0)
+    )
+    return lambda u: float(surge(np.float64(u)))
+
+
+def _ahead(part: Part) -> np.ndarray:
+    """The commands of a part at which it pushes ahead as much as it can, in a row."""
+    command = part.command
+    assert command is not None
+    start = np.full(command.shape, command.start, dtype=float)
+    if isinstance(part, Propeller):
+        return np.array([part.limit * np.sign(part.axis[0] * part.thrust[0])], dtype=float)
+    if isinstance(part, Thrusters) and part.limit is not None:
+        row = np.asarray(evaluate(part.matrix, own(part)))[0]
+        low, high = (np.full(command.shape, limit) for limit in part.limit)
+        return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
+    return np.ravel(start)

@@ -1,0 +1,184 @@
+"""A vehicle as the text of a TOML file, after a change or a construction in Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
+
+from coadjoint.vehicles.files import units as u
+from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, kind_of
+from coadjoint.vehicles.files.units import Dimension
+from coadjoint.vehicles.model.loads import held_mass, held_volume
+from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
+from coadjoint.vehicles.parts.derivatives import Derivatives
+from coadjoint.vehicles.parts.force_curves import Linear, Polynomial, Quadratic
+from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.parts.published_curves import PUBLISHED
+from coadjoint.vehicles.parts.thrusters import Thrusters
+
+BODY: dict[str, Dimension] = {
+    "mass": u.MASS,
+    "inertia": u.INERTIA,
+    "center_of_mass": u.LENGTH,
+    "center_of_buoyancy": u.LENGTH,
+    "volume": u.VOLUME,
+    "gravity": u.ACCELERATION,
+    "fluid_density": u.DENSITY,
+    "length": u.LENGTH,
+    "diameter": u.LENGTH,
+}
+GEOMETRY: dict[str, Dimension | None] = {
+    "positions": u.LENGTH,
+    "directions": u.NUMBER,
+    "allocation": None,
+    "torque": u.LENGTH,
+    "limit": None,
+    "dead_band": None,
+    "lag": u.TIME,
+    "density": u.DENSITY,
+}
+
+
+def vehicle_to_toml(vehicle: Vehicle) -> str:
+    """The text of a vehicle file that reads as this vehicle, in SI units and forward, starboard, down.
+
+    Sources and notes are those of the provenance, by key; a number that has none there has none in the file. Added mass
+    is written as a matrix about the origin, derivatives without what the added mass says already.
+    """
+    return "\n".join(_lines(vehicle)) + "\n"
+
+
+def _lines(vehicle: Vehicle) -> Iterator[str]:
+    told = vehicle.provenance
+    yield "[vehicle]"
+    for key, text in (("name", vehicle.name), ("description", vehicle.description), ("note", vehicle.note)):
+        if text:
+            yield f"{key} = {_text(text)}"
+    yield 'axes = "FRD"'
+    if vehicle.sources:
+        yield "\n[sources]"
+        yield from (f"{_key(key)} = {_text(citation)}" for key, citation in vehicle.sources.items())
+    yield "\n[body]"
+    neutral = (vehicle.mass + held_mass(vehicle.parts)[0]) / vehicle.fluid_density - held_volume(vehicle.parts)[0]
+    for key, dimension in BODY.items():
+        given = told.get(f"body.{key}", told.get("body.buoyancy") if key == "volume" else None)
+        if key == "volume" and given is None and vehicle.volume == neutral:
+            yield "neutral = true"
+        elif getattr(vehicle, key) is not None:
+            yield _line(key, _diagonal(getattr(vehicle, key)), dimension, given)
+    yield "\n[added_mass]"
+    forms = [name for name in told if name.startswith("added_mass.") and name != "added_mass.about"]
+    yield _line("matrix", _diagonal(vehicle.added_mass), None, told.get(forms[0]) if forms else None)
+    for part in vehicle.parts:
+        yield f"\n[[part]]\nkind = {_text(kind_of(part))}\nname = {_text(part.name)}"
+        yield from _part(part, vehicle)
+    if vehicle.pilot is not None:
+        yield f"\n[pilot]\nkind = {_text(kind_of(vehicle.pilot))}"
+        yield from _pilot(vehicle)
+
+
+def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
+    if isinstance(part, Derivatives):
+        yield from _derivatives(part, vehicle)
+    elif isinstance(part, Thrusters):
+        yield from _thrusters(part, vehicle)
+    else:
+        defaults: dict[str, Any] = {field.name: field.default for field in fields(part)}
+        for key, found in PARTS[kind_of(part)][1].items():
+            value, told = getattr(part, key), vehicle.provenance.get(f"{part.name}.{key}")
+            if told is not None or not (value is None or np.array_equal(value, defaults[key])):
+                yield _line(key, value, found.dimension, told)
+
+
+def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
+    told = vehicle.provenance
+    for key, dimension in (
+        ("length", u.LENGTH), ("limit", u.ANGLE), ("lag", u.TIME), ("rate", u.ANGULAR_VELOCITY)
+    ):  # fmt: skip
+        value, given = getattr(part, key), told.get(f"{part.name}.{key}")
+        if value is not None and (given is not None or key != "length" or value != vehicle.length):
+            yield _line(key, value, dimension, given)
+    first = next((told[f"{part.name}.{key}"] for key in part.coefficients if f"{part.name}.{key}" in told), None)
+    yield f"\n[part.coefficients]\nunit = {_text('SI' if part.length is None else 'prime')}"
+    if first is not None:
+        yield from (f"{key} = {_text(text)}" for key, text in (("source", first.source), ("note", first.note)) if text)
+    yield "\n[part.coefficients.value]"
+    yield from (f"{_key(key)} = {_number(value)}" for key, value in part.coefficients.items())
+
+
+def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
+    told = vehicle.provenance
+    published = next((name for name, curve in PUBLISHED.items() if curve is part.curve), None)
+    if published is not None:
+        yield f"curve = {_text(published)}"
+    yield f"command_unit = {_text(part.unit)}"
+    for key, dimension in GEOMETRY.items():
+        value, given = getattr(part, key), told.get(f"{part.name}.{key}")
+        ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
+        if value is not None and not ends:
+            yield _line(key, value, dimension, given)
+    if published is None:
+        curve = part.curve
+        if isinstance(curve, Linear):
+            kind, value = "linear", curve.slope
+        elif isinstance(curve, Quadratic):
+            kind, value = "quadratic", [curve.ahead, curve.astern]
+        elif isinstance(curve, Polynomial):
+            kind, value = "polynomial", curve.coefficients
+        else:
+            kind, value = "table", np.column_stack([curve.commands, curve.forces])
+        yield "\n[part.curve]"
+        yield _line(kind, value, None, told.get(f"{part.name}.curve.{kind}"))
+
+
+def _pilot(vehicle: Vehicle) -> Iterator[str]:
+    pilot = vehicle.pilot
+    assert pilot is not None
+    for field in fields(pilot):
+        value = getattr(pilot, field.name)
+        if value is None or (field.default is not MISSING and np.array_equal(value, field.default)):
+            continue
+        if hasattr(value, "_fields"):  # What a fitted pilot has worked out of the vehicle; it does so again.
+            continue
+        if isinstance(value, str):
+            yield f"{field.name} = {_text(value)}"
+        elif isinstance(value, (int, float, list, tuple, np.ndarray)):
+            told = vehicle.provenance.get(f"pilot.{field.name}")
+            yield _line(field.name, value, PILOT_FIELDS.get(field.name), told)
+
+
+def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | None) -> str:
+    unit = "SI" if dimension is None else dimension.si
+    words = [f"value = {_value(value)}", f"unit = {_text(unit)}"]
+    if told is not None:
+        words += [f"{name} = {_text(text)}" for name, text in (("source", told.source), ("note", told.note)) if text]
+    return f"{key} = {{ {', '.join(words)} }}"
+
+
+def _value(value: Any) -> str:
+    found = np.asarray(value, dtype=float)
+    if found.ndim == 0:
+        return _number(found)
+    return "[" + ", ".join(_value(inner) for inner in found) + "]"
+
+
+def _diagonal(value: Any) -> Any:
+    """The diagonal of a matrix that has nothing else, for people to read."""
+    found = np.asarray(value)
+    return np.diag(found) if found.ndim == 2 and np.array_equal(found, np.diag(np.diag(found))) else found
+
+
+def _number(value: Any) -> str:
+    return repr(float(value))
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _key(key: str) -> str:
+    return key if key.isascii() and key.replace("_", "").isalnum() else _text(key)

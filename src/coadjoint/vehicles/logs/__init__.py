@@ -1,0 +1,14 @@
+"""Logs of vehicles: a run in the words of engineers, and tables of it as CSV."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.logs.inputs import inputs_from_csv as inputs_from_csv
+    from coadjoint.vehicles.logs.measured import read_log as read_log
+    from coadjoint.vehicles.logs.measured import write_log as write_log
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,279 @@
+"""Logs as CSV files: read with units and axes turned to those inside, and written."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.groups import attitude
+from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY
+from coadjoint.identification.log import Log
+from coadjoint.vehicles.axes import Axes, body_axes, rotation, space_axes
+from coadjoint.vehicles.logs.headers import NAMES, Column, column, ending
+
+_QUATERNION = ("qw", "qx", "qy", "qz")
+_EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
+_COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
+_BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
+_STEP = "# simulated with dt_s = "
+_LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
+
+IRREGULAR = 1.2
+"""From which ratio of the longest to the median interval on a log counts as irregular."""
+
+
+def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Collection[str] = ()) -> Log:
+    """The log of a CSV file, whose headers are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
+
+    Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
+    quaternion qw, qx, qy, qz; u, v, w; p, q, r. `heading` is that of a compass in any axes, `yaw` that of the `axes`.
+    Every other column is an input; name[1], name[2], … are one of several
+    numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
+    `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
+    Lines that begin with # and columns named in `ignore`, with their unit or without, are skipped. Attitude, velocity
+    and rates are of body axes, turned from `axes`, "NED/FRD" or "ENU/FLU".
+    Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
+    Raises FileError naming file, line and column.
+    """
+    space_axes(axes)
+    file = str(path)
+    header_line, headers, rows, step = _rows(path)
+    where = f"{file}, line {header_line}: column"
+    known = [None if name in ignore else column(name, where) for name in headers]
+    names = {made.name for made in known if made is not None}
+    if strange := [name for name in ignore if name not in headers and name not in names]:
+        raise FileError(f"{file} has no column `{strange[0]}` to ignore; it has {', '.join(headers)}.")
+    found: dict[str, tuple[Column, np.ndarray]] = {}
+    for place, made in enumerate(known):
+        if made is None or made.name in ignore:
+            continue
+        if made.name in found:
+            raise FileError(f"{file}, line {header_line}: `{made.name}` is given twice, as `{made.header}` too.")
+        found[made.name] = made, _cells(file, rows, place, made)
+    if "time" not in found:
+        raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
+    time = _time(file, rows, found.pop("time")[1])
+    columns = _vehicle(file, found, axes)
+    driving, did = _driving(file, found)
+    inputs, units, notes = _inputs(file, rows, driving)
+    actual, *_ = _inputs(file, rows, did)
+    notes += [
+        f"{int(gaps)} of {len(time)} values of {name} are missing."
+        for name, values in columns.items()
+        if (gaps := np.isnan(values).sum())
+    ]
+    gaps = np.diff(time)
+    if gaps.max() > IRREGULAR * np.median(gaps):
+        notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
+    try:
+        return Log(time, columns, inputs, units, tuple(notes), step, actual)
+    except ArgumentError as error:
+        raise FileError(f"{file}: {error}") from error
+
+
+def write_log(log: Log, path: str | os.PathLike[str]) -> None:
+    """The log as a CSV file that `read_log` reads: angles in degrees, inputs as `command_…`, missing cells empty."""
+    columns: list[tuple[str, np.ndarray]] = [("time_s", log.time)]
+    plain = {name: (name, values) for name, values in {**log.columns, **log.actual}.items()}
+    inputs = {f"command_{name}": (name, values) for name, values in log.inputs.items()}
+    for header, (name, values) in {**plain, **inputs}.items():
+        unit = log.units.get(name, "1")
+        shown, end = np.degrees(values) if unit == "rad" else values, ending(unit)
+        parts = [("", shown)] if shown.ndim == 1 else [(f"[{i + 1}]", shown[:, i]) for i in range(shown.shape[1])]
+        columns += [(f"{header}{part}{end}", numbers) for part, numbers in parts]
+    try:
+        with Path(path).open("w", newline="", encoding="utf-8") as stream:
+            if log.step is not None:
+                stream.write(f"{_STEP}{log.step:.12g}\n")
+            writer = csv.writer(stream)
+            writer.writerow([name for name, _ in columns])
+            for row in zip(*(values for _, values in columns), strict=True):
+                writer.writerow(["" if np.isnan(x) else f"{x:.12g}" for x in row])
+    except OSError as error:
+        raise FileError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]], float | None]:
+    """The line of the headers, the headers, every other line with its number, and the step of a simulated log."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path} is no text file in UTF-8.") from error
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    if len(lines) < 3:
+        raise FileError(f"{path} holds no log: a line of headers and at least two of numbers are needed.")
+    first = lines[0][1]
+    mark = max((",", ";", "\t"), key=first.count)
+    rows = [(i, next(csv.reader([line], delimiter=mark))) for i, line in lines]
+    (header_line, headers), *rest = rows
+    for line, cells in rest:
+        if len(cells) != len(headers):
+            raise FileError(f"{path}, line {line}: {len(cells)} cells, but there are {len(headers)} headers.")
+    told = [line.removeprefix(_STEP) for line in text.splitlines() if line.startswith(_STEP)]
+    return header_line, [name.strip() for name in headers], rest, _step(path, told[0]) if told else None
+
+
+def _step(path: Any, text: str) -> float:
+    """The step that a log tells; raises FileError."""
+    try:
+        step = float(text)
+    except ValueError:
+        step = np.nan
+    if not (np.isfinite(step) and step > 0):
+        raise FileError(f"{path}: the line `{_STEP}{text}` must tell a positive number, in s.")
+    return step
+
+
+def _cells(file: str, rows: list[tuple[int, list[str]]], place: int, made: Column) -> np.ndarray:
+    """The numbers of a column, in the unit inside; NaN where it is empty."""
+    found = np.full(len(rows), np.nan)
+    for i, (line, cells) in enumerate(rows):
+        text = cells[place].strip()
+        if text.lower() in _EMPTY:
+            continue
+        try:
+            found[i] = float(text) * made.factor
+        except ValueError:
+            raise FileError(f"{file}, line {line}, column `{made.header}`: {text!r} is no number.") from None
+        if not np.isfinite(found[i]):
+            raise FileError(f"{file}, line {line}, column `{made.header}`: {text!r} is not finite.")
+    return found
+
+
+def _time(file: str, rows: list[tuple[int, list[str]]], time: np.ndarray) -> np.ndarray:
+    bad = np.flatnonzero(np.isnan(time))
+    if len(bad):
+        raise FileError(f"{file}, line {rows[bad[0]][0]}, column `time`: the time is missing.")
+    bad = np.flatnonzero(np.diff(time) <= 0)
+    if len(bad):
+        line = rows[bad[0] + 1][0]
+        raise FileError(
+            f"{file}, line {line}: time goes from {time[bad[0]]:g} s to {time[bad[0] + 1]:g} s, but must grow: sort "
+            "the lines and give each time once."
+        )
+    return time
+
+
+def _vehicle(file: str, found: dict[str, tuple[Column, np.ndarray]], axes: Axes) -> dict[str, np.ndarray]:
+    """Columns of the vehicle in north, east, down and forward, starboard, down."""
+    given = {name: values for name, (_, values) in found.items() if name in NAMES}
+    columns: dict[str, np.ndarray] = {}
+    turn = np.diag(body_axes(axes))
+    if axes == "NED/FRD":
+        aliases = {"x": ("north", 1), "y": ("east", 1), "z": ("depth", 1), "down": ("depth", 1), "up": ("depth", -1)}
+    else:
+        aliases = {"x": ("east", 1), "y": ("north", 1), "z": ("depth", -1), "down": ("depth", 1), "up": ("depth", -1)}
+    for name, (inside, sign) in {**{name: (name, 1) for name in POSITION}, **aliases}.items():
+        if name in given:
+            if inside in columns:
+                raise FileError(f"{file}: `{name}` says again what another column says, `{inside}`: leave one out.")
+            columns[inside] = sign * given[name]
+    for names in (VELOCITY, RATES):
+        columns.update({name: sign * given[name] for name, sign in zip(names, turn, strict=True) if name in given})
+    columns.update(_attitude(file, given, axes))
+    return {name: columns[name] for name in VEHICLE if name in columns}
+
+
+def _attitude(file: str, given: dict[str, np.ndarray], axes: Axes) -> dict[str, np.ndarray]:
+    """Roll, pitch and heading of north, east, down."""
+    if any(name in given for name in _QUATERNION):
+        missing = [name for name in _QUATERNION if name not in given]
+        if missing:
+            raise FileError(f"{file}: a quaternion needs qw, qx, qy and qz, but {', '.join(missing)} is missing.")
+        if any(name in given for name in (*ATTITUDE, "yaw")):
+            raise FileError(f"{file}: attitude is given twice, by a quaternion and by angles: leave one out.")
+        both = np.stack([given[name] for name in _QUATERNION], axis=-1)
+        good = np.all(np.isfinite(both), axis=1)
+        length = np.linalg.norm(both[good], axis=1, keepdims=True)
+        if np.any(np.abs(length - 1) > 0.05):
+            worst = float(length.flat[np.argmax(np.abs(length - 1))])
+            raise FileError(f"{file}: quaternions must have length 1, but one has {worst:.3g}.")
+        R = rotation(attitude.from_quaternion(both[good] / length), axes)
+        angles = np.full((3, len(both)), np.nan)
+        angles[:, good] = attitude.zyx_angles(R)
+        return dict(zip(("heading", "pitch", "roll"), angles, strict=True))
+    if "yaw" in given and "heading" in given:
+        raise FileError(f"{file}: `yaw` says again what `heading` says: leave one out.")
+    found = {name: given[name] for name in ATTITUDE if name in given}
+    if "yaw" in given:
+        found["heading"] = given["yaw"] if axes == "NED/FRD" else np.pi / 2 - given["yaw"]
+    if axes == "ENU/FLU" and "pitch" in found:
+        found["pitch"] = -found["pitch"]
+    return found
+
+
+_Found = dict[str, tuple[Column, np.ndarray]]
+
+
+def _require_whole(file: str, found: _Found, prefix: str) -> None:
+    """Raise FileError where one of several numbers, name[1], name[2], …, is missing among them."""
+    groups: dict[str, list[int]] = {}
+    for name in found:
+        if match := _BRACKETS.match(name):
+            groups.setdefault(match[1], []).append(int(match[2]))
+    for name, there in groups.items():
+        gaps = sorted(set(range(min(1, *there), max(there))) - set(there))
+        if gaps:
+            raise FileError(f"{file}: the column `{prefix}{name}[{gaps[0]}]` is missing among those of {name}.")
+
+
+def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
+    """Inputs, which are the commands where there are any and else what was given, and what actuators did.
+
+    What an actuator did in another unit than that of its command, newtons for microseconds, is left out.
+    """
+    rest = {name: pair for name, pair in found.items() if name not in NAMES and not name.startswith(_LEFT_OUT)}
+    commands = {name.removeprefix("command_"): pair for name, pair in rest.items() if name.startswith("command_")}
+    _require_whole(file, commands, "command_")
+    plain = {name: pair for name, pair in rest.items() if not name.startswith("command_")}
+    wholes = {match[1] for name in commands if (match := _BRACKETS.match(name))}
+    uncommanded = {name: pair for name, pair in plain.items() if name not in commands}
+    for name in uncommanded:
+        if (match := _BRACKETS.match(name)) and match[1] in wholes:
+            raise FileError(f"{file}: the column `command_{name}` is missing beside the other commands of {match[1]}.")
+    _require_whole(file, uncommanded, "")
+    did = {name: pair for name, pair in plain.items() if name in commands and pair[0].unit == commands[name][0].unit}
+    return commands | uncommanded, did
+
+
+def _inputs(
+    file: str, rows: list[tuple[int, list[str]]], found: dict[str, tuple[Column, np.ndarray]]
+) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
+    """What drives the vehicle, without gaps, its units, and notes: a missing value is the last one before it."""
+    notes: list[str] = []
+    filled: dict[str, np.ndarray] = {}
+    for name, (made, values) in found.items():
+        gaps = np.isnan(values)
+        if gaps[0]:
+            where = f"{file}, line {rows[0][0]}, column `{made.header}`"
+            raise FileError(f"{where}: the first value of an input is missing.")
+        last = np.maximum.accumulate(np.where(gaps, 0, np.arange(len(values))))
+        filled[name] = values[last]
+        if gaps.any():
+            notes.append(f"{int(gaps.sum())} of {len(values)} values of {name} are missing and kept from before.")
+    groups: dict[str, dict[int, str]] = {}
+    for name in filled:
+        match = _COMPONENT.match(name)
+        if match:
+            groups.setdefault(match[1], {})[int(match[2] or match[3])] = name
+    inputs: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for name, values in filled.items():
+        match = _COMPONENT.match(name)
+        whole = groups.get(match[1], {}) if match else {}
+        order = sorted(whole)
+        if match and order == list(range(order[0], order[0] + len(order))) and order[0] in (0, 1):
+            inputs[match[1]] = np.stack([filled[whole[i]] for i in order], axis=1)
+            units[match[1]] = found[name][0].unit
+        else:
+            inputs[name], units[name] = values, found[name][0].unit
+    return inputs, units, notes

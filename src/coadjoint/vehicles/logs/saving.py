@@ -1,0 +1,20 @@
+"""A run of a vehicle as a log in CSV, for `run.save("log.csv")`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.vehicles.logs.columns import columns
+from coadjoint.vehicles.logs.csv_file import csv_text
+from coadjoint.vehicles.logs.log import Log
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def log_text(dataset: xarray.Dataset, axes: str = "NED/FRD") -> str:
+    """Columns `time_s`, `north_m`, `east_m`, `depth_m`, …; with axes "ENU/FLU" of east, north, up.
+
+    Raises ArgumentError for a run of what is no vehicle.
+    """
+    return csv_text(columns(Log(dataset), axes))

@@ -1,0 +1,13 @@
+"""Missions: a vehicle, its water, its pilot and its way points as TOML, flown to a folder of results."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.missions.mission import Mission as Mission
+    from coadjoint.vehicles.missions.mission import load_mission as load_mission
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

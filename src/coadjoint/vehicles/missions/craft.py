@@ -1,0 +1,131 @@
+"""From a mission file to a craft, its start and what drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.runs.initial import initial_values
+from coadjoint.runs.setup import Setup
+from coadjoint.runs.units import in_si, unknown
+from coadjoint.vehicles.logs.columns import split
+from coadjoint.vehicles.missions import legs
+from coadjoint.vehicles.missions.measures import measures, pilot_measures
+from coadjoint.vehicles.missions.perturb import perturbed, seeds
+from coadjoint.vehicles.missions.results import require_room
+from coadjoint.vehicles.missions.water import water
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.missions.file import MissionFile
+
+START = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators", "axes", "t")
+"""What [initial] holds, beside yaw, pitch and roll, or heading, one by one."""
+
+
+def set_up(file: MissionFile) -> Setup:
+    """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
+    from coadjoint.models.quantities import vector
+    from coadjoint.vehicles import axes as border
+    from coadjoint.vehicles.model.craft import Craft
+
+    vehicle = _vehicle(file)
+    commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
+    begun = _start(file, commands)
+    place = border.space_vector(vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun["axes"])
+    pilot = legs.following(file, _pilot(file, vehicle), place)
+    # What is mistaken in the file is told before gains are proposed, which takes a second.
+    inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
+    craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
+    kinds = measures(craft.parameters.asdict(), vehicle)
+    craft = craft.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
+    start = craft.start(**begun)
+    require_room(file, start)
+    system = craft.system
+    if file.run.members > 1:
+        system = perturbed(file, system, kinds)
+        craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
+    legs.require_room_to_end(file, start.q)
+    points = legs.way_points(file)
+    arrived = legs.arrival(craft.pilot) if len(points) else None
+    told = {"vehicle_length": float(vehicle.length or 1.0)}
+    told |= {"way_points": points.ravel().tolist()} if len(points) else {}
+    return Setup(system, start, inputs or None, legs.until(file, arrived), told)
+
+
+def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
+    """The inputs of [mission], all that the pilot wants among them."""
+    inputs = legs.inputs(file, {**commands, **wanted})
+    lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
+    if lacking:
+        raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
+    return inputs
+
+
+def _vehicle(file: MissionFile) -> Any:
+    from coadjoint.vehicles.files.shelf import load_vehicle
+
+    return load_vehicle(file.located(file.vehicle.file) if file.vehicle.file else file.vehicle.name)
+
+
+def _pilot(file: MissionFile, vehicle: Any) -> Any:
+    """The pilot of [pilot]: that of `kind`, none with "none", or the vehicle's own with changes."""
+    from coadjoint.vehicles.files.kinds import PILOTS, pilot_class
+
+    given = dict(file.pilot)
+    kind = given.pop("kind", "")
+    if kind == "none":
+        if given:
+            raise ArgumentError('Section [pilot] with kind = "none" has no other keys.')
+        return None
+    if kind and kind not in PILOTS:
+        raise ArgumentError(unknown(f"kind {kind!r}", "Section [pilot]", str(kind), [*PILOTS, "none"]))
+    if not kind and vehicle.pilot is None:
+        raise ArgumentError(
+            f"The vehicle {vehicle.name} has no pilot of its own: add a section [pilot] with a kind of "
+            f'{", ".join(sorted(PILOTS))}, or kind = "none" to command its actuators in [mission].'
+        )
+    cls = pilot_class(kind) if kind else type(vehicle.pilot)
+    known = [f.name for f in fields(cls)]
+    values = in_si("pilot", given, known, pilot_measures(known))
+    try:
+        return cls(**values) if kind else replace(vehicle.pilot, **values)
+    except TypeError as error:
+        raise ArgumentError(f"Section [pilot]: {str(error).split('() ')[-1]}.") from error
+
+
+def _start(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
+    """[initial] as keywords of `Craft.start`; units: those of the actuators."""
+    given = dict(file.initial)
+    axes = given.setdefault("axes", file.axes)
+    if axes not in ("NED/FRD", "ENU/FLU"):
+        raise ArgumentError(f'[initial] axes must be "NED/FRD" or "ENU/FLU", but is {axes!r}.')
+    for key in [key for key in given if key.split("_")[0] == "heading"]:
+        if axes != "NED/FRD":
+            raise ArgumentError(f"[initial] {key} belongs to NED/FRD: give `yaw`, from east to the left, in {axes}.")
+        given["yaw" + key.removeprefix("heading")] = given.pop(key)
+    found = initial_values(given, START)
+    if "actuators" in found:
+        found["actuators"] = _actuators(found["actuators"], units)
+    return found
+
+
+def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Where actuators start, by part, in SI units."""
+    if not isinstance(given, dict):
+        raise ArgumentError(f"[initial] actuators must be a table, as in {{ propeller_rpm = 900 }}, but is {given!r}.")
+    found = {}
+    for key, value in given.items():
+        name, unit, factor = (key, "", 1.0) if key in units else split(key)
+        if unit and unit != units.get(name, unit):
+            raise ArgumentError(f"[initial] actuators: `{name}` measures {units[name]}, but `{key}` is in {unit}.")
+        if name in found:
+            raise ArgumentError(f"[initial] actuators give `{name}` twice: once as `{key}`, once in another unit.")
+        try:
+            found[name] = factor * np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"[initial] actuators must hold numbers, but {key} is {value!r}.") from None
+    return found

@@ -1,0 +1,144 @@
+"""Mission files: a vehicle, its water, its pilot and its mission as TOML, the second kind of run file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.runs.methods import map_name, method_name
+from coadjoint.runs.runnable import Runnable
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, section
+from coadjoint.runs.units import unknown
+
+if TYPE_CHECKING:
+    from coadjoint.runs.setup import Setup
+    from coadjoint.simulation.run import Run
+
+
+@dataclass(frozen=True)
+class VehicleSection:
+    """What swims: `name`, a vehicle that is shipped, or `file`, a vehicle file beside the mission file."""
+
+    name: str = ""
+    file: str = ""
+
+    def __post_init__(self):
+        if bool(self.name) == bool(self.file):
+            raise ArgumentError("Section [vehicle] needs either `name`, a vehicle that is shipped, or `file`.")
+
+
+@dataclass(frozen=True)
+class MissionRunSection(RunSection):
+    """The grid, and how many `members` swim the mission, each with parameters of its own from [perturb]."""
+
+    members: int = 1
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.members < 1:
+            raise ArgumentError(f"[run] members must be at least 1, but is {self.members}.")
+
+
+@dataclass(frozen=True)
+class MissionOutputSection(OutputSection):
+    """Where results go, whether a log as `csv` is among them, and an `animation`: none, "gif" or "html"."""
+
+    csv: bool = True
+    animation: str = ""
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.animation not in ("", "gif", "html"):
+            raise ArgumentError(f'[output] animation must be "gif" or "html", but is {self.animation!r}.')
+
+
+SECTIONS = {
+    "vehicle": VehicleSection,
+    "method": MethodSection,
+    "run": MissionRunSection,
+    "output": MissionOutputSection,
+}
+FREE = ("parameters", "water", "pilot", "mission", "initial", "perturb")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionFile(Runnable):
+    """A mission: the sections of its file. `parameters` … `perturb` are tables as they stand there.
+
+    axes: those of [initial], [mission] and [water], "NED/FRD" or "ENU/FLU", the key above all sections.
+    """
+
+    vehicle: VehicleSection
+    run: MissionRunSection
+    output: MissionOutputSection = field(default_factory=MissionOutputSection)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    water: dict[str, Any] = field(default_factory=dict)
+    pilot: dict[str, Any] = field(default_factory=dict)
+    mission: dict[str, Any] = field(default_factory=dict)
+    initial: dict[str, Any] = field(default_factory=dict)
+    perturb: dict[str, Any] = field(default_factory=dict)
+    axes: str = "NED/FRD"
+    path: Path = Path("mission.toml")
+
+    @property
+    def companions(self) -> list[Path]:
+        tables = [self.water, *(inner for inner in self.water.values() if isinstance(inner, dict))]
+        names = [self.vehicle.file, self.mission.get("file", ""), *(table.get("file", "") for table in tables)]
+        return [self.located(name) for name in names if isinstance(name, str) and name]
+
+    def located(self, name: Any) -> Path:
+        """A file beside the mission file, or beside its results; raises FileError where there is none."""
+        if not isinstance(name, str):
+            raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
+        for place in (self.path.parent / name, self.path.parent / Path(name).name):
+            if place.is_file():
+                return place
+        raise FileError(f"There is no file {self.path.parent / name}, which {self.path} names.")
+
+    def set_up(self) -> Setup:
+        from coadjoint.vehicles.missions.craft import set_up
+
+        return set_up(self)
+
+    def warnings(self, run: Run) -> list[str]:
+        from coadjoint.vehicles.missions.results import left_water
+
+        return left_water(run.dataset)
+
+    def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
+        from coadjoint.vehicles.missions.results import figures, members, results
+
+        told = members(self, folder, run) if self.run.members > 1 else results(self, folder, run)
+        return told, figures(self, folder, run.dataset)
+
+
+def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
+    """The mission in a table of sections; raises ArgumentError."""
+    known = [*SECTIONS, *FREE]
+    axes = _axes(table.get("axes", "NED/FRD"))
+    for name, given in table.items():
+        if name == "axes":
+            continue
+        if name not in known:
+            raise ArgumentError(unknown(f"section [{name}]", "A mission file", name, known))
+        if not isinstance(given, dict):
+            raise ArgumentError(f"[{name}] must be a section of a mission file, but is {given!r}.")
+    if "run" not in table:
+        raise ArgumentError(f"The mission file {path} needs a section [run].")
+    made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in SECTIONS.items()}
+    method_name(made["method"].name)  # tells of names that there are not, before anything heavy is loaded
+    map_name(made["method"].map)
+    free = {name: table.get(name, {}) for name in FREE}
+    if made["run"].members > 1 and not free["perturb"]:
+        raise ArgumentError("[run] members > 1 needs a section [perturb], which says in what the members differ.")
+    if free["perturb"] and made["run"].members == 1:
+        raise ArgumentError("Section [perturb] needs [run] members, how many swim, 2 or more.")
+    return MissionFile(path=path, text=text, axes=axes, **made, **free)
+
+
+def _axes(given: Any) -> str:
+    if given not in ("NED/FRD", "ENU/FLU"):
+        raise ArgumentError(f'axes of a mission file must be "NED/FRD" or "ENU/FLU", but is {given!r}.')
+    return given

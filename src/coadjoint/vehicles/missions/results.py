@@ -1,0 +1,159 @@
+"""What a mission leaves beside its trajectory: logs, figures, an animation, and its figures in numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.plotting.plots import Plots, available, save_figures
+from coadjoint.plotting.whole_file import write_text
+from coadjoint.vehicles.figures.declared import FIGURES
+from coadjoint.vehicles.missions.legs import reached
+from coadjoint.vehicles.missions.summary import mission_summary, spread
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.run import Run
+    from coadjoint.vehicles.missions.file import MissionFile
+
+LOG, MEMBERS = "trajectory.csv", "members.csv"
+DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
+"""The figures of a mission unless [output] names others."""
+MOST_DRAWN = 100
+"""The most members in a figure."""
+MOST_ANIMATED = 8
+"""The most members in an animation."""
+MOST_BYTES = 1e9
+"""What the trajectories of all members may take."""
+
+
+def figures(file: MissionFile, folder: Path, dataset: Any) -> list[str]:
+    """Draw what [output] asks for; of very many members some, evenly chosen, in a reasonable time."""
+    if file.output.figures is False:
+        return []
+    if file.run.members > MOST_DRAWN:
+        dataset = dataset.isel(member=np.linspace(0, file.run.members - 1, MOST_DRAWN).astype(int))
+    chosen = file.output.figures
+    names = [name for name in DRAWN if name in available(dataset)] if chosen is True else chosen
+    return save_figures([dataset], folder, names, file.output.format)
+
+
+def left_water(dataset: Any) -> list[str]:
+    """A warning where the craft, or members, left the water by more than their length; saved nodes only."""
+    length = float(dataset.attrs["vehicle_length"])
+    depth = np.asarray(dataset.q.values)[..., 2]
+    out = depth < -length
+    if not np.any(out):
+        return []
+    if depth.ndim > 1:
+        return [
+            f"{int(np.sum(np.any(out, axis=-1)))} members leave the water, up to {-np.nanmin(depth):.3g} m above it."
+        ]
+    when = float(np.asarray(dataset.time.values)[np.argmax(out)])
+    return [
+        f"The vehicle leaves the water: from t = {when:.6g} s on by more than its length, up to {-np.min(depth):.3g} "
+        'm, with forces as in water; [mission] ends = "surface" ends there.'
+    ]
+
+
+def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
+    """Write the log and the animation of one run, and return what the summary says of the mission."""
+    if file.output.csv:
+        run.save(folder / LOG, overwrite=True)
+    if file.output.animation:
+        run.plot.animation(path=folder / f"animation.{file.output.animation}")
+    ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}
+    return {"mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended}}
+
+
+def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
+    """Write a table with a row for each member and the animation, and return the summary of all of them.
+
+    The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
+    extremes and quantiles of each figure over the members that finished.
+    """
+    dataset = fleet.dataset
+    done = [k for k in range(dataset.sizes["member"]) if k not in fleet.failures]
+    if not done:
+        raise ArgumentError(f"No member finished: {next(iter(fleet.failures.values()))}.")
+    rows = {k: flat(mission_summary(dataset.isel(member=k))) for k in done}
+    names = list(rows[done[0]])
+    columns = {"member": np.array(done, dtype=float)}
+    columns |= {name: values[done] for name, values in _varied(fleet).items()}
+    columns |= {name: np.array([rows[k].get(name, np.nan) for k in done]) for name in names}
+    if file.output.csv:
+        lines = [
+            ",".join(columns),
+            *(",".join(f"{v:.12g}" for v in row) for row in np.column_stack([*columns.values()])),
+        ]
+        write_text(folder / MEMBERS, "\n".join(lines) + "\n")
+    if file.output.animation:
+        shown = Plots(dataset.isel(member=done[:MOST_ANIMATED]))
+        shown.animation(path=folder / f"animation.{file.output.animation}")
+    return {
+        "system": fleet.system.name,
+        "method": fleet.method.title,
+        "dt": fleet.plan.h,
+        "members": dataset.sizes["member"],
+        "finished": len(done),
+        "failures": {str(k): what for k, what in fleet.failures.items()},
+        "seconds": fleet.seconds,
+        "set_up_seconds": fleet.set_up_seconds,
+        "mission": {name: spread(columns[name]) for name in names},
+        "notes": _shown(file, len(done)),
+        "card": str(fleet),
+    }
+
+
+def _shown(file: MissionFile, done: int) -> list[str]:
+    """What of [output] is less than of a single run."""
+    found = [f"{MEMBERS} has a row for each member, in place of {LOG}"] if file.output.csv else []
+    if file.output.animation and done > MOST_ANIMATED:
+        found.append(f"the animation shows {MOST_ANIMATED} of the members")
+    if file.output.figures is not False and file.run.members > MOST_DRAWN:
+        found.append(f"figures show {MOST_DRAWN} of the members")
+    return [f"Of an ensemble {'; '.join(found)}."] if found else []
+
+
+def flat(summary: dict[str, Any], prefix: str = "") -> dict[str, float]:
+    """The numbers of nested tables under joined names; seconds of the computer are none of a member."""
+    found: dict[str, float] = {}
+    for key, value in summary.items():
+        if isinstance(value, dict):
+            found |= flat(value, f"{prefix}{key}_")
+        elif isinstance(value, np.ndarray):
+            found |= {f"{prefix}{key}_{i}": float(v) for i, v in zip(("north", "east", "depth"), value, strict=True)}
+        elif value is not None and key != "times_real_time":
+            found[f"{prefix}{key}"] = float(value)
+    return found
+
+
+def require_room(file: MissionFile, start: Any) -> None:
+    """Raise ArgumentError where the trajectories of all members would be too large a file."""
+    import jax
+
+    steps = file.run.steps or round((file.run.duration or 0.0) / file.run.dt)
+    each = 2 * sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(start))
+    size = each * file.run.members * (steps // file.run.save_every + 1)
+    if file.run.members > 1 and size > MOST_BYTES:
+        wanted = int(file.run.save_every * size / MOST_BYTES) + 1
+        raise ArgumentError(
+            f"The trajectories of {file.run.members} members would take some {size / 1e9:.1f} GB: save fewer nodes "
+            f"with [run] save_every = {wanted} or more."
+        )
+
+
+def _varied(fleet: Any) -> dict[str, np.ndarray]:
+    """The parameters that differ between members, by name, entries of arrays one by one."""
+    from coadjoint.mechanics.each import Each
+
+    found: dict[str, np.ndarray] = {}
+    parameters: Any = fleet.system.parameters
+    for name, value in parameters.asdict().items():
+        if isinstance(value, Each):
+            table = np.asarray(value.values).reshape(len(value), -1)
+            ends = [""] if np.ndim(value.values) == 1 else [f"[{i + 1}]" for i in range(table.shape[1])]
+            found |= {f"{name}{end}": column for end, column in zip(ends, table.T, strict=True)}
+    return found

@@ -1,0 +1,118 @@
+"""The water of a mission file: kinds of currents by name, several that add up, a density."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.each import each
+from coadjoint.runs.units import NO_UNIT, in_si, unknown
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.missions.file import MissionFile
+
+_ROOM = "coadjoint.vehicles.water"
+CURRENTS = {
+    "uniform": "water:UniformWater",
+    "shear": "profiles:LinearShear",
+    "sheared": "profiles:Sheared",
+    "tidal": "currents:TidalCurrent",
+    "gauss_markov": "gauss_markov:GaussMarkovCurrent",
+    "table": "tables:CurrentTable",
+}
+DENSITIES = {
+    "linear": "density:LinearDensity",
+    "exponential": "density:ExponentialDensity",
+    "table": "density:DensityTable",
+}
+PROFILES = {
+    "linear": "profiles:LinearProfile",
+    "power_law": "profiles:PowerLaw",
+    "logarithmic": "profiles:Logarithmic",
+}
+APART = 2**32
+"""Between the seeds of two random currents of one mission."""
+_INNER = {"density": DENSITIES, "profile": PROFILES}
+VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities", "deviation", "phases")
+"""The fields of currents that hold a number for each axis of space."""
+KINDS = {
+    **dict.fromkeys(("velocity", "mean", "amplitudes", "deviation", "velocities"), "speed"),
+    **dict.fromkeys(("reach", "bottom", "roughness", "scale", "depths"), "length"),
+    **dict.fromkeys(("correlation_time", "times"), "time"),
+    "phases": "angle",
+}
+"""What some of the fields measure."""
+
+
+def water(file: MissionFile, seeds: Any = None) -> Any:
+    """The water of [water], still where there is none; `seeds` for random currents of several members.
+
+    One current with its `kind` ("uniform" unless given) and fields, or several, each a table [water.NAME], which add
+    up, with [water.density]. `file` of a table is a CSV file. Raises ArgumentError and FileError.
+    """
+    given = file.water
+    if not given:
+        return None
+    named = {name: table for name, table in given.items() if isinstance(table, dict) and name != "profile"}
+    if not named:
+        return _made(file, given, "water", CURRENTS, "uniform", seeds)
+    alone = [key for key in given if key not in named]
+    if alone:
+        raise ArgumentError(
+            f"Section [water] has `{alone[0]}` beside tables such as [water.{next(iter(named))}]: put it into a table "
+            "of its own, as in [water.drift]."
+        )
+    from coadjoint.vehicles.water.sea import Sea
+
+    made = {}
+    for place, (name, table) in enumerate(named.items()):
+        kinds, default = (_INNER[name], "") if name in _INNER else (CURRENTS, "uniform")
+        own = None if seeds is None else each(seeds.values + place * APART)
+        made[name] = _made(file, table, f"water.{name}", kinds, default, own)
+    return Sea(**made)
+
+
+def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:
+    """One current, density or profile of a table."""
+    table = dict(given)
+    kind = table.pop("kind", default)
+    if kind not in kinds:
+        raise ArgumentError(unknown(f"kind {kind!r}", f"Section [{title}]", str(kind), list(kinds)))
+    module, _, name = kinds[kind].partition(":")
+    cls = getattr(import_module(f"{_ROOM}.{module}"), name)
+    if "file" in table and hasattr(cls, "from_csv"):
+        if len(table) > 1:
+            raise ArgumentError(f"Section [{title}] takes all of its table from `file`: leave the other keys out.")
+        return cls.from_csv(file.located(table["file"]))
+    known = [key for key in inspect.signature(cls).parameters if key != "self"]
+    measured = {**dict.fromkeys(known, NO_UNIT), **KINDS, **({"surface": "speed"} if kinds is CURRENTS else {})}
+    values = in_si(title, table, known, measured)
+    for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
+        values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)
+    if kinds is CURRENTS and file.axes != "NED/FRD":
+        values = {key: _turned(key, value, file.axes) for key, value in values.items()}
+    if seeds is not None and "seed" in known:
+        values["seed"] = seeds
+    try:
+        return cls(**values)
+    except TypeError as error:
+        needed = [key for key, value in inspect.signature(cls).parameters.items() if value.default is value.empty]
+        raise ArgumentError(
+            f"Section [{title}] of kind {kind!r} needs {', '.join(f'`{key}`' for key in needed)}."
+        ) from error
+
+
+def _turned(key: str, value: Any, axes: Any) -> Any:
+    """A field of a current in NED; standard deviations and phases change places and keep their signs."""
+    from coadjoint.vehicles.axes import space_axes
+
+    N = space_axes(axes)
+    try:
+        found = np.asarray(value if key in VECTORS else 0.0, dtype=float)
+    except (TypeError, ValueError):
+        return value  # which the current refuses
+    return found @ (np.abs(N) if key in ("deviation", "phases") else N) if found.shape[-1:] == (3,) else value

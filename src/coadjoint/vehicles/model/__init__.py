@@ -1,0 +1,15 @@
+"""A vehicle as data, and the craft that it makes with a pilot in its water: energies, loads, actuators, starts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.model.craft import Craft as Craft
+    from coadjoint.vehicles.model.craft import craft_of as craft_of
+    from coadjoint.vehicles.model.vehicle import Quantity as Quantity
+    from coadjoint.vehicles.model.vehicle import Vehicle as Vehicle
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,277 @@
+"""The rule of a craft's internal state: its pilot looks and speaks, its actuators follow, its water changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import traced
+from coadjoint.mechanics.each import Each, stacked
+from coadjoint.mechanics.internal import sampled, sampling, starting_values
+from coadjoint.mechanics.internal_rule import InternalRule
+from coadjoint.mechanics.state import Motion
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles.model.energies import Surroundings, own_of
+from coadjoint.vehicles.model.function_pilot import FunctionPilot
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.pilot_checks import require_declared
+from coadjoint.vehicles.model.pilot_mistakes import called, steer
+from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.water.water import UniformWater, Water
+
+MEMORY = "memory"
+
+
+@dataclass(frozen=True, eq=False)
+class Rule(InternalRule):
+    """(motion, h, p) → the internal state after h: {part: actuator, "pilot": its samples, "water": its memory}.
+
+    Over the step that ends at the node, actuators have followed the commands that were in force at its beginning.
+    Without a pilot, and for parts that it leaves alone, an input of a part's name commands it; others stay.
+    """
+
+    vehicle: Vehicle
+    pilot: Pilot | None
+    water: Water
+
+    jumping = ("water",)
+    """What is not followed within a step that is judged for its accuracy: a random current is drawn once a step."""
+
+    @property
+    def title(self) -> str:
+        """What it is, at the beginning of a sentence."""
+        others = f"an actuator or the water of `{self.vehicle.name}`"
+        return f"A{others[1:]}" if self.pilot is None else f"{called(self.pilot)}, {others}"
+
+    def __post_init__(self) -> None:
+        if self.pilot is not None:
+            require_declared(self.pilot)
+
+    def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
+        """The internal state at the start, with these actuators."""
+        found: dict[str, Any] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
+        if self.pilot is not None:
+            memory = self.pilot.memory()
+            found["pilot"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
+        remembered = self.water.start()
+        return {**found, "water": remembered} if remembered else found
+
+    def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
+        inputs = self.inputs(motion)
+        after: dict[str, Any] = {}
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        commands = {name: value for name, value in inputs.items() if name in self._shapes and name not in wanted}
+        if self.pilot is not None:
+            after["pilot"], steered = self._sample(self.pilot, motion, h, p, Named(**inputs))
+            if twice := [name for name in commands if name in steered]:
+                raise ArgumentError(f"The pilot commands `{twice[0]}` already: leave the input of that name out.")
+            commands.update({name: getattr(motion.internal.pilot.value, name) for name in steered})
+        for part in self.vehicle.commanded:
+            actual = getattr(motion.internal, part.name)
+            own = own_of(p, part.name, part.parameters())
+            if part.name in commands:
+                actual = part.advance(actual, jnp.asarray(commands[part.name]), h, own)
+            after[part.name] = actual
+        if self.water.start():
+            own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
+            after["water"] = self.water.advance(motion.internal.water, h, own)
+        return after
+
+    def seeded(self, internal: Named, seeds: np.ndarray) -> Named:
+        """Internal states (k, …) whose water has random numbers of these seeds (k,)."""
+        if not self.water.start():
+            raise ArgumentError(f"Nothing around `{self.vehicle.name}` is random: leave out `seed`.")
+        begun, _ = stacked(starting_values(self.water.seeded(Each(seeds)).start()))
+        water = jax.tree.map(lambda new, old: np.broadcast_to(new, np.shape(old)), begun, internal.water)
+        return internal.replace(water=water)
+
+    def failure(self, t: float, h: float) -> str | None:
+        """Why the step of length h from t has failed, if its pilot knows."""
+        return self.pilot.failure(t, h) if isinstance(self.pilot, FunctionPilot) else None
+
+    def warnings(self, h: Any, p: Any) -> list[str]:
+        """A sentence where a step is longer than the period of the pilot."""
+        if self.pilot is None:
+            return []
+        given = p.pilot_period.values if isinstance(p.pilot_period, Each) else p.pilot_period
+        period, step = float(np.min(given)), float(np.abs(h))
+        if step <= period * (1 + 1e-9):
+            return []
+        return [
+            f"{called(self.pilot)} looks every {period:g} s, but a step takes {step:g} s: it acts once a step. Take dt "
+            f"of {period:g} s or less."
+        ]
+
+    def report(self, motion: Motion, p: Any) -> dict[str, Any]:
+        """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
+
+        Nor for an ensemble whose members have waters of their own, since p is theirs together.
+        """
+        own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
+        numbers = own.asdict().values()
+        if any(isinstance(number, Each) for number in numbers) or (
+            isinstance(self.water, UniformWater) and not np.any(own.velocity)
+        ):
+            return {}
+        around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
+        return {"current": self.water.current(around.place(), motion.t, around.memory, own)}
+
+    def limits(self, p: Any) -> dict[str, tuple[float | None, float | None]]:
+        """±`limit`, or `low` and `high`, of the actuators for which these are one number."""
+        found: dict[str, tuple[float | None, float | None]] = {}
+        for part in self.vehicle.commanded:
+            limit, low, high = (_one_number(p, f"{part.name}_{end}") for end in ("limit", "low", "high"))
+            found[part.name] = (low, high) if limit is None else (-limit, limit)
+        return found
+
+    @property
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of the command of each part."""
+        return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
+
+    def _sample(self, pilot: Pilot, motion: Motion, h: Array, p: Any, inputs: Named) -> tuple[Any, set[str]]:
+        """The pilot's samples after h, and the names of the parts that it steers."""
+        steered: set[str] = set()
+        sight = seen(self.water, self.vehicle, motion, p, inputs)
+        own = p if isinstance(pilot, FunctionPilot) else own_of(p, "pilot", pilot.parameters())
+
+        def update(last: Any) -> dict[str, Any]:
+            memory = getattr(last, MEMORY) if MEMORY in last else Named()
+            commands, remembered = steer(pilot, sight, memory, own, self.vehicle)
+            steered.update(self._checked(commands))
+            found = {**last.asdict(), **{name: jnp.asarray(value, dtype=float) for name, value in commands.items()}}
+            return {**found, MEMORY: remembered} if MEMORY in last else found
+
+        held = motion.internal.pilot
+        samples = sampled(motion, h, held, update, period=p.pilot_period, delay=p.pilot_delay)
+        return samples, steered
+
+    def _checked(self, commands: Any) -> dict[str, Any]:
+        """What a pilot says; raises ArgumentError where it is nothing that the vehicle can follow."""
+        if not isinstance(commands, dict):
+            raise ArgumentError(
+                f"A pilot must return a dictionary of commands by the names of parts, but returned "
+                f"{type(commands).__name__}."
+            )
+        for name, value in commands.items():
+            try:
+                jnp.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise ArgumentError(f"The pilot commands `{name}` by {value!r}, which is no number.") from None
+            self._require_command(name, value, "The pilot commands")
+        return commands
+
+    def _require_command(self, name: str, value: Any, who: str) -> None:
+        shapes = self._shapes
+        if name not in shapes:
+            raise ArgumentError(
+                f"{who} `{name}`, which is no actuator of `{self.vehicle.name}`; its actuators are: "
+                f"{', '.join(shapes) or 'none'}."
+            )
+        if jnp.shape(value) != shapes[name]:
+            raise ArgumentError(f"{who} `{name}` with shape {jnp.shape(value)}, but it takes {_shape(shapes[name])}.")
+
+    def inputs(self, motion: Motion) -> dict[str, Any]:
+        """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
+        given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
+        if motion.inputs is not None and not isinstance(motion.inputs, Named):
+            raise ArgumentError("The inputs of a craft have names, as in inputs={'rudder': signal}.")
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        for name, unit in wanted.items():
+            if name not in given:
+                raise ArgumentError(
+                    f"The pilot of `{self.vehicle.name}` needs the input `{name}` ({unit}): give it to co.simulate, as "
+                    f"in inputs={{'{name}': 0.5}}."
+                )
+        for name, value in given.items():
+            if name in wanted or (isinstance(self.pilot, FunctionPilot) and name not in self._shapes):
+                continue
+            if name not in self._shapes:
+                known = ", ".join([*wanted, *self._shapes]) or "none"
+                raise ArgumentError(
+                    f"Nobody on `{self.vehicle.name}` knows the input `{name}`: pilot and actuators take {known}."
+                )
+            self._require_command(name, value, "An input commands")
+        return given
+
+
+def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Sight:
+    """The craft as its pilot sees it."""
+    around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
+    roll, pitch, heading = attitude_angles(motion.a.down, motion.a.north)
+    return Sight(
+        position=around.place(),
+        velocity=motion.nu - around.current(),
+        ground_velocity=motion.nu,
+        omega=motion.xi,
+        down=motion.a.down,
+        north=motion.a.north,
+        roll=roll,
+        pitch=pitch,
+        heading=heading,
+        depth=around.depth(),
+        sink=motion.nu @ motion.a.down,
+        t=motion.t,
+        inputs=inputs,
+        actual=Named(**{part.name: getattr(motion.internal, part.name) for part in vehicle.commanded}),
+    )
+
+
+def attitude_angles(down: Array, north: Array) -> tuple[Array, Array, Array]:
+    """Roll, pitch and heading (rad) from the directions of down and north in the body frame, forward-starboard-down."""
+    east = jnp.cross(down, north)
+    pitch = jnp.arctan2(-down[0], jnp.sqrt(down[1] ** 2 + down[2] ** 2 + 1e-300))
+    return jnp.arctan2(down[1], down[2]), pitch, jnp.arctan2(east[0], north[0])
+
+
+def _one_number(p: Any, name: str) -> float | None:
+    value = getattr(p, name, None)
+    return float(value) if isinstance(value, (np.ndarray, np.generic, float)) and np.ndim(value) == 0 else None
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "one number" if shape == () else f"shape {shape}"
+
+
+def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
+    """Where each actuator starts; raises ArgumentError for a name that is none, wrong shapes, and out of its range."""
+    values = dict(given or {})
+    known = {part.name: part.command for part in vehicle.commanded if part.command is not None}
+    for name, value in values.items():
+        if name not in known:
+            raise ArgumentError(
+                f"`{name}` in `actuators` is no actuator of `{vehicle.name}`; its actuators are: "
+                f"{', '.join(known) or 'none'}."
+            )
+        shape = np.shape(value.values)[1:] if isinstance(value, Each) else np.shape(value)
+        if shape != known[name].shape:
+            raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
+        part = vehicle.part(name)
+        _require_in_range(part, value, own_of(p, name, part.parameters()))
+    return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}
+
+
+def _require_in_range(part: Part, value: Any, own: Named) -> None:
+    """Raise ArgumentError for a start that the actuator cannot reach, as of degrees for radians.
+
+    A range that is another for each member, or that is being differentiated, is not looked at.
+    """
+    value = value.values if isinstance(value, Each) else value
+    if any(isinstance(number, Each) for number in own.asdict().values()) or traced(value, own):
+        return
+    ends = part.travel(own)
+    if ends is None:
+        return
+    (low, high), found = ends, np.asarray(value, dtype=float)
+    slack = 1e-9 * (high - low)
+    if np.any((found < low - slack) | (found > high + slack)):
+        wrong = found[(found < low - slack) | (found > high + slack)].flat[0]
+        unit = "" if part.command is None or part.command.unit == "1" else f" {part.command.unit}"
+        raise ArgumentError(f"`{part.name}` cannot start at {wrong:g}{unit}: it goes from {low:g} to {high:g}{unit}.")

@@ -1,0 +1,198 @@
+"""A craft: a vehicle with its pilot in its water, as a system on SO(3) × ℝ³."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import Force, State
+from coadjoint.mechanics.system import System
+from coadjoint.models.paper_form import UNITS
+from coadjoint.spaces import Defining
+from coadjoint.vehicles import axes as turned
+from coadjoint.vehicles.model import energies
+from coadjoint.vehicles.model.actuators import Rule, starting_actuators
+from coadjoint.vehicles.model.changed import require_buildable, require_possible
+from coadjoint.vehicles.model.energies import Surroundings, actual_of, own_of
+from coadjoint.vehicles.model.function_pilot import FunctionPilot
+from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.model.start import starting_motion, through_water
+from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.water.water import StillWater, Water
+
+BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
+
+
+class Craft:
+    """A vehicle, its pilot and its water.
+
+        craft = Craft(vehicle, pilot=pilot, water=UniformWater((0.0, 0.2, 0.0)))
+        run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, duration=300, inputs={"depth": …})
+
+    pilot: a Pilot, or a function (sight, p) → {part: command}; without one, inputs of the names of parts command them.
+    water: by default still. Raises ArgumentError for what is none of these.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, *, pilot: Pilot | Callable[..., Any] | None = None, water: Water | None = None
+    ):
+        if not isinstance(vehicle, Vehicle):
+            raise ArgumentError(f"Argument `vehicle` must be a Vehicle, but is {vehicle!r}.")
+        if water is not None and not isinstance(water, Water):
+            raise ArgumentError(
+                f"Argument `water` must be a Water such as UniformWater((0.0, 0.2, 0.0)), but is {water!r}."
+            )
+        if isinstance(pilot, type):
+            raise ArgumentError(
+                f"Argument `pilot` is the class {pilot.__name__}: give one of them, {pilot.__name__}(…)."
+            )
+        if pilot is not None and not isinstance(pilot, Pilot):
+            if not callable(pilot):
+                raise ArgumentError(f"Argument `pilot` must be a Pilot, or a function (sight, p), but is {pilot!r}.")
+            pilot = FunctionPilot(function=pilot)
+        pilot = None if pilot is None else pilot.fitted(vehicle)
+        self.vehicle, self.pilot, self.water = vehicle, pilot, StillWater() if water is None else water
+        self.rule = Rule(vehicle, pilot, self.water)
+        self._changes: dict[str, Any] = {}
+
+    def replace(self, **values: Any) -> Craft:
+        """A copy with some parameters replaced, one for each member where one likes: `rudder_area=co.each(areas)`.
+
+        Raises ArgumentError for a name that is no parameter, and for what body, parts, pilot or water cannot have, as
+        where they were made; 0 for a lag is none.
+        """
+        made = Craft(self.vehicle, pilot=self.pilot, water=self.water)
+        made._changes = {**self._changes, **values}
+        changed = made.parameters.asdict()  # raises where a name is none
+        changed = {name: changed[name] for name in made._changes}
+        nominal = {name: getattr(self.vehicle, name) for name in BODY}
+        require_buildable(self.vehicle, nominal, {name: changed[name] for name in BODY if name in changed})
+        require_possible(dict(self._owners), changed)
+        return made
+
+    @cached_property
+    def system(self) -> System:
+        """ℓ with advected directions `down` and `north`, a force for each part, and the rule of the internal state."""
+        return System(
+            SO3(),
+            self._lagrangian(),
+            additional=Defining(),
+            advected={"down": Defining(), "north": Defining()},
+            parameters=self.parameters,
+            forces=self._forces() or None,
+            internal=self.rule if self._remembers else None,
+            node_velocities=True,
+            name=self.vehicle.name,
+            units=self._units(),
+        )
+
+    @property
+    def parameters(self) -> Parameters:
+        """All numbers: of the body under their own names, of others as `rudder_area`, `pilot_period`, …"""
+        values = {name: getattr(self.vehicle, name) for name in BODY}
+        for prefix, owner in self._owners:
+            for key, value in owner.parameters().items():
+                name = f"{prefix}_{key}"
+                if name in values:
+                    raise ArgumentError(f"Two parameters are named `{name}`: give one of the parts another name.")
+                values[name] = value
+        return Parameters(**values).replace(**self._changes)
+
+    @property
+    def _owners(self) -> list[tuple[str, Part | Pilot | Water]]:
+        """What has parameters beside the body, by their prefix."""
+        pilots = [] if self.pilot is None else [("pilot", self.pilot)]
+        return [*((part.name, part) for part in self.vehicle.parts), ("water", self.water), *pilots]
+
+    def start(
+        self,
+        *,
+        position: Any = (0.0, 0.0, 0.0),
+        speed: Any = None,
+        velocity: Any = None,
+        euler_zyx: Any = (0.0, 0.0, 0.0),
+        angular_velocity: Any = (0.0, 0.0, 0.0),
+        actuators: Mapping[str, Any] | None = None,
+        axes: turned.Axes = "NED/FRD",
+        t: float = 0.0,
+    ) -> State:
+        """The state at a position (3,) m, going ahead at `speed` m/s, or with a body `velocity`, through the water.
+
+        velocity: of O, (3,) m/s, body axes. euler_zyx: yaw, pitch, roll, rad. angular_velocity: ω, (3,) rad/s, body
+        axes. actuators: where they start, by the names of their parts. axes: those of the vectors and angles given.
+        co.each may stand for any of them but axes and t.
+        Raises ArgumentError for wrong shapes, for actuators that the vehicle does not have, and out of their range.
+        """
+        p = self.system.parameters
+        internal = self.rule.start(starting_actuators(self.vehicle, actuators, p), t)
+        own = own_of(p, "water", self.water.parameters(), fluid_density=self.vehicle.fluid_density)
+        velocity = through_water(speed, velocity)
+        begun = starting_motion(self.water, own, position, velocity, euler_zyx, angular_velocity, t, axes)
+        a0 = {"down": [0, 0, 1], "north": [1, 0, 0]}
+        return self.system.state(**begun, a0=a0, t=t, internal=internal or None)
+
+    @property
+    def _remembers(self) -> bool:
+        return bool(self.vehicle.commanded or self.pilot is not None or self.water.start())
+
+    def _lagrangian(self) -> Callable[..., Any]:
+        """ℓ(xi, n, nu, a, p), with the keywords `t` and `internal` only where they enter."""
+        water, parts = self.water, self.vehicle.parts
+
+        def lagrangian(xi, n, nu, a, p, *, t=0.0, internal=None):
+            return energies.lagrangian(water, parts, xi, n, nu, a, p, t, internal)
+
+        entering = {"t": water.timed, "internal": bool(water.start()) or any(part.holds_mass for part in parts)}
+        known = inspect.signature(lagrangian).parameters
+        takes = [value for name, value in known.items() if entering.get(name, True)]
+        lagrangian.__signature__ = inspect.Signature(takes)  # pyright: ignore[reportFunctionMemberAccess]
+        return lagrangian
+
+    def _forces(self) -> dict[str, Callable[..., Force]]:
+        found = {part.name: self._push(part) for part in self.vehicle.parts}
+        if not self.water.uniform:
+            found["shear"] = lambda motion, p: energies.shear(self.water, self.vehicle.parts, motion, p)
+        return found
+
+    def _push(self, part: Part) -> Callable[..., Force]:
+        def push(motion, p):
+            if not self._remembers:
+                self.rule.inputs(motion)
+            around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
+            own = own_of(p, part.name, part.parameters())
+            return part.force(around.flow(motion.xi, motion.nu), actual_of(part, motion.internal), own)
+
+        return push
+
+    def _units(self) -> dict[str, str]:
+        commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
+        wanted = {} if self.pilot is None else self.pilot.inputs
+        return {
+            **UNITS,
+            "current": "m/s",
+            **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},
+            **{f"internal_{name}": unit for name, unit in commands.items()},
+            **{
+                f"internal_{part.name}_{k}": u for part in self.vehicle.commanded for k, u in (part.units or {}).items()
+            },
+            **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
+            **{f"internal_pilot_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()},
+        }
+
+
+def craft_of(system: System) -> Craft:
+    """The craft that a system was made by, with the parameters that the system has; raises ArgumentError.
+
+    So `craft_of(vehicle.replace(rudder_area=0.02)).start(speed=1.5)` begins what has been changed.
+    """
+    rule = system.internal
+    if not isinstance(rule, Rule) or system.parameters is None:
+        raise ArgumentError(f"The system `{system.name}` was not made by a Craft with actuators: use system.state(…).")
+    made = Craft(rule.vehicle, pilot=rule.pilot, water=rule.water)
+    return made.replace(**system.parameters.asdict())

@@ -1,0 +1,200 @@
+"""Any Python function as a pilot: traced into the native kernel where it can be, else called from outside."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.evaluate import traced
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles.model.inputs_read import Read, require_read
+from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.pilot_checks import require_positive
+from coadjoint.vehicles.model.pilot_mistakes import called
+
+_NOT_TRACEABLE = (
+    jax.errors.ConcretizationTypeError,
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerBoolConversionError,
+    jax.errors.TracerIntegerConversionError,
+)
+
+_TOLD: set[tuple[str, int]] = set()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FunctionPilot(Pilot):
+    """A function (sight, p) → {part: command} as a pilot, p being the parameters of the system.
+
+    With `remembers`, numbers by name that it starts from, it is (sight, memory, p) → (commands, memory) instead.
+    Written with jax.numpy it becomes part of the native kernel. Where it needs numbers, as with NumPy, `math`, `if` on
+    what it sees, or a library of one's own, it is called from outside at every step: then the run goes by XLA, which a
+    warning tells, is slower, and has no derivatives. What it gives must depend on its arguments only; it is called once
+    on a craft at rest to learn the shapes. A vehicle's inputs of any name reach it as `sight.inputs`.
+    """
+
+    function: Callable[..., Any]
+    remembers: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        require_positive(self, ("period",))
+        _require_arguments(self.function, ("sight", "p") if self.remembers is None else ("sight", "memory", "p"))
+
+    def memory(self) -> dict[str, Any]:
+        return dict(self.remembers or {})
+
+    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        if isinstance(sight.inputs, Named):
+            sight = sight._replace(inputs=Read(**sight.inputs.asdict()))
+        arguments = (sight, own) if self.remembers is None else (sight, memory, own)
+        try:
+            found, read = self.function(*arguments), sight.inputs
+        except _NOT_TRACEABLE:
+            _tell(self.function)
+            found, read = _from_outside(self.function, arguments, called(self))
+        require_read(self.function, read, [part.name for part in vehicle.commanded], called(self))
+        if self.remembers is None:
+            return found, {}
+        if not isinstance(found, tuple) or len(found) != 2:
+            raise ArgumentError(
+                f"A pilot that remembers must return (commands, memory), but returned {type(found).__name__}."
+            )
+        return found
+
+    def failure(self, t: float, h: float) -> str | None:
+        """Why it gave no numbers in the step of length h from t, if it did not; for functions called from outside."""
+        when, sentence = _FAILED.get(called(self), (np.inf, None))
+        return sentence if abs(when - t) < 1.5 * abs(h) else None
+
+
+_FAILED: dict[str, tuple[float, str]] = {}
+"""By pilot, when it failed last in the run that goes on, and how."""
+
+
+def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
+    """Raise ArgumentError unless a function can be called with these."""
+    if not callable(function):
+        raise ArgumentError(f"Argument `function` of a pilot must be a function ({', '.join(names)}).")
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of a library in C: only calling it tells
+        return
+    try:
+        signature.bind(*names)
+    except TypeError:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise ArgumentError(
+            f"The pilot `{name}` must be a function of ({', '.join(names)}), but takes {signature}."
+        ) from None
+
+
+def _tell(function: Callable[..., Any]) -> None:
+    """Warn, once for each function, that it goes round the native kernel."""
+    name = getattr(function, "__name__", type(function).__name__)
+    if (name, id(function)) not in _TOLD:
+        _TOLD.add((name, id(function)))
+        warnings.warn(
+            f"The pilot `{name}` has Python `if`, float() or NumPy on what it sees: it is called from outside JAX at "
+            "every step, which is slower, by XLA, and without derivatives. With jax.numpy alone, and "
+            "jnp.where(sight.depth > 2, a, b) for `if`, it becomes part of the native kernel.",
+            stacklevel=2,
+        )
+
+
+def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name: str) -> tuple[Any, Any]:
+    """What a function gives that takes numbers only, with the shapes that it has at rest, and the inputs it read."""
+    resting = _at_rest(arguments)
+    if isinstance(resting[0].inputs, Named):
+        resting = (resting[0]._replace(inputs=Read(**resting[0].inputs.asdict())), *resting[1:])
+    try:
+        example = _numbers(function(*resting))
+    except Exception as error:
+        raise ArgumentError(
+            f"The pilot's function failed for a craft at rest and level: {type(error).__name__}: {error}"
+        ) from error
+    leaves, structure = jax.tree.flatten(example)
+    _, given = jax.tree.flatten(arguments)
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(arguments)]
+
+    expected = [leaf.shape for leaf in leaves]
+    size = sum(leaf.size for leaf in leaves)
+    _FAILED.pop(name, None)
+
+    def call(bits: Any) -> np.ndarray:
+        numbers = given.unflatten(_split(np.ascontiguousarray(bits).view(np.float64).ravel(), shapes))
+        return _row(function, numbers, name, (structure, expected, size)).view(np.uint32).reshape(-1, 2)
+
+    # As pairs of 32 bits, since JAX takes callbacks' numbers for float32 on the threads that they run on.
+    @jax.custom_jvp
+    def outside(all_of: Any) -> Any:
+        bits = jax.ShapeDtypeStruct((size, 2), np.uint32)
+        asked = lax.bitcast_convert_type(all_of, jnp.uint32)
+        return lax.bitcast_convert_type(jax.pure_callback(call, bits, asked, vmap_method="sequential"), jnp.float64)
+
+    @outside.defjvp
+    def refuse(primals: Any, tangents: Any) -> Any:
+        raise ArgumentError(
+            f"{name} is called from outside JAX and has no derivatives: write it with jax.numpy, and jnp.where for "
+            "`if`, to differentiate a run through it."
+        )
+
+    all_of = jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(arguments)])
+    return structure.unflatten(_split(outside(all_of), expected)), resting[0].inputs
+
+
+def _row(function: Callable[..., Any], numbers: Any, name: str, expected: tuple[Any, list[Any], int]) -> np.ndarray:
+    """What a function gives as a row of float64 numbers; NaN, and a note of why, where it fails."""
+    structure, shapes, size = expected
+    try:
+        leaves, found = jax.tree.flatten(_numbers(function(*numbers)))
+    except Exception as error:
+        first = (str(error).strip().split("\n") or [""])[0].rstrip(".")
+        return _failed(name, numbers, f"failed: {type(error).__name__}: {first}", size)
+    if found != structure or [leaf.shape for leaf in leaves] != shapes:
+        return _failed(name, numbers, "returned other names or shapes than for a craft at rest", size)
+    row = np.concatenate([np.ravel(leaf) for leaf in leaves]) if leaves else np.zeros(0)
+    return row if np.all(np.isfinite(row)) else _failed(name, numbers, "returned numbers that are not finite", size)
+
+
+def _failed(name: str, numbers: Any, what: str, size: int) -> np.ndarray:
+    _FAILED[name] = (float(numbers[0].t), f"{name} {what}.")
+    return np.full(size, np.nan)
+
+
+def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
+    """Arrays of these shapes from a row of numbers."""
+    ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in shapes])
+    return [
+        numbers[end - int(np.prod(shape, dtype=int)) : end].reshape(shape)
+        for end, shape in zip(ends.tolist(), shapes, strict=True)
+    ]
+
+
+def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The same structure in numbers: level and at rest, and parameters as they are, or 1 where they are traced."""
+    sight, *others = arguments
+    still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), sight)
+    still = still._replace(down=np.array([0.0, 0.0, 1.0]), north=np.array([1.0, 0.0, 0.0]))
+    return still, *(
+        jax.tree.map(lambda leaf: np.ones(np.shape(leaf)) if traced(leaf) else np.asarray(leaf), other)
+        for other in others
+    )
+
+
+def _numbers(found: Any) -> Any:
+    """Dictionaries of float64 arrays, and nothing else that JAX would not know."""
+    if isinstance(found, tuple):
+        return tuple(_numbers(part) for part in found)
+    if isinstance(found, (Mapping, Named)):
+        parts = found.asdict() if isinstance(found, Named) else found
+        return {str(name): _numbers(part) for name, part in parts.items()}
+    return np.asarray(found, dtype=np.float64)

@@ -1,0 +1,111 @@
+"""A vehicle as data: its body, its added mass and its parts, each number with where it is from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from coadjoint.errors import ArgumentError
+from coadjoint.models.quantities import number, positive, positive_definite, positive_semidefinite, vector
+from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.parts.part import Part
+
+
+class Quantity(NamedTuple):
+    """A number with its unit, the key of its source, and a note."""
+
+    value: Any
+    unit: str = ""
+    source: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Vehicle:
+    """An underwater vehicle about a body origin O fixed anywhere in it; body axes forward, starboard, down; SI units.
+
+    mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
+    about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
+    from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
+    diameter: m. parts: their names are different. pilot: the one that it is shipped with.
+    provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for what cannot be.
+    """
+
+    name: str
+    description: str = ""
+    note: str = ""
+    mass: Any
+    inertia: Any
+    added_mass: Any
+    volume: Any = None
+    center_of_mass: Any = (0.0, 0.0, 0.0)
+    center_of_buoyancy: Any = (0.0, 0.0, 0.0)
+    gravity: Any = 9.81
+    fluid_density: Any = 1026.0
+    length: Any = None
+    diameter: Any = None
+    parts: tuple[Part, ...] = ()
+    pilot: Pilot | None = None
+    provenance: Mapping[str, Quantity] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        mass, density = positive(self.mass, "mass"), positive(self.fluid_density, "fluid_density")
+        checked = {
+            "mass": mass,
+            "inertia": positive_definite(self.inertia, "inertia"),
+            "added_mass": positive_semidefinite(self.added_mass, "added_mass", size=6),
+            "volume": mass / density if self.volume is None else number(self.volume, "volume", at_least=0.0),
+            "center_of_mass": vector(self.center_of_mass, "center_of_mass"),
+            "center_of_buoyancy": vector(self.center_of_buoyancy, "center_of_buoyancy"),
+            "gravity": number(self.gravity, "gravity", at_least=0.0),
+            "fluid_density": density,
+            "parts": _different(self.parts),
+        }
+        for key in ("length", "diameter"):
+            if getattr(self, key) is not None:
+                checked[key] = positive(getattr(self, key), key)
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def buoyancy(self) -> Any:
+        """B = ρ V g, N."""
+        return self.fluid_density * self.volume * self.gravity
+
+    def part(self, name: str) -> Part:
+        """The part of this name; raises ArgumentError."""
+        for part in self.parts:
+            if part.name == name:
+                return part
+        known = ", ".join(part.name for part in self.parts) or "none"
+        raise ArgumentError(f"The vehicle `{self.name}` has no part `{name}`; its parts are: {known}.")
+
+    @property
+    def commanded(self) -> tuple[Part, ...]:
+        """The parts that a pilot may set."""
+        return tuple(part for part in self.parts if part.command is not None)
+
+
+RESERVED = ("pilot", "water", "shear", "memory", "time", "inputs", "sample", "release")
+"""Words that are taken: no part may have them as its name."""
+
+
+def _different(parts: Any) -> tuple[Part, ...]:
+    found = tuple(parts)
+    names = set()
+    for part in found:
+        if not isinstance(part, Part):
+            raise ArgumentError(f"Argument `parts` must hold parts such as Fin or Damping, but holds {part!r}.")
+        if part.name in RESERVED:
+            raise ArgumentError(f"The name `{part.name}` is taken: call the part something else.")
+        if part.name.startswith(("pilot_", "water_")):
+            raise ArgumentError(
+                f"The name `{part.name}` begins like the records of pilot and water: call the part something else."
+            )
+        if part.name in names:
+            raise ArgumentError(f"Two parts are named `{part.name}`: give each a name of its own.")
+        names.add(part.name)
+    return found

@@ -1,0 +1,62 @@
+"""Damping by matrices: linear, quadratic and with forward speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.state import Force
+from coadjoint.models.quantities import vector
+from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.parts.part import Flow, Part, speed_of
+
+
+@dataclass(frozen=True, eq=False)
+class Damping(Part):
+    """(F, T)_i = −exp(−σ_i|v|) Σ_j D_ij V_j − Σ_j E_ij |V_j|V_j − |u| Σ_j C_ij V_j, with V = (v, ω), u = V_1.
+
+    linear: D; quadratic: E; forward: C; each (6, 6) or its diagonal (6,), in the order surge, sway, heave, roll, pitch,
+    yaw, SI units, positive where it brakes. fading: σ, (6,) s/m, with which linear skin friction gives way to drag and
+    lift at speed. Raises ArgumentError for other shapes. Source: Fossen (2021), 6.3 and 8.4.2.
+    """
+
+    linear: Any = None
+    quadratic: Any = None
+    forward: Any = None
+    fading: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key in ("linear", "quadratic", "forward"):
+            if getattr(self, key) is not None:
+                self.set(**{key: _six(getattr(self, key), f"{key}` of the damping `{self.name}")})
+        if self.fading is not None:
+            self.set(fading=vector(self.fading, f"fading` of the damping `{self.name}", 6))
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        V = jnp.concatenate([flow.velocity, flow.omega])
+        total = jnp.zeros(6)
+        if "linear" in own:
+            braking = _times(own.linear, V)
+            total = total - (jnp.exp(-own.fading * speed_of(flow.velocity)) * braking if "fading" in own else braking)
+        if "quadratic" in own:
+            total = total - _times(own.quadratic, jnp.abs(V) * V)
+        if "forward" in own:
+            total = total - jnp.abs(V[0]) * _times(own.forward, V)
+        return Force(torque=total[3:], force=total[:3])
+
+
+def _times(matrix: Array, V: Array) -> Array:
+    return matrix @ V if jnp.ndim(matrix) == 2 else matrix * V
+
+
+def _six(value: Any, name: str) -> Any:
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) not in ((6,), (6, 6)):
+        raise ArgumentError(f"Argument `{name}` must have shape (6, 6) or (6,), but has shape {np.shape(found)}.")
+    return found

@@ -1,0 +1,103 @@
+"""Fins: lift, drag and stall in the flow at their own place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.kernels.evaluate import traced
+from coadjoint.mechanics.state import Force
+from coadjoint.models.quantities import direction, number, positive, vector
+from coadjoint.vehicles.parts.part import AHEAD, Command, Flow, Part, acting_at, speed_of
+
+
+@dataclass(frozen=True, eq=False)
+class Fin(Part):
+    """A fin, or a pair of fins, anywhere and at any slant; δ > 0 has the trailing edge towards +normal.
+
+    In the velocity w = v + ω × r of its place r through the water, with the chord c along the hull and the normal n,
+    the angle of attack is atan2(w·n, w·c) + δ: lift acts across the flow and drag along it, both in the plane of c
+    and n. Going ahead, δ > 0 pushes along −n.
+
+    position: r, (3,) m. normal: n, unit vector (3,), not along the hull. area: m², of a pair both. lift_slope: C_Lα,
+    1/rad, below 2π; stall: α_s, rad; drag: C_D at zero lift. limit: largest |δ|, rad; without it the fin is fixed.
+    lag: s. rate: rad/s. Raises ArgumentError for what no fin can have.
+    """
+
+    position: Any
+    normal: Any
+    area: Any
+    lift_slope: Any
+    stall: Any
+    drag: Any = None
+    limit: Any = None
+    lag: Any = None
+    rate: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of = f"` of the fin `{self.name}"
+        self.set(position=vector(self.position, "position" + of), normal=direction(self.normal, "normal" + of))
+        if not traced(self.normal) and abs(self.normal[0]) > 0.999:
+            raise ArgumentError(f"Argument `normal{of}` must not point along the hull, but is {self.normal.tolist()}.")
+        self.set(area=number(self.area, "area" + of, at_least=0.0))
+        self.set(lift_slope=positive(self.lift_slope, "lift_slope" + of), stall=positive(self.stall, "stall" + of))
+        if not traced(self.lift_slope) and self.lift_slope >= 2 * np.pi:
+            raise ArgumentError(
+                f"Argument `lift_slope{of}` must be below 2π per rad, that of an endless wing, but is "
+                f"{self.lift_slope:g}."
+            )
+        if self.drag is not None:
+            self.set(drag=number(self.drag, "drag" + of, at_least=0.0))
+        for key in ("limit", "rate"):
+            if getattr(self, key) is not None:
+                self.set(**{key: positive(getattr(self, key), key + of)})
+        if self.lag is not None:
+            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
+
+    @property
+    def command(self) -> Command | None:
+        return None if self.limit is None else Command("rad")
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        along = AHEAD - own.normal[0] * own.normal
+        chord = along / jnp.sqrt(along @ along)
+        w = flow.at(own.position)
+        forces = _in_plane(w @ chord, w @ own.normal, jnp.zeros(()) if actual is None else actual, own)
+        return acting_at(own.position, 0.5 * flow.density * own.area * (forces[0] * chord + forces[1] * own.normal))
+
+
+def _in_plane(along: Array, across: Array, angle: Array, own: Any) -> tuple[Array, Array]:
+    """Force/(½ρA) along the hull and across it, of a fin turned by `angle` so that it meets more flow from across."""
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    chord, normal = along * cosine - across * sine, across * cosine + along * sine
+    lift, drag = lift_and_drag(chord, normal, own.lift_slope, own.stall, own.drag if "drag" in own else 0.0)
+    speed = speed_of(jnp.stack([along, across]))
+    inverse = jnp.where(speed > 0, 1 / jnp.where(speed > 0, speed, 1.0), 0.0)
+    return inverse * (lift * across - drag * along), -inverse * (lift * along + drag * across)
+
+
+def lift_and_drag(chord: Array, normal: Array, slope: Any, stall: Any, least: Any = 0.0) -> tuple[Array, Array]:
+    """(C_L, C_D)|V|² of a fin in a flow with these velocities along its chord and along its normal.
+
+    Below stall C_L = C_Lα sin α cos α and C_D = C_D0 + C_L²/(π Λ), with the aspect ratio Λ = 2C_Lα/(2π − C_Lα) of
+    Prandtl's lifting line; far above, the flat plate's C_L = 2 sin²α cos α, C_D = 2 sin³α; tan α = normal/chord.
+    The two blend by s = ½(1 + tanh(50 (sin²α − sin²α_s))). slope: C_Lα, 1/rad, below 2π. stall: α_s, rad. least: C_D0.
+    """
+    square = chord**2 + normal**2
+    moving = square > 0
+    inverse = jnp.where(moving, 1 / jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
+    sine, cosine = normal * inverse, chord * inverse
+    stalled = 0.5 * (1 + jnp.tanh(50 * (sine**2 - jnp.sin(stall) ** 2)))
+    lift = slope * sine * cosine
+    induced = least + lift**2 * (2 * jnp.pi - slope) / (2 * jnp.pi * slope)
+    plate = 2 * jnp.abs(sine) * sine
+    return (
+        square * ((1 - stalled) * lift + stalled * plate * cosine),
+        square * ((1 - stalled) * induced + stalled * plate * sine),
+    )

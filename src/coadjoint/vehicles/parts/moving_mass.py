@@ -1,0 +1,66 @@
+"""A mass that a motor moves along a line in the hull."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.state import Force
+from coadjoint.models.quantities import direction, positive, vector
+from coadjoint.vehicles.parts.bounded_travel import between, followed, lag_of
+from coadjoint.vehicles.parts.part import Command, Flow, Part
+
+
+@dataclass(frozen=True, eq=False)
+class MovingMass(Part):
+    """A point mass m at r + x e, which ℓ has as ½m|ν + ω × (r + x e) + ẋ e|² + m g depth, beyond the mass of the body.
+
+    Over each step the mass runs at a constant speed ẋ, and ℓ has it halfway: centre of mass, inertia and the momentum
+    of the mass that runs are in ℓ, momenta are continuous where ẋ changes, and so the hull recoils as it must. What the
+    motor does is the ledger's ΔH at the nodes.
+    Its internal state is `position`, x halfway through the step, m, and `speed`, ẋ, m/s.
+
+    mass: m, kg. position: r, (3,) m. axis: e, unit vector (3,). low, high: the range of x, m. rate: largest |ẋ|, m/s.
+    lag: τ, s, with which it comes to its command, none if left out. Commanded by x. Raises ArgumentError.
+    """
+
+    mass: Any
+    position: Any
+    axis: Any
+    low: Any
+    high: Any
+    rate: Any
+    lag: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of = f"` of the moving mass `{self.name}"
+        self.set(mass=positive(self.mass, "mass" + of), rate=positive(self.rate, "rate" + of))
+        self.set(position=vector(self.position, "position" + of), axis=direction(self.axis, "axis" + of))
+        self.set(**between(self.low, self.high, of))
+        self.set(lag=lag_of(self.lag, of))
+
+    @property
+    def command(self) -> Command:
+        return Command("m", start=float(np.clip(0.0, self.low, self.high)))
+
+    @property
+    def units(self) -> dict[str, str]:
+        return {"position": "m", "speed": "m/s"}
+
+    def at_rest(self, where: Any) -> dict[str, Any]:
+        return {"position": where, "speed": 0.0}
+
+    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> dict[str, Any]:
+        reached = actual.position + 0.5 * h * actual.speed
+        change = followed(reached, command, h, own)
+        return {"position": reached + 0.5 * change, "speed": change / h}
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        return Force()
+
+    def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
+        return ((own.mass, own.position + actual.position * own.axis, actual.speed * own.axis),)

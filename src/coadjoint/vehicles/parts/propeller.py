@@ -1,0 +1,61 @@
+"""A propeller whose thrust and torque fall linearly with its advance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.mechanics.state import Force
+from coadjoint.models.quantities import direction, number, positive, vector
+from coadjoint.vehicles.parts.part import Command, Flow, Part
+
+
+@dataclass(frozen=True, eq=False)
+class Propeller(Part):
+    """T = (1 − t) ρ D⁴ (K_T0 n|n| + K_T1 |n| V_a/D) along its axis, and k ρ D⁵ (K_Q0 n|n| + K_Q1 |n| V_a/D) about it.
+
+    V_a = (1 − w) max(u, 0) of the velocity u of its place along its axis, and V_a = 0 where n < 0.
+
+    diameter: D, m. thrust: (K_T0, K_T1). torque: (K_Q0, K_Q1). thrust_deduction: t. wake_fraction: w.
+    torque_fraction: k, what the hull feels of the torque. limit: largest |n|, 1/s. lag: s.
+    position: (3,) m. axis: unit vector (3,), ahead.
+    Commanded by n, 1/s; n > 0 is ahead. Raises ArgumentError. Source: Fossen (2021), 9.3.
+    """
+
+    diameter: Any
+    thrust: Any
+    torque: Any
+    thrust_deduction: Any
+    wake_fraction: Any
+    torque_fraction: Any
+    limit: Any
+    lag: Any = None
+    position: Any = (0.0, 0.0, 0.0)
+    axis: Any = (1.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of = f"` of the propeller `{self.name}"
+        self.set(position=vector(self.position, "position" + of), axis=direction(self.axis, "axis" + of))
+        self.set(thrust=vector(self.thrust, "thrust" + of, 2), torque=vector(self.torque, "torque" + of, 2))
+        for key in ("thrust_deduction", "wake_fraction", "torque_fraction"):
+            self.set(**{key: number(getattr(self, key), key + of)})
+        for key in ("diameter", "limit"):
+            self.set(**{key: positive(getattr(self, key), key + of)})
+        if self.lag is not None:
+            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
+
+    @property
+    def command(self) -> Command:
+        return Command("1/s")
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        D, n = own.diameter, actual
+        ahead = (1 - own.wake_fraction) * jnp.maximum(flow.at(own.position) @ own.axis, 0.0)
+        J = jnp.where(n > 0, ahead / D, 0.0)
+        thrust = flow.density * D**4 * jnp.abs(n) * (own.thrust[0] * n + own.thrust[1] * J)
+        torque = flow.density * D**5 * jnp.abs(n) * (own.torque[0] * n + own.torque[1] * J)
+        push = (1 - own.thrust_deduction) * thrust * own.axis
+        return Force(torque=own.torque_fraction * torque * own.axis + jnp.cross(own.position, push), force=push)

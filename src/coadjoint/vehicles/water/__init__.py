@@ -1,0 +1,33 @@
+"""The water that a craft moves through: currents and density."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.water.borders import altitude as altitude
+    from coadjoint.vehicles.water.borders import at_bottom as at_bottom
+    from coadjoint.vehicles.water.borders import at_surface as at_surface
+    from coadjoint.vehicles.water.borders import first_of as first_of
+    from coadjoint.vehicles.water.currents import TIDES as TIDES
+    from coadjoint.vehicles.water.currents import CurrentField as CurrentField
+    from coadjoint.vehicles.water.currents import TidalCurrent as TidalCurrent
+    from coadjoint.vehicles.water.currents import TimeCurrent as TimeCurrent
+    from coadjoint.vehicles.water.density import DensityTable as DensityTable
+    from coadjoint.vehicles.water.density import ExponentialDensity as ExponentialDensity
+    from coadjoint.vehicles.water.density import LinearDensity as LinearDensity
+    from coadjoint.vehicles.water.gauss_markov import GaussMarkovCurrent as GaussMarkovCurrent
+    from coadjoint.vehicles.water.profiles import LinearProfile as LinearProfile
+    from coadjoint.vehicles.water.profiles import LinearShear as LinearShear
+    from coadjoint.vehicles.water.profiles import Logarithmic as Logarithmic
+    from coadjoint.vehicles.water.profiles import PowerLaw as PowerLaw
+    from coadjoint.vehicles.water.profiles import Sheared as Sheared
+    from coadjoint.vehicles.water.sea import Sea as Sea
+    from coadjoint.vehicles.water.tables import CurrentTable as CurrentTable
+    from coadjoint.vehicles.water.water import StillWater as StillWater
+    from coadjoint.vehicles.water.water import UniformWater as UniformWater
+    from coadjoint.vehicles.water.water import Water as Water
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

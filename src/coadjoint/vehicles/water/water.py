@@ -1,0 +1,90 @@
+"""Water: its current and its density, in place and time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from coadjoint.groups.group import Array
+from coadjoint.models.quantities import vector
+from coadjoint.spaces.named import Named
+
+
+@dataclass(frozen=True, eq=False)
+class Water(ABC):
+    """What surrounds a craft. Axes of the space frame: north, east, down.
+
+    Fields that hold numbers are parameters: `water_velocity` of the system is `velocity` of the water, which its
+    methods read as `own.velocity`. `own` has the vehicle's `fluid_density` too.
+    """
+
+    uniform = True
+    """Whether the current is the same everywhere."""
+    steady = True
+    """Whether it never changes at a place."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether the current depends on t itself, beyond what it remembers from step to step."""
+        return not self.steady and not self.start()
+
+    @property
+    def stratified(self) -> bool:
+        """Whether its density is its own, and not that of the vehicle."""
+        return type(self).density is not Water.density
+
+    def parameters(self) -> dict[str, Any]:
+        """The numbers that can be replaced and varied: by default all fields that are set."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {key: value for key, value in given.items() if value is not None}
+
+    def start(self) -> dict[str, Any]:
+        """What the water remembers at the start, as of a random current; {} if nothing."""
+        return {}
+
+    def seeded(self, seed: Any) -> Water:
+        """The same water with random numbers of another seed, or co.each of seeds; itself where nothing is random."""
+        return self
+
+    def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
+        """What it remembers after h."""
+        return {}
+
+    @abstractmethod
+    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+        """c(q, t), the velocity of the water, (3,) m/s."""
+
+    def density(self, depth: Array, own: Any) -> Array:
+        """ρ, kg/m³; by default that of the vehicle."""
+        return own.fluid_density
+
+    def pressure_head(self, depth: Array, own: Any) -> Array:
+        """∫₀^depth ρ dz, kg/m²: what buoyancy has of it is g times volume times this."""
+        return own.fluid_density * depth
+
+
+@dataclass(frozen=True, eq=False)
+class UniformWater(Water):
+    """The same steady current everywhere. velocity: (3,) m/s, north, east, down; still by default."""
+
+    velocity: Any = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity", vector(self.velocity, "velocity"))
+
+    def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
+        return own.velocity
+
+
+def StillWater() -> UniformWater:
+    """Water without a current."""
+    return UniformWater(np.zeros(3))
+
+
+def nested(own: Any, name: str, owner: Any) -> Named:
+    """The parameters `name_key` of a water that is made of others, as the `own.key` of the `owner` of that name."""
+    given = {key: getattr(own, f"{name}_{key}") for key in owner.parameters()}
+    return Named(**given, fluid_density=own.fluid_density)

@@ -1,0 +1,92 @@
+"""Which file of the library names which: imports, those inside functions too, and names of modules in strings."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[1] / "src" / "coadjoint"
+_LIBRARY = ("coadjoint", "co")
+"""What the library is called where it is imported as a whole."""
+_IN_TEXT = re.compile(r"\bcoadjoint(?:\.\w+)+")
+
+
+def modules(source: Path = SOURCE) -> dict[str, ast.Module]:
+    """Every module by its name, `coadjoint.groups` for a package."""
+    found = {}
+    for path in sorted(source.rglob("*.py")):
+        parts = (source.name, *path.relative_to(source).with_suffix("").parts)
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def named(trees: Mapping[str, ast.Module], module: str, types: bool = True) -> set[str]:
+    """The modules that a module names, with or without what is imported for annotations alone.
+
+    Texts for readers, which are docstrings, do not count. The faces of packages import under `if TYPE_CHECKING:` what
+    they load at the first use, which is no annotation.
+    """
+    written = (_of_library(trees, name) for name in _names(trees[module], types or _is_package(trees, module)))
+    return {name for name in written if name not in ("", module)}
+
+
+def _is_package(trees: Mapping[str, ast.Module], module: str) -> bool:
+    return any(name.startswith(f"{module}.") for name in trees)
+
+
+def _for_types(tree: ast.Module) -> set[int]:
+    """What stands under `if TYPE_CHECKING:`."""
+    blocks = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    return {id(node) for block in blocks for node in ast.walk(block)}
+
+
+def _names(tree: ast.Module, types: bool) -> Iterator[str]:
+    readers = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    skipped = set() if types else _for_types(tree)
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module is not None:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in readers:
+            yield from _IN_TEXT.findall(node.value)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in _LIBRARY:
+            yield f"coadjoint.{node.attr}"
+
+
+def _of_library(trees: Mapping[str, ast.Module], name: str) -> str:
+    """The module that a dotted name is of, or is in; empty where it is none of the library."""
+    while name and name not in trees:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def circles(graph: Mapping[str, Iterable[str]]) -> list[set[str]]:
+    """The sets of nodes that reach one another, by Tarjan's algorithm."""
+    number: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[set[str]] = []
+
+    def visit(node: str) -> None:
+        number[node] = lowest[node] = len(number)
+        stack.append(node)
+        for other in graph.get(node, ()):
+            if other not in number:
+                visit(other)
+            if other in stack:
+                lowest[node] = min(lowest[node], lowest[other])
+        if lowest[node] == number[node]:
+            place = stack.index(node)
+            found.append(set(stack[place:]))
+            del stack[place:]
+
+    for node in graph:
+        if node not in number:
+            visit(node)
+    return [circle for circle in found if len(circle) > 1]

@@ -1,0 +1,13 @@
+"""REMUS 100 with changes, for tests of vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from coadjoint import vehicles
+from coadjoint.vehicles import Vehicle
+
+
+def remus(**changes: Any) -> Vehicle:
+    return replace(vehicles.load("remus_100"), **changes)

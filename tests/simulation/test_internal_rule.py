@@ -1,0 +1,79 @@
+"""What a rule of the internal state declares reaches warnings, datasets and errors; a plain function says nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import LagrangianError, StepError
+
+
+@dataclass(frozen=True)
+class Winch(co.InternalRule):
+    """A cable that is paid out at a constant rate, and is torn at a length."""
+
+    torn: float = np.inf
+
+    def __call__(self, motion: Any, h: Any, p: Any) -> dict[str, Any]:
+        length = motion.internal.cable + h * p.rate
+        return {"cable": jnp.where(length > self.torn, jnp.nan, length)}
+
+    @property
+    def title(self) -> str:
+        return "The winch"
+
+    def warnings(self, h: Any, p: Any) -> list[str]:
+        return ["The winch is slow."] if h > 0.05 else []
+
+    def failure(self, t: float, h: float) -> str | None:
+        return "the cable is torn."
+
+    def report(self, motion: Any, p: Any) -> dict[str, Any]:
+        return {"paid_out": 100.0 * motion.internal.cable}
+
+    def limits(self, p: Any) -> dict[str, tuple[float | None, float | None]]:
+        return {"cable": (0.0, float(p.length))}
+
+
+def winch(rule: Any) -> co.System:
+    def lagrangian(xi: Any, p: Any) -> Any:
+        return 0.5 * p.mass * xi @ xi
+
+    def pull(motion: Any, p: Any) -> co.Force:
+        return co.Force(torque=-motion.internal.cable * motion.xi)
+
+    parameters = co.Parameters(mass=1.0, rate=0.1, length=3.0)
+    return co.System(co.Translation(2), lagrangian, forces=pull, internal=rule, parameters=parameters)
+
+
+def ran(rule: Any, dt: float = 0.1) -> Any:
+    system = winch(rule)
+    return co.simulate(system, system.state(xi=[1.0, 0.0], internal={"cable": 0.2}), dt=dt, duration=1.0)
+
+
+def test_a_rule_reports_to_datasets_and_warns_on_the_card():
+    run = ran(Winch())
+    cable = run.dataset.internal_cable
+    assert np.allclose(cable, 0.2 + 0.1 * run.dataset.time, atol=1e-15)
+    assert np.array_equal(run.dataset.paid_out, 100.0 * cable)
+    assert (cable.attrs["low"], cable.attrs["high"]) == (0.0, 3.0)
+    assert "The winch is slow." in str(run) and not ran(Winch(), dt=0.05).warnings
+
+
+def test_a_plain_function_is_a_rule_that_declares_nothing():
+    run, plain = ran(Winch()), ran(lambda motion, h, p: Winch()(motion, h, p))
+    assert np.array_equal(plain.dataset.internal_cable, run.dataset.internal_cable)
+    assert "paid_out" not in plain.dataset and "low" not in plain.dataset.internal_cable.attrs
+    assert not plain.warnings
+
+
+def test_a_rule_tells_why_a_step_failed_and_is_named_where_it_cannot_begin():
+    with pytest.raises(StepError, match="the cable is torn"):
+        ran(Winch(torn=0.25))
+    with pytest.raises(LagrangianError, match="The winch must give finite"):
+        ran(Winch(torn=0.1))

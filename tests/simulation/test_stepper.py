@@ -1,0 +1,484 @@
+"""A stepper computes what a run computes, to the bit, in memory of its own that it never grows."""
+
+from __future__ import annotations
+
+import threading
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError, LagrangianError, StepError
+
+H, STEPS, SEED = 0.02, 40, 15
+
+
+def _lagrangian(xi, p, *, inputs):
+    return 0.5 * p.inertia @ xi**2 + 0.3 * inputs.spin * xi[2] + 0.1 * inputs.spin * jnp.cos(xi[0])
+
+
+def _motor(motion, p):
+    return co.Force(torque=p.power * motion.inputs.torque - motion.internal.brake * motion.xi)
+
+
+def _rule(motion, h, p):
+    """A brake that follows the spin with a lag, and a random number generator's worth of memory."""
+    lag = jnp.exp(-h / p.lag)
+    return {"brake": lag * motion.internal.brake + (1 - lag) * jnp.abs(motion.inputs.spin)}
+
+
+BODY = co.System(
+    co.SO3(),
+    _lagrangian,
+    parameters=co.Parameters(inertia=[1.0, 1.5, 2.0], power=1.3, lag=0.3),
+    forces=_motor,
+    internal=_rule,
+    name="driven body",
+)
+REST = {"spin": 0.1, "torque": np.zeros(3)}
+START = BODY.state(xi=[0.3, -0.4, 1.0], inputs=REST, internal={"brake": 0.1})
+OBSERVE = {"xi": lambda s: s.xi, "energy": lambda s, p: 0.5 * p.inertia @ s.xi**2, "t": lambda s: s.t}
+
+
+def commands(count: int = STEPS) -> list[dict]:
+    random = np.random.default_rng(SEED)
+    return [{"spin": random.normal(), "torque": random.normal(size=3)} for _ in range(count)]
+
+
+def tables(given: list[dict]) -> dict:
+    times = H * np.arange(len(given))
+    return {name: co.Held(times, [command[name] for command in given]) for name in REST}
+
+
+def stepper(**options) -> co.Stepper:
+    return co.Stepper(BODY, START, **{"dt": H, "inputs": REST, "observe": OBSERVE, **options})
+
+
+@pytest.fixture(scope="module")
+def single() -> co.Stepper:
+    return stepper()
+
+
+@pytest.fixture(scope="module")
+def many() -> co.Stepper:
+    spins = np.random.default_rng(SEED).normal(size=(11, 3))
+    start = BODY.state(xi=co.each(spins), inputs=REST, internal={"brake": 0.1})
+    return co.Stepper(BODY, start, dt=H, inputs=REST, observe=OBSERVE)
+
+
+def same(state: co.State, other: co.State) -> bool:
+    names = ("t", "g", "mu", "t_rest")
+    held = np.array_equal(state.internal.brake, other.internal.brake)
+    return held and all(np.array_equal(getattr(state, name), getattr(other, name)) for name in names)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        co.Midpoint(),
+        co.LeftRectangle(co.Exponential()),
+        co.Galerkin(),
+        co.EnergyMomentum(),
+        co.Suzuki4(co.Midpoint(), negative_substeps="allow"),
+    ],
+    ids=lambda method: method.title,
+)
+def test_steps_are_to_the_bit_those_of_a_run_with_held_tables(method):
+    given = commands()
+    # The momenta of the start belong to the first command.
+    body = stepper(method=method, inputs=given[0])
+    for command in given:
+        body.step(command)
+    run = co.trajectory(BODY, START, dt=H, steps=STEPS, method=method, inputs=tables(given))
+    assert same(body.state, run.final)
+
+
+@pytest.mark.parametrize("method", [co.Trapezoidal(), co.RightRectangle(), co.Simpson()], ids=lambda m: m.title)
+def test_a_command_is_held_also_at_the_end_of_its_step(method):
+    given, table = commands(), tables(commands())
+    start = BODY.state(xi=[0.3, -0.4, 1.0], inputs=given[0], internal={"brake": 0.1})
+    body = co.Stepper(BODY, start, dt=H, inputs=given[0], method=method)
+    for command in given:
+        body.step(command)
+    held = {name: lambda motion, signal=signal: signal(motion.t) for name, signal in table.items()}
+    run = co.trajectory(BODY, start, dt=H, steps=STEPS, method=method, inputs=held)
+    assert same(body.state, run.final)
+
+
+def test_a_run_without_monitors_comes_to_the_same_bits():
+    given = commands()
+    body = stepper(inputs=given[0])
+    for command in given:
+        body.step(command)
+    run = co.simulate(BODY, START, dt=H, steps=STEPS, inputs=tables(given), monitors=False)
+    assert np.array_equal(run.final.mu, body.state.mu)
+    assert np.array_equal(run.final.g, body.state.g)
+    assert list(body.observation) == list(OBSERVE)
+
+
+def test_signals_and_functions_of_the_motion_stay_what_they_are():
+    given = [command["torque"] for command in commands()]
+    spin = co.Linear([0.0, 1.0], [0.1, 0.5])
+    body = stepper(inputs={"spin": spin, "torque": given[0]})
+    for torque in given:
+        body.step({"torque": torque})
+    table = co.Held(H * np.arange(STEPS), given)
+    run = co.trajectory(BODY, START, dt=H, steps=STEPS, inputs={"spin": spin, "torque": table})
+    assert same(body.state, run.final)
+    steered = stepper(inputs={"spin": given[0][0], "torque": lambda motion: -0.5 * motion.xi})
+    for torque in given:
+        steered.step({"spin": torque[0]})
+    table = co.Held(H * np.arange(STEPS), np.array(given)[:, 0])
+    inputs = {"spin": table, "torque": lambda motion: -0.5 * motion.xi}
+    assert same(steered.state, co.trajectory(BODY, START, dt=H, steps=STEPS, inputs=inputs).final)
+
+
+def test_a_function_of_the_motion_may_enter_the_lagrangian_beside_commands():
+    given = [command["torque"] for command in commands()]
+    spin = lambda motion: REST["spin"] + 0.2 * motion.t  # noqa: E731
+    body = stepper(inputs={"spin": spin, "torque": given[0]})
+    for torque in given:
+        body.step({"torque": torque})
+    inputs = {"spin": spin, "torque": co.Held(H * np.arange(STEPS), given)}
+    assert same(body.state, co.trajectory(BODY, START, dt=H, steps=STEPS, inputs=inputs).final)
+
+
+def test_many_steps_at_once_are_as_many_steps(single):
+    given = commands(5)
+    single.reset()
+    for command in given:
+        for _ in range(4):
+            single.step(command)
+    one_by_one = single.state
+    single.reset()
+    for command in given:
+        single.step(command, 4)
+    assert same(single.state, one_by_one)
+    assert single.observation["t"] == one_by_one.t
+
+
+def test_observations_are_functions_of_the_state(single):
+    single.reset()
+    seen = single.step({"spin": 0.4})
+    state = single.state
+    np.testing.assert_array_equal(seen["xi"], state.xi)
+    assert seen["energy"] == pytest.approx(0.5 * np.array([1.0, 1.5, 2.0]) @ state.xi**2, rel=1e-15)
+
+
+def test_observations_are_views_unless_copies_are_asked_for(single):
+    single.reset()
+    views, copies = single.step(), single.step(copy=True)
+    single.step()
+    assert views["t"] == pytest.approx(3 * H)
+    assert copies["t"] == pytest.approx(2 * H)
+    with pytest.raises(ValueError, match="read-only"):
+        views["xi"][0] = 1.0
+
+
+def test_commands_may_be_written_into_their_memory(single):
+    single.reset()
+    single.step({"spin": 0.4, "torque": [1.0, 2.0, 3.0]})
+    first = single.state
+    single.reset()
+    single.command["spin"][...] = 0.4
+    single.command["torque"][:] = [1.0, 2.0, 3.0]
+    single.step()
+    assert same(single.state, first)
+    single.reset()
+    single.step([0.4, 1.0, 2.0, 3.0])
+    assert same(single.state, first)
+
+
+def test_commands_stay_and_reset_takes_them_back(single):
+    single.reset()
+    single.step({"spin": 0.7})
+    single.step()
+    assert single.state.inputs.spin == 0.7
+    single.reset()
+    assert single.state.inputs.spin == single.command["spin"] == REST["spin"]
+
+
+def test_restore_goes_on_to_the_bit_from_a_state_and_from_a_clone(single):
+    given = commands()
+    single.reset()
+    for command in given[:10]:
+        single.step(command)
+    kept, clone = single.state, single.clone()
+    for command in given[10:]:
+        single.step(command)
+    end = single.state
+    single.restore(kept)
+    for command in given[10:]:
+        single.step(command)
+    assert same(single.state, end)
+    for command in given[10:]:
+        clone.step(command)
+    assert same(clone.state, end)
+    clone.reset()
+    assert not same(clone.state, single.state)
+
+
+def test_a_reset_to_another_start_begins_as_a_run_does():
+    body, other = stepper(), BODY.state(xi=[-0.1, 0.2, 0.5], inputs=REST, internal={"brake": 0.3})
+    body.reset(other)
+    table = {name: co.Held([0.0], [value]) for name, value in REST.items()}
+    for _ in range(10):
+        body.step()
+    run = co.trajectory(BODY, other, dt=H, steps=10, inputs=table)
+    for name in ("g", "mu"):
+        np.testing.assert_allclose(getattr(body.state, name), getattr(run.final, name), rtol=1e-13)
+
+
+# Many members.
+
+
+def test_members_agree_with_single_ones_to_round_off(single, many):
+    random, count = np.random.default_rng(SEED), many.face.count
+    given = [{"spin": random.normal(size=count), "torque": random.normal(size=(count, 3))} for _ in range(STEPS)]
+    many.reset()
+    starts = many.state
+    for command in given:
+        many.step(command)
+    for member in range(count):
+        single.restore(jax.tree.map(lambda leaf, member=member: leaf[member], starts))
+        for command in given:
+            single.step({name: value[member] for name, value in command.items()})
+        np.testing.assert_allclose(many.observation["xi"][member], single.observation["xi"], rtol=1e-12, atol=1e-13)
+
+
+def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run_to_the_bit(many):
+    """Each member is, whatever is done to it, somewhere on its own long run under its own commands."""
+    print(f"seed {SEED}")
+    random, count, length = np.random.default_rng(SEED), many.face.count, 30
+    spins, torques = random.normal(size=(length, count)), random.normal(size=(length, count, 3))
+    many.reset()
+    course = [many.state]
+    for spin, torque in zip(spins, torques, strict=True):
+        many.step({"spin": spin, "torque": torque})
+        course.append(many.state)
+    brakes = np.array([state.internal.brake for state in course])
+    spatial = np.array([np.concatenate([s.mu, s.g.reshape(count, 9)], axis=1) for s in course])
+    members = np.arange(count)
+    many.reset()
+    place, saved = np.zeros(count, int), None
+    for _ in range(10_000):
+        what = random.choice(["step", "step", "step", "reset", "mask", "save", "restore"])
+        mask = random.random(count) < 0.3
+        if what == "step":
+            if np.any(place == length):
+                many.reset(mask=place == length)
+                place[place == length] = 0
+            many.step({"spin": spins[place, members], "torque": torques[place, members]})
+            place += 1
+        elif what == "reset" and random.random() < 0.05:
+            many.reset()
+            place[:] = 0
+        elif what == "mask":
+            many.reset(mask=mask)
+            place[mask] = 0
+        elif what == "save":
+            saved = (many.clone() if random.random() < 0.5 else many.state), place.copy()
+        elif what == "restore" and saved is not None:
+            many.restore(saved[0], mask=mask)
+            place[mask] = saved[1][mask]
+    state = many.state
+    now = np.concatenate([state.mu, state.g.reshape(count, 9)], axis=1)
+    assert np.array_equal(now, spatial[place, members])
+    assert np.array_equal(state.internal.brake, brakes[place, members])
+
+
+def test_threads_do_not_change_a_bit_and_eight_threads_step_clones_at_once(many):
+    random, count = np.random.default_rng(SEED), many.face.count
+    spins = random.normal(size=(200, count))
+    many.reset()
+    clones = [many.clone() for _ in range(8)]
+
+    def go(body):
+        for spin in spins:
+            body.step({"spin": spin})
+
+    workers = [threading.Thread(target=go, args=(body,)) for body in clones]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    many.threads = 3
+    go(many)
+    many.threads = 1
+    assert all(same(body.state, many.state) for body in clones)
+
+
+def test_a_failed_member_stays_is_told_and_is_not_started_again_unasked(many):
+    many, count = many.clone(), many.face.count
+    many.reset()
+    torque = np.zeros((count, 3))
+    torque[4] = 1e9
+    many.step({"torque": torque})
+    frozen = many.state
+    assert "Step 0 of member 4 (t = 0 s) left the chart" in many.failures[4]
+    many.change(power=0.0)  # what would let the step converge
+    many.step({"spin": 0.3, "torque": 0.0 * torque}, n=3)
+    assert list(np.flatnonzero(many.failed)) == [4]
+    assert many.t[4] == 0.0 < many.t[5]
+    for ours, theirs in zip(jax.tree.leaves(many.state), jax.tree.leaves(frozen), strict=True):
+        assert np.array_equal(ours[4], theirs[4])
+    many.reset(mask=many.failed)
+    many.step()
+    assert not many.failed.any()
+    assert many.t[4] == H
+    spin = np.full(count, 0.1)
+    spin[7] = np.nan
+    many.step({"spin": spin})
+    assert "the command `spin` is not finite" in many.failures[7]
+
+
+def test_members_have_parameters_of_their_own():
+    heavy = BODY.replace(lag=co.each([0.1, 0.2, 0.4]))
+    body = co.Stepper(heavy, START, dt=H, inputs=REST, observe=OBSERVE)
+    for command in commands(20):
+        body.step(command)
+    for member, lag in enumerate([0.1, 0.2, 0.4]):
+        alone = co.Stepper(BODY.replace(lag=lag), START, dt=H, inputs=REST, observe=OBSERVE)
+        for command in commands(20):
+            alone.step(command)
+        np.testing.assert_allclose(body.observation["xi"][member], alone.observation["xi"], rtol=1e-12)
+
+
+def test_arrays_go_out_by_dlpack(many):
+    many.reset()
+    seen = many.step(copy=True)
+    np.testing.assert_array_equal(np.from_dlpack(seen["xi"]), seen["xi"])
+    with co.float64():
+        assert jnp.asarray(seen["xi"]).dtype == np.float64
+
+
+# XLA, events, failures.
+
+
+def test_xla_steps_what_native_code_cannot_with_the_same_face():
+    wheel = co.System(
+        co.SO2(),
+        lambda xi, p: 0.5 * p.inertia * xi[0] ** 2,
+        parameters=co.Parameters(inertia=2.0, grip=1.0),
+        forces=lambda motion, p: co.Force(torque=p.grip * motion.inputs.torque - 0.1 * motion.xi),
+    )
+    start = wheel.state(xi=co.each([[0.1], [0.2], [0.3]]))
+    options = {"dt": 0.1, "inputs": {"torque": [0.0]}, "observe": {"xi": lambda s: s.xi, "t": lambda s: s.t}}
+    native, by_xla = (co.Stepper(wheel, start, **options, backend=backend) for backend in ("native", "xla"))
+    for torque in np.random.default_rng(SEED).normal(size=(10, 3, 1)):
+        native.step({"torque": torque}, 2)
+        by_xla.step({"torque": torque}, 2)
+    for name, ours in native.observation.items():
+        np.testing.assert_allclose(by_xla.observation[name], ours, rtol=1e-13)
+    by_xla.change(grip=0.5)  # nothing is compiled in
+    with pytest.warns(UserWarning, match="compiled anew"):
+        native.change(grip=0.5)
+    for body in (by_xla, native):
+        body.step({"torque": 1.0 * np.ones((3, 1))}, 2)
+    np.testing.assert_allclose(by_xla.observation["xi"], native.observation["xi"], rtol=1e-13)
+    by_xla.step({"torque": [[0.0], [np.nan], [0.0]]})
+    assert list(by_xla.failed) == [False, True, False]
+    by_xla.reset()
+    assert np.array_equal(by_xla.state.xi, start.xi)
+
+
+def test_an_event_ends_a_stepper_where_it_ends_a_run():
+    until = lambda state: state.mu[2] - 1.8  # noqa: E731
+    body = stepper(until=until)
+    held = {name: lambda motion, value=value: value for name, value in REST.items()}
+    run = co.simulate(BODY, START, dt=H, steps=400, inputs=held, monitors=False, until=until)
+    assert run.event is not None
+    for _ in range(400):
+        body.step()
+        if body.ended:
+            break
+    assert body.event == pytest.approx(run.event, rel=1e-12)
+    assert body.observation["t"] == body.event
+    with pytest.raises(StepError, match="came at t ="):
+        body.step()
+    body.reset()
+    assert body.event is None
+
+
+def test_a_failed_step_raises_a_sentence_until_a_reset(single):
+    single.reset()
+    single.step()
+    with pytest.raises(StepError, match="command `spin` is not finite"):
+        single.step({"spin": np.nan})
+    with pytest.raises(StepError, match="not finite"):
+        single.step({"spin": 0.1})
+    assert single.failure is not None
+    assert single.steps == 1
+    single.reset()
+    assert single.failure is None
+    single.step()
+
+
+def test_an_observation_that_is_not_finite_raises():
+    body = stepper(observe={"odd": lambda s: 1.0 / (s.t - 2 * H)}, inputs=REST)
+    body.step()
+    with pytest.raises(StepError, match=r"Observation `odd` is not finite at t = 0\.04 s"):
+        body.step()
+
+
+def test_memory_stays(single):
+    import resource
+
+    single.reset()
+    single.step({"spin": 0.01}, 10)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(20_000):
+        single.step({"spin": 0.01, "torque": [0.0, 0.0, 0.0]}, 5)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # kB
+
+
+MISUSES = [
+    ({"dt": -0.1}, "Argument `dt` must be positive"),
+    ({"inputs": ("spin", "spin")}, "name each command once"),
+    ({"inputs": {"spin": "fast"}}, "`spin` is 'fast'"),
+    ({"inputs": {"spin": np.nan}}, "must be finite"),
+    ({"observe": {"xi": 3}}, "must be a function of the state"),
+    ({"observe": ["xi"]}, "must be a dictionary of names"),
+    ({"observe": {"bad name": lambda s: s.t}}, "must have a name"),
+    ({"observe": {"x": lambda s: s.t / (s.t - s.t)}}, "must be finite at the start"),
+    ({"members": 0}, "whole number of at least 1"),
+    ({"threads": 0}, "whole number of at least 1"),
+    ({"backend": "gpu"}, "Argument `backend`"),
+    ({"until": 3.0}, "must be a function of the state"),
+    ({"method": co.VariableStep()}, "takes steps of dt"),
+    ({"method": "rk4"}, "must be a method"),
+]
+
+
+@pytest.mark.parametrize(("options", "sentence"), MISUSES, ids=[sentence for _, sentence in MISUSES])
+def test_what_cannot_be_stepped_is_refused_with_a_sentence(options, sentence):
+    with pytest.raises((ArgumentError, LagrangianError), match=sentence):
+        stepper(**options)
+
+
+def test_wrong_calls_get_a_sentence_and_change_nothing(single, many):
+    single.reset()
+    single.step()
+    kept = single.state
+    wrong = [
+        (lambda: single.step({"spni": 1.0}), "There is no command `spni`; there is: spin, torque"),
+        (lambda: single.step({"torque": 1.0}), r"Command `torque` must have shape \(3,\)"),
+        (lambda: single.step([1.0, 2.0]), r"must have shape \(4,\), but has shape \(2,\)"),
+        (lambda: single.step({"spin": "full"}), "must be a number"),
+        (lambda: single.step({"spin": 1j}), "must be a number"),
+        (lambda: single.step(n=0), "Argument `n` must be a whole number"),
+        (lambda: single.step(n=1.5), "Argument `n` must be a whole number"),
+        (lambda: single.reset(mask=[True]), "single one: leave it out"),
+        (lambda: single.restore(3.0), "must be what `stepper.state` showed"),
+        (lambda: single.restore({"speed": 3.0}), "There is no state `speed`"),
+        (lambda: single.restore(many.state), "must be of 1 members"),
+        (lambda: single.restore(many), "clone of it"),
+        (lambda: many.reset(mask=[1, 0]), "must be truth values"),
+        (lambda: many.step({"spin": np.zeros(3)}), r"must have shape \(11,\)"),
+    ]
+    for call, sentence in wrong:
+        with pytest.raises(ArgumentError, match=sentence):
+            call()
+    assert same(single.state, kept)

@@ -1,0 +1,63 @@
+"""What a run is written to, and what a notebook shows of it."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+
+BODY = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, name="body")
+
+
+@pytest.fixture(scope="module")
+def run():
+    return co.simulate(BODY, BODY.state(xi=[0.1, 0.2, 1.0]), dt=0.1, steps=5, progress=False)
+
+
+def read(path):
+    with open(path, encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
+
+
+def test_a_run_of_any_system_is_written_as_a_table_with_all_digits(run, tmp_path):
+    found = read(run.save(tmp_path / "body.csv"))
+    np.testing.assert_array_equal(found["time"], run.dataset.time)
+    np.testing.assert_array_equal(found["mu_2"], run.records.mu[:, 2])
+    np.testing.assert_array_equal(found["R_0_1"], run.records.g[:, 0, 1])
+
+
+def test_an_ensemble_is_written_as_a_table_with_its_members(tmp_path):
+    starts = BODY.state(xi=co.each([[0.1, 0.2, 1.0], [0.0, 0.0, 2.0]]))
+    fleet = co.simulate(BODY, starts, dt=0.1, steps=5, progress=False)
+    found = read(fleet.save(tmp_path / "fleet.csv"))
+    np.testing.assert_array_equal(found["member"], np.repeat([0, 1], 6))
+    np.testing.assert_array_equal(found["xi_2"].reshape(2, 6), fleet.records.xi[:, :, 2])
+
+
+@pytest.mark.parametrize("ending", [".json", ".h5", ".mat"])
+def test_a_format_that_is_not_written_is_refused(run, tmp_path, ending):
+    with pytest.raises(co.ArgumentError, match=rf"ends in \.nc, .*but the name ends in \{ending}"):
+        run.save(tmp_path / f"run{ending}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_notebook_shows_the_card(run):
+    class Printer:
+        shown = ""
+
+        def text(self, text):
+            self.shown += text
+
+    printer = Printer()
+    run._repr_pretty_(printer, False)
+    assert printer.shown == str(run)
+
+
+def test_a_trajectory_has_all_of_its_nodes(run):
+    path = co.trajectory(BODY, BODY.state(xi=[0.1, 0.2, 1.0]), dt=0.1, steps=5)
+    assert len(path.nodes.t) == 6 and len(path.records.t) == 5
+    np.testing.assert_allclose(path.nodes.mu, run.records.mu, rtol=1e-14)

@@ -1,0 +1,73 @@
+"""The library as a house: a room imports only from those below it, and nothing below the vehicles knows one."""
+
+from __future__ import annotations
+
+from imports import circles, modules, named
+
+STOREYS = (
+    *("errors", "lazy", "extensions", "kernels", "groups", "spaces", "difference_maps", "mechanics", "methods"),
+    *("models", "theory", "plotting", "simulation", "stability", "identification", "report", "audit", "runs"),
+    *("vehicles", "cli", "__main__"),
+)
+"""From the ground up."""
+ROOMS_OF_VEHICLES = (
+    *("axes", "parts", "water", "hydrodynamics", "model", "trim", "controllers", "files", "remus", "logs", "figures"),
+    *("missions", "extension"),
+)
+"""From the ground up, too."""
+KNOWN_CIRCLES = (
+    {"mechanics.check", "mechanics.start", "mechanics.system"},
+    {"methods.left_rectangle", "methods.right_rectangle"},
+    {"methods.adjoint_variational", "methods.variational"},
+    {"simulation.resume", "simulation.simulate"},
+    {"simulation.steppers.file", "simulation.steppers.stepping"},
+    {"report.reproduction", "report.text"},
+)
+"""Files that still name one another, through imports inside functions; there must be no others."""
+
+TREES = modules()
+FACES = {"coadjoint", "coadjoint.vehicles"}
+"""What lists the public names of all that is behind it."""
+NAMED = {module: named(TREES, module) - FACES for module in TREES if module not in FACES}
+
+
+def room(module: str) -> str:
+    """The room of a module on its storey: `groups`; of the vehicles `vehicles.parts`."""
+    parts = module.split(".")[1:]
+    return ".".join(parts[:2]) if parts[0] == "vehicles" else parts[0]
+
+
+def upwards(order: tuple[str, ...], prefix: str = "") -> list[str]:
+    """Who names what stands above it, or what is in no place of the order."""
+    level = {f"{prefix}{name}": place for place, name in enumerate(order)}
+
+    def of(module: str) -> str:
+        return room(module) if prefix else room(module).partition(".")[0]
+
+    pairs = [(a, b) for a, found in NAMED.items() for b in found if of(a).startswith(prefix) and of(a) != of(b)]
+    pairs = [(a, b) for a, b in pairs if of(b).startswith(prefix)]
+    return [f"{a} names {b}" for a, b in pairs if level.get(of(b), len(level)) >= level.get(of(a), -1)]
+
+
+def test_nothing_below_the_vehicles_names_them():
+    below = [module for module in NAMED if not module.startswith(("coadjoint.vehicles", "coadjoint.cli"))]
+    found = {a: [b for b in named(TREES, a) if b.startswith("coadjoint.vehicles")] for a in below}
+    assert not {a: names for a, names in found.items() if names}
+
+
+def test_a_room_imports_only_from_those_below_it():
+    assert upwards(STOREYS) == []
+
+
+def test_a_room_of_the_vehicles_imports_only_from_those_below_it():
+    assert upwards(ROOMS_OF_VEHICLES, "vehicles.") == []
+
+
+def test_no_rooms_name_one_another_and_no_more_files_than_are_known():
+    rooms: dict[str, set[str]] = {}
+    for module, names in NAMED.items():
+        rooms.setdefault(room(module), set()).update({room(name) for name in names} - {room(module)})
+    assert circles(rooms) == []
+    files = circles({module: named(TREES, module, types=False) - FACES for module in NAMED})
+    unknown = [circle for circle in files if {name.partition(".")[2] for name in circle} not in KNOWN_CIRCLES]
+    assert not unknown, "Files name one another: put what both need into a third, or pass it as an argument."

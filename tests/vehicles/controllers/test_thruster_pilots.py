@@ -1,0 +1,108 @@
+"""Thruster vehicles keep a station in a current, and fly by depth, heading and speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rovs import rov
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.controllers import Hover, Manoeuvre
+from coadjoint.vehicles.controllers.thrusting import accelerations
+from coadjoint.vehicles.parts import Thrusters
+from coadjoint.vehicles.trim.under_way import mass_matrix
+from coadjoint.vehicles.water import UniformWater
+
+CURRENT = (0.2, -0.1, 0.0)
+STATION = {"north": 2.0, "east": -1.0, "depth": 3.0, "heading": np.radians(178.0)}
+
+
+def fly(vehicle, pilot, duration, inputs, current=CURRENT):
+    craft = Craft(vehicle, pilot=pilot, water=UniformWater(current))
+    run = co.simulate(craft.system, craft.start(speed=0.0), dt=0.05, duration=duration, inputs=inputs)
+    assert run.plan.backend == "native"
+    return run
+
+
+def test_a_station_is_kept_in_a_current_level_and_on_its_heading():
+    run = fly(rov(), Hover(), 100.0, STATION)
+    made = run.dataset
+    np.testing.assert_allclose(made.q.values[-1], [2.0, -1.0, 3.0], atol=0.01)
+    np.testing.assert_allclose(made.euler_angles.values[-1], [np.radians(178.0), 0, 0], atol=1e-3)
+    assert np.abs(made.euler_angles.values[:, 1:]).max() < np.radians(3.0)
+    assert np.linalg.norm(made.qdot.values[-1]) < 1e-3
+    assert np.abs(made.q.values - [2.0, -1.0, 3.0])[int(60 / 0.05) :].max() < 0.05
+
+
+def test_net_weight_that_is_fed_forward_is_no_error_of_depth_at_first():
+    """The vehicle is 2.4 N light: without integral it floats above its set point by (W − B)/(M₃₃ k_p)."""
+    vehicle, stay = rov(), {"north": 0.0, "east": 0.0, "depth": 0.0, "heading": 0.0}
+    gains: dict[str, Any] = {"position_gains": (1.0, 0.0, 1.8), "attitude_gains": (2.0, 0.0, 3.0)}
+    depths = []
+    for weigh in (0.0, 1.0):
+        run = fly(vehicle, Hover(weigh=weigh, **gains), 60.0, stay, current=(0, 0, 0))
+        depths.append(float(run.dataset.q.values[-1, 2]))
+    net = vehicle.mass * vehicle.gravity - vehicle.buoyancy
+    assert depths[0] == pytest.approx(float(net / mass_matrix(vehicle)[2, 2]), rel=1e-3)
+    assert abs(depths[1]) < 1e-4
+
+
+def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot():
+    inputs = {
+        "depth": co.Held([0.0, 10.0], [0.0, 5.0]),
+        "heading": co.Held([0.0, 40.0], [0.0, 2.0]),
+        "speed": co.Held([0.0, 70.0], [0.4, 0.6]),
+    }
+    made = fly(rov(), Manoeuvre(), 100.0, inputs).dataset
+    depth, heading = made.q.values[:, 2], made.euler_angles.values[:, 0]
+    speed = np.einsum("kji,kj->ki", made.R.values, made.qdot.values - CURRENT)[:, 0]
+    assert depth[-1] == pytest.approx(5.0, abs=0.02) and depth.max() < 5.3
+    assert heading[-1] == pytest.approx(2.0, abs=0.01) and heading.max() < 2.1
+    assert speed[-1] == pytest.approx(0.6, abs=5e-3)
+    assert np.abs(made.euler_angles.values[:, 1:]).max() < np.radians(8.0)
+    assert np.abs(made.internal_thrusters.values).max() <= 1.0
+
+
+def test_a_thruster_vehicle_would_be_turned_across_the_flow_by_the_munk_moment_that_is_fed_forward():
+    inputs = {"depth": co.Held([0.0, 5.0], [0.0, 5.0]), "heading": 0.0, "speed": 0.5}
+    pitch = []
+    for known in (1.0, 0.0):
+        pilot = Manoeuvre().fitted(rov())
+        blind = Craft(rov(), pilot=pilot)
+        mass = pilot.mass.copy()
+        mass[[0, 1, 2], [0, 1, 2]] = known * mass[[0, 1, 2], [0, 1, 2]] + (1 - known) * mass[0, 0]
+        system = blind.system.replace(pilot_mass=mass)
+        made = co.simulate(system, blind.start(speed=0.5), dt=0.05, duration=20.0, inputs=inputs).dataset
+        pitch.append(np.abs(made.euler_angles.values[:, 1]).max())
+    assert pitch[0] < np.radians(8.0) and pitch[1] > 3 * pitch[0]
+
+
+def test_the_largest_accelerations_are_those_at_which_a_thruster_is_at_its_limit():
+    vehicle = rov()
+    part = vehicle.part("thrusters")
+    assert isinstance(part, Thrusters)
+    most, M = accelerations(part, mass_matrix(vehicle)), mass_matrix(vehicle)
+    # Four thrusters at 45°, two of them astern: the astern limit of 32 N comes first.
+    assert most[0] * M[0, 0] == pytest.approx(4 * 0.707 * 32.0, rel=1e-9)
+    assert most[2] * M[2, 2] == pytest.approx(4 * 32.0, rel=1e-9)
+
+
+def test_a_vehicle_without_thrusters_has_no_hover():
+    with pytest.raises(ArgumentError, match="needs one part of the kind `thrusters`"):
+        Hover().fitted(rov(parts=()))
+
+
+@pytest.mark.parametrize(
+    ("pilot", "thrusters", "lacking"), [(Manoeuvre(), slice(4), "heave"), (Hover(), slice(4, 8), "surge, sway")]
+)
+def test_thrusters_that_cannot_push_as_a_pilot_needs_are_told(pilot, thrusters, lacking):
+    vehicle = rov()
+    part = vehicle.part("thrusters")
+    fewer = replace(part, allocation=part.allocation[:, thrusters])
+    with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
+        pilot.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))

@@ -1,0 +1,187 @@
+"""Logs as CSV files: units, axes, gaps, and a sentence for every mistake."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.groups import attitude
+from coadjoint.identification import Log
+from coadjoint.vehicles import axes as border
+from coadjoint.vehicles.logs import read_log, write_log
+
+
+def written(tmp_path, text):
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_units_of_headers_become_si_and_rad(tmp_path):
+    path = written(
+        tmp_path,
+        "# a comment\n"
+        "time_ms,roll_deg,heading [deg],u_kn,p (deg/s),depth_cm,rudder_deg,thrusters_0_N,thrusters_1_N,screw_rpm\n"
+        "0,90,180,1,180,150,-90,1,2,60\n100,45,0,2,90,100,0,3,4,120\n",
+    )
+    log = read_log(path)
+    assert np.allclose(log.time, [0.0, 0.1])
+    assert np.allclose(log.columns["roll"], [np.pi / 2, np.pi / 4]) and np.allclose(log.columns["heading"], [np.pi, 0])
+    assert np.allclose(log.columns["u"], np.array([1, 2]) * 1852 / 3600) and np.allclose(
+        log.columns["p"], [np.pi, np.pi / 2]
+    )
+    assert np.allclose(log.columns["depth"], [1.5, 1.0]) and np.allclose(log.inputs["rudder"], [-np.pi / 2, 0])
+    assert np.allclose(log.inputs["thrusters"], [[1, 2], [3, 4]]) and np.allclose(log.inputs["screw"], [1, 2])
+    assert log.units["rudder"] == "rad" and log.units["screw"] == "1/s"
+
+
+@pytest.mark.parametrize("by_quaternion", [False, True])
+def test_a_log_in_enu_and_flu_says_the_same_as_one_in_ned_and_frd(tmp_path, by_quaternion):
+    random = np.random.default_rng(1765)
+    angles = random.uniform(-1.0, 1.0, (4, 3))
+    R = attitude.zyx(*angles.T)
+    q, v, omega = random.normal(size=(3, 4, 3))
+    turned = border.rotation(R, "ENU/FLU")
+    x, there, spin = (
+        border.space_vector(q, "ENU/FLU"),
+        border.body_vector(v, "ENU/FLU"),
+        border.body_vector(omega, "ENU/FLU"),
+    )
+    if by_quaternion:
+        turn, names = attitude.to_quaternion(turned), "qw,qx,qy,qz"
+    else:
+        turn, names = np.stack(attitude.zyx_angles(turned), axis=1), "yaw_rad,pitch_rad,roll_rad"
+    rows = np.column_stack([np.arange(4.0), x, turn, there, spin])
+    body = "\n".join(",".join(f"{value:.15g}" for value in row) for row in rows)
+    header = f"time_s,x_m,y_m,z_m,{names},u_m_s,v_m_s,w_m_s,p_rad_s,q_rad_s,r_rad_s"
+    log = read_log(written(tmp_path, f"{header}\n{body}\n"), axes="ENU/FLU")
+    wanted = dict(zip(("north", "east", "depth"), q.T, strict=True))
+    wanted |= dict(zip(("heading", "pitch", "roll"), angles.T, strict=True))
+    wanted |= dict(zip("uvw", v.T, strict=True)) | dict(zip("pqr", omega.T, strict=True))
+    for name, values in wanted.items():
+        np.testing.assert_allclose(np.exp(1j * log.columns[name]), np.exp(1j * values), atol=1e-12)
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    t = np.array([0.0, 0.1, 0.25, 0.3])
+    columns = {"roll": np.array([0.1, np.nan, -0.3, 3.0]), "u": np.array([1.0, 2.0, np.nan, 4.0])}
+    inputs = {"rudder": np.array([0.1, 0.2, 0.3, 0.4]), "thrusters": np.arange(8.0).reshape(4, 2)}
+    log = Log(t, columns, inputs, {"rudder": "rad", "thrusters": "N"}, step=0.05)
+    path = tmp_path / "out.csv"
+    write_log(log, path)
+    back = read_log(path)
+    for part, other in ((log.columns, back.columns), (log.inputs, back.inputs)):
+        for name in part:
+            np.testing.assert_allclose(other[name], part[name], rtol=1e-9)
+    assert back.units == log.units and back.step == 0.05
+    assert any("1 of 4 values of roll" in note for note in back.notes)
+    assert any("irregular" in note for note in back.notes)
+
+
+def test_commands_count_and_not_what_the_actuators_did(tmp_path):
+    """The columns of the library's own logs of runs."""
+    header = (
+        "time_s,u_m_s,rudder_deg,screw_per_s,command_rudder_deg,command_thrusters[1],command_thrusters[2],set_depth_m"
+    )
+    log = read_log(written(tmp_path, f"{header}\n0,1,10,5,90,1500,1600,3\n1,1,20,6,180,1700,1800,3\n"))
+    assert sorted(log.inputs) == ["rudder", "screw", "thrusters"]
+    assert np.allclose(log.inputs["rudder"], [np.pi / 2, np.pi]) and np.allclose(log.inputs["screw"], [5, 6])
+    assert np.allclose(log.inputs["thrusters"], [[1500, 1600], [1700, 1800]])
+    assert np.allclose(log.actual["rudder"], np.radians([10, 20])) and log.first("rudder") == np.radians(10)
+    assert log.first("screw") == 5 and log.first("sail") is None
+
+
+def test_what_an_actuator_did_in_another_unit_than_its_command_is_not_where_it_started(tmp_path):
+    log = read_log(written(tmp_path, "time_s,u_m_s,thruster_N,command_thruster_us\n0,1,12,1500\n1,1,20,1600\n"))
+    assert log.first("thruster") == 1500 and not log.actual
+
+
+def test_missing_inputs_keep_their_last_value_and_are_told(tmp_path):
+    log = read_log(written(tmp_path, "time_s,u_m_s,rudder_rad\n0,1,0.1\n1,1,\n2,1,nan\n3,1,0.3\n"))
+    assert np.allclose(log.inputs["rudder"], [0.1, 0.1, 0.1, 0.3])
+    assert log.notes == ("2 of 4 values of rudder are missing and kept from before.",)
+
+
+GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "holds no log"),
+        ("time_s,u_m_s\n0,1\n", "holds no log"),
+        ("u_m_s,w_m_s\n0,1\n1,2\n", "no column `time_s`"),
+        (GOOD.replace("u_m_s", "u_parsec"), "line 1: column `u_parsec` has no known unit"),
+        (GOOD.replace("u_m_s", "u_deg"), "`u` is measured in m/s"),
+        (GOOD.replace("roll_deg", "roll"), "`roll` has no known unit at its end: give one, as in `roll_"),
+        (GOOD.replace("rudder_rad", "rudder (furlong)"), "`rudder (furlong)` has no known unit"),
+        (GOOD.replace("rudder_rad", "u_cm_s"), "`u` is given twice"),
+        (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: 3 cells, but there are 4 headers"),
+        (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),
+        (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not finite"),
+        (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4: time goes from 1 s to 1 s"),
+        (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time`: the time is missing"),
+        (GOOD.replace("0,1,1,0", "0,1,1,"), "line 2, column `rudder_rad`: the first value"),
+        (GOOD.replace("roll_deg", "qw"), "a quaternion needs qw, qx, qy and qz"),
+        ("time_s,qw,qx,qy,qz\n0,1,0,0,0\n1,3,0,0,0\n", "length 1, but one has 3"),
+        ("time_s,heading_deg,yaw_deg\n0,1,0\n1,3,0\n", "`yaw` says again"),
+        ("time_s,depth_m,z_m\n0,1,0\n1,3,0\n", "`z` says again"),
+        ("time_s,roll_deg,u_m_s\n0,,1\n1,,1\n", "`roll` holds no number"),
+        (f"# simulated with dt_s = fine\n{GOOD}", "must tell a positive number"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_file_is_told_with_its_place(tmp_path, text, told):
+    with pytest.raises(FileError) as error:
+        read_log(written(tmp_path, text))
+    assert told in str(error.value) and "log.csv" in str(error.value)
+
+
+def test_files_that_are_not_there_and_unknown_axes(tmp_path):
+    with pytest.raises(FileError, match="cannot be read"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(ArgumentError, match="NED/FRD"):
+        read_log(written(tmp_path, GOOD), axes="NWU")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_log_refuses_what_no_log_can_hold():
+    t = np.arange(3.0)
+    with pytest.raises(ArgumentError, match="must grow"):
+        Log(t[::-1], {"u": t})
+    with pytest.raises(ArgumentError, match="at least two samples"):
+        Log(t[:1], {"u": t[:1]})
+    with pytest.raises(ArgumentError, match="one number for each of 3 times"):
+        Log(t, {"u": t[:2]})
+    with pytest.raises(ArgumentError, match="`u` is infinite at 1 s"):
+        Log(t, {"u": np.array([0, np.inf, 0])})
+    with pytest.raises(ArgumentError, match="must have no gaps"):
+        Log(t, {"u": t}, {"rudder": np.array([0, np.nan, 0])})
+
+
+def test_a_column_that_is_missing_among_several_commands_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    whole = ["command_thrusters[1]_N", "command_thrusters[2]_N", "command_thrusters[3]_N"]
+    for missing in (0, 1):
+        path.write_text(",".join(["time_s", *(name for name in whole if name != whole[missing])]) + "\n0,1,2\n1,1,2\n")
+        with pytest.raises(FileError, match=rf"`command_thrusters\[{missing + 1}\]` is missing"):
+            read_log(path)
+    path.write_text(",".join(["time_s", *whole[:2], "thrusters[3]_N"]) + "\n0,1,2,3\n1,1,2,3\n")
+    with pytest.raises(FileError, match=r"`command_thrusters\[3\]` is missing"):
+        read_log(path)
+
+
+def test_columns_are_ignored_by_name_and_those_that_are_not_there_are_told(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,u_m_s,battery_V\n0,1,12\n1,1,12\n")
+    assert not read_log(path, ignore=["battery"]).inputs
+    assert not read_log(path, ignore=["battery_V"]).inputs
+    with pytest.raises(FileError, match="no column `batt` to ignore"):
+        read_log(path, ignore=["batt"])
+
+
+@pytest.mark.parametrize("header", ["u", "u_furlong"])
+def test_a_speed_without_a_unit_is_told_one_of_speeds(tmp_path, header):
+    path = tmp_path / "log.csv"
+    path.write_text(f"time_s,{header}\n0,1\n1,1\n")
+    with pytest.raises(FileError, match="as in `u_m_s`"):
+        read_log(path)

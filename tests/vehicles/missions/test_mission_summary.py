@@ -1,0 +1,71 @@
+"""The figures of a mission are those of its path: lengths, depths, errors within half a turn, energies by part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray
+
+from coadjoint.vehicles.missions.summary import mission_summary, spread
+
+
+def circle(radius=10.0, turns=1.0, nodes=4001):
+    """A vehicle on a level circle to starboard at 2 m depth and 1 m/s, told to head 1° more."""
+    duration = 2 * np.pi * radius * turns
+    time = np.linspace(0, duration, nodes)
+    heading = time / radius
+    sine, cosine, zero, one = np.sin(heading), np.cos(heading), np.zeros(nodes), np.ones(nodes)
+    place = np.stack([radius * sine, radius * (1 - cosine), 2 * one], axis=1)
+    columns = [[cosine, sine, zero], [-sine, cosine, zero], [zero, zero, one]]
+    R = np.moveaxis(np.array(columns), 2, 0).swapaxes(1, 2)
+    held = {
+        "n": np.einsum("kji,kj->ki", R, place),
+        "nu": np.stack([one, zero, zero], 1),
+        "xi": np.stack([zero, zero, one / radius], 1),
+        "a_down": R[:, 2],
+        "a_north": R[:, 0],
+        "inputs_depth": 2.5 * one,
+        "inputs_heading": np.angle(np.exp(1j * (heading + np.radians(1.0)))),
+        "internal_rudder": np.where(np.arange(nodes) < nodes // 4, 0.25, 0.1),
+        "work_rudder": -0.1 * time,
+        "work_hull": -time,
+        "work_propeller": 1.2 * time,
+        "internal_propeller": 10 * one,
+    }
+    dims = {name: ("time", *(f"{name}_{i}" for i in range(np.ndim(x) - 1))) for name, x in held.items()}
+    made = xarray.Dataset({k: (dims[k], x) for k, x in held.items()}, coords={"time": time})
+    made["internal_rudder"].attrs.update(low=-0.25, high=0.25, units="rad")
+    return made.assign_attrs(seconds=0.01)
+
+
+def test_a_circle_has_the_length_of_its_rim_and_errors_that_do_not_jump_at_south():
+    found = mission_summary(circle())
+    rim = 20 * np.pi
+    assert found["path_length"] == pytest.approx(rim, rel=1e-6)
+    assert found["duration"] == pytest.approx(rim)
+    assert found["times_real_time"] == pytest.approx(rim / 0.01)
+    assert (found["depth_max"], found["speed_mean"]) == (pytest.approx(2.0), pytest.approx(1.0, rel=1e-6))
+    assert found["tracking"]["heading"] == {"error_rms": pytest.approx(1.0), "error_final": pytest.approx(1.0)}
+    assert found["tracking"]["depth"]["error_final"] == pytest.approx(0.5)
+    assert np.allclose(found["position_final"], [0, 0, 2], atol=1e-9)
+
+
+def test_energy_is_told_by_part_and_what_actuators_put_in_is_summed():
+    found = mission_summary(circle())
+    assert found["energy_put_in"]["hull"] == pytest.approx(-20 * np.pi)
+    assert found["energy_of_actuators"] == pytest.approx(24 * np.pi)
+    assert found["saturated"] == {"rudder": pytest.approx(0.25, abs=1e-3)}
+
+
+def test_the_path_error_is_the_distance_from_the_nearest_leg():
+    legs = circle(turns=0.5).assign_attrs(way_points=[0.0, 20.0, 2.0])
+    found = mission_summary(legs)["tracking"]["path"]
+    assert found["error_rms"] == pytest.approx(10 / np.sqrt(2), rel=1e-3)
+    assert found["error_final"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_spread_of_a_figure_is_that_of_its_members():
+    values = np.arange(101.0)
+    found = spread(values)
+    assert (found["mean"], found["5%"], found["95%"]) == (50.0, 5.0, 95.0)
+    assert found["std"] == pytest.approx(np.std(values, ddof=1))

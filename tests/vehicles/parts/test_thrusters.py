@@ -1,0 +1,266 @@
+"""Thrusters: force curves and their inverses, geometry, allocation, lag, and the work that they do on a craft."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.kernels.evaluate import evaluate
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles import Craft, Vehicle
+from coadjoint.vehicles.parts import T200, Damping, Thrusters
+from coadjoint.vehicles.parts.part import Flow
+from coadjoint.vehicles.parts.published_curves import force_curve
+
+S = 0.5**0.5
+ONE: dict[str, Any] = {"positions": [[0, 0, 0]], "directions": [[1, 0, 0]]}
+
+# RexROV (Manhães et al. 2016): rexrov_actuators.xacro and its published allocation matrix TAM.yaml, axes FLU.
+REXROV_PLACES = [(0.890895 * x, 0.334385 * y, 0.528822) for x, y in ((-1, 1), (-1, -1), (1, 1), (1, -1))] + [
+    (0.412125 * x, 0.505415 * y, 0.129) for x, y in ((-1, 1), (-1, -1), (1, 1), (1, -1))
+]
+REXROV_PITCH_YAW = np.radians(
+    [(-74.53, -53.21), (-74.53, 53.21), (-105.47, 53.21), (-105.47, -53.21), (0, 45), (0, -45), (0, 135), (0, -135)]
+)
+REXROV_TAM = [
+    [0.1597427, 0.1597427, -0.1597424, -0.1597424, 0.7071069, 0.7071069, -0.7071065, -0.7071065],
+    [-0.2136101, 0.2136101, -0.2136098, 0.2136098, 0.7071067, -0.7071067, 0.7071070, -0.7071070],
+    [0.9637702, 0.9637702, 0.9637703, 0.9637703, 0.0, 0.0, 0.0, 0.0],
+    [0.4352320, -0.4352320, 0.4352319, -0.4352319, -0.0912168, 0.0912168, -0.0912168, 0.0912168],
+    [0.9430935, 0.9430935, -0.9430935, -0.9430935, 0.0912168, 0.0912168, -0.0912167, -0.0912167],
+    [0.1368886, -0.1368886, -0.1368884, 0.1368884, -0.6487988, 0.6487988, 0.6487987, -0.6487987],
+]
+# BlueROV2 Heavy (facts E2): controllers.yaml of Robotic-Decision-Making-Lab/blue, axes FRD, to three digits.
+BLUEROV_TAM = np.array(
+    [
+        [0.707, 0.707, 0.707, 0.707, 0, 0, 0, 0],
+        [-0.707, 0.707, 0.707, -0.707, 0, 0, 0, 0],
+        [0, 0, 0, 0, -1, 1, 1, -1],
+        [0, 0, 0, 0, -0.21805, -0.21805, 0.21805, 0.21805],
+        [0, 0, 0, 0, -0.12, 0.12, -0.12, 0.12],
+        [-0.1888, 0.1888, -0.1888, 0.1888, 0, 0, 0, 0],
+    ]
+)
+
+
+def rexrov(**changes: Any) -> Thrusters:
+    pitch, yaw = REXROV_PITCH_YAW.T
+    axes = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], axis=1)
+    given = {"curve": {"quadratic": 0.00031}, "positions": REXROV_PLACES, "directions": axes, "limit": 1000.0}
+    return Thrusters("thrusters", **{**given, **changes})
+
+
+def own(part: Thrusters) -> Named:
+    return Named(**part.parameters())
+
+
+CURVES = {
+    "linear": force_curve({"linear": 40.0}, "x"),
+    "quadratic": force_curve({"quadratic": (0.3, 0.2)}, "x"),
+    "polynomial": force_curve({"polynomial": (1.0, 0.3, 0.5)}, "x"),
+    "flat polynomial": force_curve({"polynomial": (0.0, 0.0, 2.0)}, "x"),
+    "table": force_curve({"table": [(-5, -9), (-1, -1), (0, 0), (2, 1), (5, 20)]}, "x"),
+}
+
+
+@pytest.mark.parametrize("kind", CURVES)
+def test_the_command_for_a_force_gives_that_force(kind):
+    curve = CURVES[kind]
+    numbers = Named(**curve.parameters())
+    u = np.concatenate([np.random.default_rng(3).uniform(-5, 5, 40), [0.0, -5.0, 5.0]])
+    force = evaluate(curve.force, u, numbers)
+    found = evaluate(lambda F, p: curve.command(F, p, (-5.0, 5.0)), force, numbers)
+    np.testing.assert_allclose(evaluate(curve.force, found, numbers), force, rtol=1e-12, atol=1e-13)
+    if kind != "flat polynomial":
+        np.testing.assert_allclose(found, u, rtol=1e-11, atol=1e-12)
+
+
+def test_a_table_is_the_straight_lines_between_its_rows_and_constant_beyond():
+    curve = CURVES["table"]
+    u = np.random.default_rng(4).uniform(-8, 8, 100)
+    found = evaluate(curve.force, u, Named(**curve.parameters()))
+    np.testing.assert_allclose(found, np.interp(u, [-5, -1, 0, 2, 5], [-9, -1, 0, 1, 20]), atol=1e-14)
+
+
+def test_the_t200_at_16_volts_has_its_published_ends_and_dead_band():
+    part = Thrusters("thrusters", T200, **ONE, unit="µs")
+    assert part.command.start == 1500.0 and tuple(part.limit) == (1100.0, 1900.0)
+    at = np.array([1100.0, 1308.0, 1472, 1500, 1528, 1624, 1728, 1840, 1900])
+    published = np.array([-4.07, -1.35, 0, 0, 0, 0.87, 2.22, 4.25, 5.25]) * 9.80665
+    found = evaluate(part.thrusts, at, own(part))
+    np.testing.assert_allclose(found, published, atol=0.5)
+    assert np.all(found[2:5] == 0.0)
+    np.testing.assert_allclose(found[[0, -1]], published[[0, -1]], rtol=1e-14)
+    # The command of no force is the middle of the dead band; a small force is beyond its edge.
+    commands = evaluate(part.commands_for, np.array([0.0, 0.1, -0.1]), own(part))
+    assert commands[0] == 1500.0 and commands[1] > 1528.0 and commands[2] < 1472.0
+
+
+def test_in_its_dead_band_a_thruster_pushes_nothing_and_beyond_it_as_its_curve():
+    part = Thrusters("thrusters", {"quadratic": 2.0}, **ONE, limit=10.0, dead_band=1.0)
+    u = np.array([-3.0, -0.999, 0.0, 0.999, 1.0, 3.0])
+    np.testing.assert_array_equal(evaluate(part.thrusts, u, own(part)), [-18, 0, 0, 0, 2, 18])
+    # The nearest force that there is: none below half of that at the edge.
+    wanted = np.array([0.9, 1.1, 1.9, 8.0, -0.9, -1.1])
+    found = evaluate(lambda F, p: part.thrusts(part.commands_for(F, p), p), wanted, own(part))
+    np.testing.assert_allclose(found, [0, 2, 2, 8, 0, -2], rtol=1e-10)
+
+
+def test_thrust_at_bollard_grows_with_the_density_of_the_water():
+    part = Thrusters("thrusters", {"quadratic": 2.0}, **ONE, limit=10.0, density=1000.0)
+    still = Flow(*np.zeros((2, 3)), np.float64(1026.0), np.array([0.0, 0, 1]), 0.0, 0.0)  # pyright: ignore
+    pushed = evaluate(part.force, still, np.array([3.0]), own(part))
+    np.testing.assert_allclose(pushed.force, [18 * 1.026, 0, 0], rtol=1e-14)
+
+
+def test_rexrovs_geometry_gives_its_published_allocation_matrix():
+    part = rexrov()
+    np.testing.assert_allclose(evaluate(part.matrix, own(part)), REXROV_TAM, atol=1e-6)
+
+
+def test_bluerovs_matrix_is_that_of_eight_thrusters_at_corners():
+    """|N| = 0.1888 = (x + y)/√2 of horizontal thrusters at (±x, ±y); vertical ones stand at (0.12, 0.21805) m."""
+    x = y = 0.1888 * S
+    corners = [(x, y), (x, -y), (-x, y), (-x, -y)]
+    directions = [(S, -S, 0), (S, S, 0), (S, S, 0), (S, -S, 0), (0, 0, -1), (0, 0, 1), (0, 0, 1), (0, 0, -1)]
+    upright = [(-0.12, 0.21805), (-0.12, -0.21805), (0.12, 0.21805), (0.12, -0.21805)]
+    places = [(*c, 0) for c in corners] + [(*c, 0) for c in upright]
+    part = Thrusters("thrusters", {"linear": 1.0}, positions=places, directions=directions)
+    np.testing.assert_allclose(evaluate(part.matrix, own(part)), BLUEROV_TAM, atol=2e-4)
+
+
+def test_the_reaction_of_a_propeller_turns_about_its_own_axis():
+    part = Thrusters("thrusters", {"linear": 1.0}, positions=[[0, 1, 0]], directions=[[1, 0, 0]], torque=0.03)
+    np.testing.assert_allclose(evaluate(part.matrix, own(part))[:, 0], [1, 0, 0, 0.03, 0, -1], atol=1e-15)
+    twin = rexrov(torque=[0.02, -0.02] * 4)
+    B, plain = evaluate(twin.matrix, own(twin)), evaluate(rexrov().matrix, own(rexrov()))
+    np.testing.assert_allclose((B - plain)[3:], 0.02 * plain[:3] * ([1, -1] * 4), atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["geometry", "matrix", "table"])
+def test_allocated_commands_give_the_wrench_or_its_direction_where_thrusters_saturate(kind):
+    part = {
+        "geometry": rexrov(),
+        "matrix": Thrusters("thrusters", {"linear": 40.0}, allocation=BLUEROV_TAM, limit=1.0),
+        "table": Thrusters("thrusters", "T200", allocation=BLUEROV_TAM),
+    }[kind]
+    random, share = np.random.default_rng(7), 1.0
+    for size in (1e-3, 0.3, 30.0, 5000.0):
+        for _ in range(5):
+            wrench = random.normal(size=6) * size
+            u = part.allocate(wrench)
+            low, high = part.limit
+            assert np.all(u >= low - 1e-9) and np.all(u <= high + 1e-9)
+            given = evaluate(lambda u, p: part.matrix(p) @ part.thrusts(u, p), u, own(part))
+            share = given @ wrench / (wrench @ wrench)
+            np.testing.assert_allclose(given, share * wrench, atol=1e-9 * size)
+            saturated = np.any(np.isclose(u, low, rtol=1e-9) | np.isclose(u, high, rtol=1e-9))
+            assert share == pytest.approx(1.0, rel=1e-9) or (share < 1 and saturated)
+    assert share < 0.8  # The largest were out of reach.
+
+
+def test_a_wrench_that_no_thrusters_give_becomes_the_nearest_that_they_do():
+    part = Thrusters("thrusters", {"linear": 10.0}, positions=[[0, 1, 0], [0, -1, 0]], directions=[[1, 0, 0]] * 2)
+    u = part.allocate([20.0, 5, -3, 1, 2, 4])
+    given = evaluate(lambda u, p: part.matrix(p) @ part.thrusts(u, p), u, own(part))
+    np.testing.assert_allclose(given, [20, 0, 0, 0, 0, 4], atol=1e-12)
+
+
+def vehicle(*parts: Any, damping: Any = (0.0,) * 6) -> Vehicle:
+    body = {"mass": 10.0, "inertia": (0.3, 0.4, 0.5), "added_mass": (2.0, 8.0, 9.0, 0.1, 0.2, 0.2)}
+    return Vehicle(name="box", **body, parts=(*parts, Damping("damping", linear=damping)))
+
+
+def test_a_lagging_thruster_follows_exp_of_time_exactly_whatever_the_step():
+    tau = 0.7
+    part = Thrusters("thrusters", {"linear": 1e-6}, positions=np.eye(3), directions=np.eye(3), limit=5.0, lag=tau)
+    craft = Craft(vehicle(part))
+    for h in (0.01, 0.5, 3.0):
+        inputs = {"thrusters": co.Held([0.0], [[1.0, -2.0, 9.0]])}
+        run = co.simulate(craft.system, craft.start(), dt=h, steps=6, inputs=inputs)
+        expected = np.outer(1 - np.exp(-run.dataset.time.values / tau), [1.0, -2.0, 5.0])
+        np.testing.assert_allclose(run.dataset.internal_thrusters, expected, atol=1e-13)
+    narrow = co.simulate(craft.system.replace(thrusters_limit=0.5), craft.start(), dt=0.5, steps=6, inputs=inputs)
+    clipped = np.outer(1 - np.exp(-narrow.dataset.time.values / tau), [0.5, -0.5, 0.5])
+    np.testing.assert_allclose(narrow.dataset.internal_thrusters, clipped, atol=1e-13)
+
+
+def test_the_budgets_line_of_a_thruster_is_force_times_velocity_and_a_bollard_pull_is_its_curve():
+    part = Thrusters("thrusters", {"quadratic": (0.5, 0.4)}, **ONE, limit=10.0)
+    craft = Craft(vehicle(part, damping=(6.0, 0, 0, 0, 0, 0)))
+    start = craft.start(actuators={"thrusters": [4.0]})
+    run = co.simulate(craft.system, start, dt=0.05, duration=8.0)
+    assert run.plan.backend == "native"
+    time = run.dataset.time.values
+    # u̇ (m + X_u̇) = F − d u from rest: u = F/d (1 − exp(−t/τ)), so that ∫ F u dt has a closed form.
+    F, d, M = 8.0, 6.0, 12.0
+    travelled = F / d * (time - M / d * (1 - np.exp(-d * time / M)))
+    np.testing.assert_allclose(run.dataset.q[:, 0], travelled, atol=2e-4)
+    np.testing.assert_allclose(run.dataset.work_thrusters, F * run.dataset.q[:, 0], atol=1e-10)
+    assert run.summary()["energy_budget_error_max"] < 1e-6
+
+
+def test_every_member_of_an_ensemble_has_its_curve_and_gradients_go_through_it():
+    part = Thrusters("thrusters", {"quadratic": 0.5}, **ONE, limit=10.0, lag=0.3)
+    craft = Craft(vehicle(part))
+    start = craft.start()
+    inputs = {"thrusters": co.Held([0.0], [[4.0]])}
+    many = craft.system.replace(thrusters_ahead=co.each([0.4, 0.5, 0.6]))
+    speeds = co.simulate(many, start, dt=0.05, steps=40, inputs=inputs).final.pi[:, 0]
+    np.testing.assert_allclose(speeds / speeds[1], [0.8, 1.0, 1.2], rtol=1e-10)
+
+    def speed(ahead: Any) -> Any:
+        system = craft.system.replace(thrusters_ahead=ahead)
+        return co.trajectory(system, start, dt=0.05, steps=40, inputs=inputs, backend="native").final.pi[0]
+
+    with co.float64():
+        assert jax.grad(speed)(0.5) == pytest.approx(float(speeds[1]) / 0.5, rel=1e-10)
+
+
+def test_a_pilot_may_allocate_inside_the_native_kernel():
+    part = Thrusters("thrusters", "T200", allocation=BLUEROV_TAM, lag=0.1, unit="µs")
+
+    def keep(sight: Any, p: Any) -> dict[str, Any]:
+        force = -60.0 * (sight.depth - 1.0) * sight.down - 60.0 * sight.velocity
+        return {"thrusters": part.allocate(jnp.concatenate([force, -5.0 * sight.omega]))}
+
+    craft = Craft(vehicle(part), pilot=keep)
+    run = co.simulate(craft.system, craft.start(), dt=0.05, duration=60.0)
+    assert run.plan.backend == "native"
+    assert run.final.q[2] == pytest.approx(1.0, abs=0.03)
+
+
+WRONG = {
+    "forces must not fall": {"curve": {"table": [(-1, -2), (0, 0), (1, -1)]}},
+    "commands must grow": {"curve": {"table": [(-1, -2), (0, 0), (0, 1)]}},
+    "command without force": {"curve": {"table": [(1, 2), (2, 3)]}},
+    "rows .command, force.": {"curve": {"table": [1.0, 2.0]}},
+    "must be one of linear": {"curve": {"cubic": 1.0}},
+    "published T200": {"curve": "T500"},
+    "slope .* must be positive": {"curve": {"linear": -1.0}},
+    "reversed direction": {"curve": {"quadratic": (1.0, -1.0)}},
+    "must not fall between its limits": {"curve": {"polynomial": (1.0, 0.0, -1.0)}, "limit": 2.0},
+    "must be given with a polynomial": {"curve": {"polynomial": (1.0, 0.0, 1.0)}, "limit": None},
+    "unit vector, but has length 2": {"directions": [[2, 0, 0]]},
+    "must have shape .n, 3.": {"positions": [[0, 0, 0], [0, 1, 0]]},
+    "must have shape .6, n.": {"positions": None, "directions": None, "allocation": np.ones((3, 2))},
+    "either `positions` and `directions`, or": {"directions": None},
+    "leave them out": {"allocation": np.ones((6, 1)), "directions": None},
+    "one for each thruster": {"torque": [0.1, 0.2]},
+    "must leave something": {"dead_band": 1.0, "limit": 1.0},
+    "`lag` .* at least 0": {"lag": -0.1},
+    "largest command or": {"limit": (1.0, 2.0)},
+}
+
+
+@pytest.mark.parametrize("sentence", WRONG)
+def test_what_no_thrusters_can_have_is_told_in_one_sentence_with_their_name(sentence):
+    given = {"curve": {"linear": 40.0}, **ONE, "limit": 1.0, **WRONG[sentence]}
+    with pytest.raises(co.ArgumentError, match=sentence) as told:
+        Thrusters("bow_thrusters", **given)
+    assert "bow_thrusters" in str(told.value)
