@@ -22,6 +22,7 @@ SECTIONS = {
     "many_1": ("many", 1, "an ensemble on one core"),
     "many_2": ("many", 2, "an ensemble on two cores"),
     "gradients": ("gradients", 1, "gradients"),
+    "stepping": ("stepping", 1, "one control period at a time"),
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),

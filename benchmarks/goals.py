@@ -21,6 +21,8 @@ def goals(found: Found) -> Table:
         rows += _many(found["many_2"], "two cores")
     if "preparing" in found:
         rows += _preparing(found["preparing"])
+    if "stepping" in found:
+        rows += _stepping(found["stepping"])
     if "orders" in found:
         rows += _orders(found["orders"])
     for name, part in found.get("gradients", {"methods": {}})["methods"].items():
@@ -103,3 +105,21 @@ def _preparing(found: Found) -> list[tuple[str, float, float, bool]]:
         ("coadjoint reproduce, no cached code, s", 6.0, found["reproduce"]["empty"], False),
         ("coadjoint reproduce, cached code, s", 6.0, found["reproduce"]["filled"], False),
     ]
+
+
+def _stepping(found: Found) -> list[tuple[str, float, float, bool]]:
+    from benchmarks.stepping import YARDSTICK
+
+    rows = [
+        ("a control period of REMUS 100, µs", 4.0, 1e6 * found["one"][YARDSTICK]["seconds"], False),
+        ("a saved stepper from its file to the first step, s", 0.2, found["saved"], False),
+    ]
+    for count, part in found["many"].items():
+        bound = 0.8 if int(count) > 2048 else 0.9
+        rows.append((f"{count} vehicles: million periods a second", bound, 1e-6 / part[YARDSTICK]["seconds"], True))
+        rows += [
+            (f"{count} vehicles: {name} / ours", 4.0, row["ratio"], True)
+            for name, row in part.items()
+            if name != YARDSTICK
+        ]
+    return rows

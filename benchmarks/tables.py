@@ -169,7 +169,23 @@ def _kirchhoff(found: dict[str, Any]) -> list[Table]:
     return [*tables, Table("Not measured", heads, missing)] if missing else tables
 
 
+def _stepping(found: dict[str, Any]) -> list[Table]:
+    rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["one"].items()]
+    rows += [(f"{name}: not installed, left out", "", "") for name in found["missing"]]
+    rows.append(("a saved stepper from its file to the first step, process and all", "", _time(found["saved"])))
+    tables = [Table("A control period of two steps, one vehicle", ("", "ratio", "a period"), rows)]
+    for count, part in found["many"].items():
+        rows = [
+            (name, f"{row['ratio']:.3g}", _time(row["seconds"]), f"{1e-6 / row['seconds']:.3g}")
+            for name, row in part.items()
+        ]
+        heads = ("", "ratio", "a member's period", "million periods a second")
+        tables.append(Table(f"The same of {count} vehicles on one core, with moving commands", heads, rows))
+    return tables
+
+
 _TABLES = {
+    "stepping": _stepping,
     "one": _one,
     "many_1": _many,
     "many_2": _many,

@@ -11,7 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint.models.underwater import Craft, Cruise, UniformWater, load_vehicle
+from coadjoint import vehicles
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.controllers import Cruise
+from coadjoint.vehicles.water import UniformWater
 
 duration = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
 members = int(sys.argv[2]) if len(sys.argv) > 2 else 10_000
@@ -23,7 +26,7 @@ def about(value, deviation):
     return co.each(value * (1 + deviation * random.standard_normal(members)))
 
 
-craft = Craft(load_vehicle("remus_100"), pilot=Cruise(), water=UniformWater())
+craft = Craft(vehicles.load("remus_100"), pilot=Cruise(), water=UniformWater())
 craft = craft.replace(
     mass=about(craft.vehicle.mass, 0.002),  # not quite neutrally buoyant
     hull_axial_drag=about(0.42, 0.1),

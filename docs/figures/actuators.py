@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 import coadjoint as co
+from coadjoint import vehicles
 from coadjoint.kernels.evaluate import evaluate
-from coadjoint.models.underwater import T200, Craft, Thrusters, load_vehicle, trim
 from coadjoint.plotting import style
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.parts import T200, Thrusters
+from coadjoint.vehicles.trim.gliding import trim
 
 HERE = Path(__file__).parent
 
@@ -35,7 +38,7 @@ def thruster() -> None:
 
 def glider() -> None:
     """An hour of a Slocum-like glider, beside the closed form of its steady glides."""
-    vehicle = load_vehicle("slocum_graver")
+    vehicle = vehicles.load("slocum_graver")
     craft = Craft(vehicle, pilot=vehicle.pilot)
     start = craft.start(position=(0, 0, 4), velocity=(0.1, 0, 0))
     depths = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 import coadjoint as co
+from coadjoint import vehicles
 from coadjoint.identification import identify, synthetic_log
-from coadjoint.models.underwater import Craft, load_vehicle
 from coadjoint.plotting import style
+from coadjoint.vehicles import Craft
 
 NOISE = {
     **dict.fromkeys(("north", "east"), 0.1), "depth": 0.02,
@@ -30,7 +31,7 @@ def zigzag(t, period, size, late=0.0):
 
 def torpedo():
     """REMUS 100: zigzags of fins and propeller for 200 s; (system, start, run, where the search begins, parameters)."""
-    craft = Craft(load_vehicle("remus_100"))
+    craft = Craft(vehicles.load("remus_100"))
     t = np.arange(0.0, 200.0, 0.1)
     commands = {
         "rudder": zigzag(t, 16, 0.14) + zigzag(t, 7, 0.07),
@@ -53,7 +54,7 @@ def torpedo():
 
 def hovering():
     """BlueROV2 Heavy: random thrusts along and about all axes for 150 s."""
-    craft = Craft(load_vehicle("bluerov2_heavy_von_benzon"))
+    craft = Craft(vehicles.load("bluerov2_heavy_von_benzon"))
     p: Any = craft.system.parameters
     random = np.random.default_rng(3)
     t = np.arange(0.0, 150.0, 1.5)

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import coadjoint as co
-from coadjoint.models import heavy_top
-from coadjoint.models.underwater import paper_form
+from coadjoint.models import heavy_top, paper_form
 from coadjoint.plotting import style
 
 STEPS, SAVE_EVERY = 10**8, 10**4

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import coadjoint as co
-from coadjoint.cli.mission_craft import set_up
-from coadjoint.cli.run_file import read
 from coadjoint.plotting.style import save
+from coadjoint.runs.run_file import read
+from coadjoint.vehicles.missions.craft import set_up
 
 HERE = Path(__file__).parent
 

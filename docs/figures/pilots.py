@@ -12,7 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import coadjoint as co
-from coadjoint.models.underwater import Craft, LineOfSight, Pose, UniformWater, load_vehicle
+from coadjoint import vehicles
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.controllers import LineOfSight, Pose
+from coadjoint.vehicles.water import UniformWater
 
 HERE = Path(__file__).parent
 DT = 0.05
@@ -23,7 +26,7 @@ SPEEDS = {"remus_100": 1.5, "nps_auv_ii": 1.5, "lrauv_tethys": 1.0, "rexrov": 0.
 def path(gain):
     """REMUS around a square in a current of 0.3 m/s to the east."""
     pilot = LineOfSight(way_points=SQUARE, gain=gain)
-    craft = Craft(load_vehicle("remus_100"), pilot=pilot, water=UniformWater((0.0, 0.3, 0.0)))
+    craft = Craft(vehicles.load("remus_100"), pilot=pilot, water=UniformWater((0.0, 0.3, 0.0)))
     start = craft.start(position=(0, 10, 2), speed=1.5, actuators={"propeller": 15.0})
     return co.simulate(craft.system, start, dt=DT, duration=360, inputs={"speed": 1.5}).dataset
 
@@ -32,7 +35,7 @@ def slew():
     """BlueROV2 Heavy level, nearly upside down, nose down and level again."""
     times = [0.0, 5.0, 35.0, 65.0]
     wanted = [np.eye(3), co.attitude.zyx(0, 0, np.radians(179)), co.attitude.zyx(0, -np.pi / 2, 0), np.eye(3)]
-    craft = Craft(load_vehicle("bluerov2_heavy_von_benzon"), pilot=Pose(weigh=1.0))
+    craft = Craft(vehicles.load("bluerov2_heavy_von_benzon"), pilot=Pose(weigh=1.0))
     inputs = {"north": 0.0, "east": 0.0, "depth": 5.0, "attitude": co.Held(times, wanted)}
     made = co.simulate(craft.system, craft.start(position=(0, 0, 5)), dt=DT, duration=95, inputs=inputs).dataset
     goals = np.stack(wanted)[np.searchsorted(times, made.time.values + 1e-9, side="right") - 1]
@@ -42,7 +45,7 @@ def slew():
 
 def mission(name):
     """Down to 10 m, a quarter turn, and up, by the vehicle's own pilot."""
-    vehicle, legs = load_vehicle(name), [0.0, 20.0, 120.0, 220.0]
+    vehicle, legs = vehicles.load(name), [0.0, 20.0, 120.0, 220.0]
     inputs = {
         "depth": co.Held(legs, [1.0, 10.0, 10.0, 1.0]),
         "heading": co.Held(legs, np.radians([0.0, 0.0, 90.0, 90.0])),

@@ -9,10 +9,12 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.models.underwater import ellipsoid, load_vehicle, start
+from coadjoint import vehicles
+from coadjoint.models.paper_form import start
 from coadjoint.plotting import style
 from coadjoint.stability import Search, stability
-from coadjoint.stability.flight import SteadyFlight
+from coadjoint.vehicles.hydrodynamics import ellipsoid
+from coadjoint.vehicles.trim import SteadyFlight
 
 LEVERS = np.linspace(0.004, 0.04, 7)
 SPEEDS = np.linspace(0.1, 1.1, 9)
@@ -55,7 +57,7 @@ def bottom_heavy(axes, axis: int) -> None:
 
 def growth_rates(axes) -> None:
     """The largest Re λ of REMUS 100 against speed."""
-    remus = load_vehicle("remus_100")
+    remus = vehicles.load("remus_100")
     bare = replace(remus, parts=tuple(part for part in remus.parts if part.name not in ("stern_planes", "rudder")))
     speeds = np.linspace(0.25, 2.5, 10)
     for vehicle, label, colour in ((bare, "without fins", 1), (remus, "with fins", 0)):

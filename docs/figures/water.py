@@ -8,16 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import coadjoint as co
-from coadjoint.models.underwater import (
-    Craft,
-    GaussMarkovCurrent,
-    PowerLaw,
-    Sea,
-    Sheared,
-    TidalCurrent,
-    load_vehicle,
-)
+from coadjoint import vehicles
 from coadjoint.plotting import style
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.water import GaussMarkovCurrent, PowerLaw, Sea, Sheared, TidalCurrent
 
 HOURS, LEG, BOTTOM = 6.0, 1200.0, 40.0
 TIDE = TidalCurrent(["M2"], [[0.4, 0.1, 0.0]], [[0.0, np.pi / 2, 0.0]])
@@ -47,7 +41,7 @@ def profile(depth: np.ndarray, t: float) -> np.ndarray:
 
 def draw() -> None:
     """Run and draw."""
-    vehicle = load_vehicle("remus_100")
+    vehicle = vehicles.load("remus_100")
     figure = style.canvas(style.PAGE, 3.1)
     track, shape, felt = figure.subplots(1, 3, width_ratios=[1.1, 0.7, 1.2])
     for colour, (label, water) in zip(style.COLOURS, WATERS.items(), strict=False):

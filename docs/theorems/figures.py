@@ -73,7 +73,7 @@ def poisson() -> None:
         records = co.simulate(system, start, dt=h, steps=100, method=METHOD).records
         links = theory.PoissonLink(np.swapaxes(records.memory.F, 1, 2), records.a)
         K = np.cross(np.swapaxes(records.g, 1, 2) @ np.array([1.0, 0, 0]), records.a)[1:100]
-        before, here = (theory.PoissonLink(*(x[cut] for x in links)) for cut in (slice(0, 99), slice(1, 100)))
+        before, here = (theory.PoissonLink(links.f[cut], links.a[cut]) for cut in (slice(0, 99), slice(1, 100)))
         both = jax.vmap(lambda b, n, K, l=l: theory.kelvin_noether_poisson(l, b, n, K, h))
         quantity, change = evaluate(both, before, here, K)
         above.plot(k, np.diff(quantity), lw=2.5, color=color, alpha=0.4, label=f"I$_{{k+1}}$ − I$_k$, {parameter} end")
@@ -122,7 +122,7 @@ def four_settings() -> None:
     run = co.simulate(system, start, dt=h, steps=steps, method=METHOD)
     path, links = theory.Configuration(run.records.g, run.records.q), None
     links = theory.reduced_path(system.places, path, down)
-    first = theory.Link(*(x[0] for x in links))
+    first = theory.Link(*(x[0] for x in links[:4]))
     found = {}
     for name, group in (("SE(3)", co.SE3()), ("semidirect product", co.SemidirectProduct(co.SO3(), co.Defining()))):
         other = co.System(group, advected=co.Dual(), group_lagrangian=lambda F, a, h: core(F[0], F[1], a[:3], a[3], h))
