@@ -54,8 +54,9 @@ class OtherChart(co.Sphere):
         return frame @ jnp.array([[c, -s], [s, c]])
 
     def difference(self, group, x, u):
-        angle = jnp.sqrt(u @ u)
-        return jnp.sin(angle) / angle * u - 2 * jnp.sin(angle / 2) ** 2 * x
+        square = jnp.where(u @ u > 0, u @ u, 1.0)  # at u = 0 the root has no derivative
+        angle = jnp.where(u @ u > 0, jnp.sqrt(square), 0.0)
+        return jnp.sinc(angle / np.pi) * u - 2 * jnp.sin(angle / 2) ** 2 * x
 
 
 def end_of(lagrangian, method, steps, duration=0.5, space=None):
