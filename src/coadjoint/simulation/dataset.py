@@ -15,6 +15,7 @@ from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.simulation.card import accuracy_numbers
 from coadjoint.simulation.monitors import WATCHED
 from coadjoint.simulation.step_sizes import times
 from coadjoint.spaces import Space
@@ -226,4 +227,5 @@ def ensemble_attributes(ensemble: Ensemble) -> dict[str, Any]:
         "card": str(ensemble),
         "seconds": ensemble.seconds,
         "set_up_seconds": ensemble.set_up_seconds,
+        **accuracy_numbers(ensemble.accuracy),
     }

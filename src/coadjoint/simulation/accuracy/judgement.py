@@ -136,7 +136,12 @@ def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
     errors, sizes = doubling.errors(rows, h, members)
     if not errors.good.any():
         return None
-    return _judgement(run, doubling, records, rows, h, members, steps, errors, sizes)
+    # A member that has failed has no records from there on.
+    seen = errors.good | np.isfinite(records.xi).all(axis=1)
+    records = jax.tree.map(lambda leaf: leaf[seen], records)
+    members = None if members is None else members[seen]
+    errors = errors._replace(good=errors.good[seen])
+    return _judgement(run, doubling, records, rows[seen], h[seen], members, steps[seen], errors, sizes)
 
 
 def _gathered(kept: Kept, members: np.ndarray | None) -> tuple[Any, np.ndarray | None, np.ndarray]:

@@ -67,7 +67,7 @@ class Sampler:
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
         given = Kept(np.asarray(steps), records)
-        if sum(len(kept.steps) for kept in (*self._waiting, given)) < BLOCK:
+        if self.members is None and sum(len(kept.steps) for kept in (*self._waiting, given)) < BLOCK:
             self._waiting.append(given)
         else:
             self._flush()
@@ -119,7 +119,7 @@ class Sampler:
         return values if self.members is None else values[:, self.members]
 
     def _at(self, given: Kept, index: list[int]) -> Kept:
-        rows: Any = index if self.members is None else np.ix_(index, self.members)
+        rows: Any = index if self.members is None else (np.array(index)[:, None], self.members)
         return Kept(given.steps[index], jax.tree.map(lambda leaf: np.asarray(leaf)[rows], given.records))
 
     def chosen(self, limit: int) -> Kept | None:
