@@ -19,7 +19,7 @@ def main(what: str) -> dict[str, float]:
         return marks[-1] - marks[-2]
 
     import coadjoint as co
-    from coadjoint.kernels import native, xla
+    from coadjoint.kernels.run import native, xla
     from coadjoint.models import catalogue
 
     found = {"import": lap()}

@@ -11,7 +11,7 @@ import coadjoint as co
 from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.one import PAPER, H
 from benchmarks.problems import ready, vehicle
-from coadjoint.kernels import gradient
+from coadjoint.kernels.run import gradient
 from coadjoint.mechanics.system import replace_parameters
 
 FORWARD = "native run"

@@ -68,10 +68,10 @@ def _native(place: Path, ready: Any, width: int) -> Path:
     """The task of a kernel with `width` lanes that all run the same trajectory."""
     import numpy as np
 
-    from coadjoint.kernels.machine import object_code
+    from coadjoint.kernels.emit.plan import plan, specialised
+    from coadjoint.kernels.emit.stepping import NAME, assemble
     from coadjoint.kernels.packing import pack
-    from coadjoint.kernels.plan import plan, specialised
-    from coadjoint.kernels.stepping import NAME, assemble
+    from coadjoint.kernels.run.machine import object_code
 
     (_, p), (_, s) = pack(ready.constants), pack(ready.state)
     planned = plan(ready.program, ready.constants, ready.state, specialised(p), False)

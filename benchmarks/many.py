@@ -17,7 +17,7 @@ from benchmarks import kernels_yardstick
 from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.one import PAPER, H
 from benchmarks.problems import vehicle
-from coadjoint.kernels import ensemble, xla
+from coadjoint.kernels.run import ensemble, xla
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.ensemble import begin_members

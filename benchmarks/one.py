@@ -13,8 +13,8 @@ import coadjoint as co
 from benchmarks import bodies, kernels_yardstick, peers
 from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.problems import NODES, Problem, Ready, heavy_top, ready, vehicle
-from coadjoint.kernels import native, xla
 from coadjoint.kernels.packing import pack
+from coadjoint.kernels.run import native, xla
 from coadjoint.simulation.simulate import prepare
 
 YARDSTICK = "by hand, numba: left rule"

@@ -10,7 +10,7 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, SEED, system_on
 
 SIZE = 2

@@ -11,8 +11,8 @@ import jax
 import numpy as np
 
 import coadjoint as co
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram

@@ -22,7 +22,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.groups import LieGroup
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Several, Space
 
 SEED = 20260117

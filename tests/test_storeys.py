@@ -15,6 +15,9 @@ ROOMS_OF_VEHICLES = (
     *("missions", "extension"),
 )
 """From the ground up, too."""
+ROOMS_OF_KERNELS = (
+    *("untraceable", "float64", "program", "chunk", "packing", "expressions", "trace", "newton", "emit", "run"),
+)
 KNOWN_CIRCLES = (
     {"mechanics.check", "mechanics.start", "mechanics.system"},
     {"methods.left_rectangle", "methods.right_rectangle"},
@@ -32,9 +35,9 @@ NAMED = {module: named(TREES, module) - FACES for module in TREES if module not 
 
 
 def room(module: str) -> str:
-    """The room of a module on its storey: `groups`; of the vehicles `vehicles.parts`."""
+    """The room of a module on its storey: `groups`; of vehicles and kernels `vehicles.parts`."""
     parts = module.split(".")[1:]
-    return ".".join(parts[:2]) if parts[0] == "vehicles" else parts[0]
+    return ".".join(parts[:2]) if parts[0] in ("kernels", "vehicles") else parts[0]
 
 
 def upwards(order: tuple[str, ...], prefix: str = "") -> list[str]:
@@ -61,6 +64,10 @@ def test_a_room_imports_only_from_those_below_it():
 
 def test_a_room_of_the_vehicles_imports_only_from_those_below_it():
     assert upwards(ROOMS_OF_VEHICLES, "vehicles.") == []
+
+
+def test_a_room_of_the_kernels_imports_only_from_those_below_it():
+    assert upwards(ROOMS_OF_KERNELS, "kernels.") == []
 
 
 def test_no_rooms_name_one_another_and_no_more_files_than_are_known():

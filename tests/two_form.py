@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
-from coadjoint.kernels import xla
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.run import xla
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram

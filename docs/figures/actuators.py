@@ -9,7 +9,7 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint import vehicles
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.plotting import style
 from coadjoint.vehicles import Craft
 from coadjoint.vehicles.parts import T200, Thrusters

@@ -13,7 +13,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import catalogue, falling_cat
 
 FRONT, REAR, DARK = "#E69F00", "#4C86B8", "#3b3b3b"

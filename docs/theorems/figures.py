@@ -14,7 +14,7 @@ import numpy as np
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -11,7 +11,7 @@ import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import GroupError
 from coadjoint.groups import LieGroup
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from stepping import Stepper
 from systems import GROUPS, MAPS, generator
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coadjoint.groups import small_angle
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 TERMS = 60
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import generator
 
 PAULI = np.array([[[0, 1], [1, 0]], [[0, -1j], [1j, 0]], [[1, 0], [0, -1]]])

@@ -11,7 +11,7 @@ import scipy.linalg
 import coadjoint as co
 from coadjoint.errors import GroupError
 from coadjoint.groups import LieGroup
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, SL2, element, generator
 
 ROUND_OFF = 2e-14

@@ -11,7 +11,7 @@ import scipy.linalg
 import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups.matrix_exponential import REACH, exponential, exponential_minus_one
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import element, generator
 
 COVERS = [co.UnitQuaternion(), co.SU2()]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 COUNT = 4_000
 

@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import GroupError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Representation, Space
 from systems import GROUPS, MAPS, SL2, SO4, element, generator
 

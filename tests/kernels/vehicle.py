@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 
 class Vehicle(NamedTuple):

@@ -19,7 +19,7 @@ from bundles import (
     random_system,
     smooth_connection,
 )
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.bundle import reconstructed, reduced
 from stepping import Stepper
 from systems import GROUPS, RULES

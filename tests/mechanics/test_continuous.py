@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum, total_momentum

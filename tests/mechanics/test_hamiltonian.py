@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import LagrangianError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.legendre import Place, quadratic
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum

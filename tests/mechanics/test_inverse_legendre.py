@@ -6,7 +6,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import StepError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, inverse_legendre
 from coadjoint.mechanics.system import replace_parameters
 

@@ -8,7 +8,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import isotropy_algebra
 from systems import WORLDS, random_system
 

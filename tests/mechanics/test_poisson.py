@@ -12,8 +12,8 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.kernels import xla
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.run import xla
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.noether import total_momentum
 from coadjoint.mechanics.poisson import poisson_bracket, vector_field

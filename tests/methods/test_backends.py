@@ -8,8 +8,8 @@ import jax
 import numpy as np
 import pytest
 
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from systems import MAPS, RULES, all_cases, pairwise_cases, random_system

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.methods.order_conditions import composed_order
 from stepping import Stepper
 from systems import MAPS, RULES, random_system

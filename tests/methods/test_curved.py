@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.noether import spatial_momentum
 from stepping import Stepper
 from systems import RULES

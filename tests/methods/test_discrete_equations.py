@@ -12,7 +12,7 @@ import pytest
 
 import action
 import coadjoint as co
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from stepping import Leap, Stepper, tabulated
 from systems import MAPS, RULES, SL2, all_cases, generator, pairwise_cases, random_system
 

@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum
 from coadjoint.models import catalogue

@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 import paper_vehicle
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import reference
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum
 from coadjoint.methods.quadrature import gauss

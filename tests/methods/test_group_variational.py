@@ -7,7 +7,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.groups.derivative import left_derivative, right_derivative
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import moser_veselov, random_group_system
 from stepping import Stepper
 from systems import GROUPS, MAPS, generator

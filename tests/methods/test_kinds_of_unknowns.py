@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import native, newton, xla
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 
@@ -86,7 +87,7 @@ def certified(program, constants, state, shift):
     (stage,) = program.stages
 
     def residual(constants, state, h):
-        root = newton.solve(partial(stage.residual, constants, state, h), stage.guess(constants, state, h), h, (3, 1))
+        root = solver.solve(partial(stage.residual, constants, state, h), stage.guess(constants, state, h), h, (3, 1))
         z = root.unknowns * jnp.array([1 + shift, 1 + shift, 1 + shift, 1.0])
         after = stage.advance(constants, state, h, z, 1.0)
         return stage.certificate(constants, state, h, z, after)["newton_residual"]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import pytest
 
 import action
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import ALL_RULES, MAPS, WORLDS, all_cases, generator, pairwise_cases, random_system
 
 H = 0.2

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import reference
 from stepping import Stepper
 from systems import ALL_RULES, MAPS, RULES, random_system

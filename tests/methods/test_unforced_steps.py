@@ -12,7 +12,7 @@ import pytest
 
 import action
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum, total_momentum
 from stepping import Leap, tabulated
 from systems import MAPS, RULES, all_cases, generator, pairwise_cases, random_system

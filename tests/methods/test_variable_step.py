@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue

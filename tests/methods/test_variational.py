@@ -7,7 +7,7 @@ import pytest
 
 import action
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from stepping import Stepper
 from systems import MAPS, RULES, flat, random_system
 

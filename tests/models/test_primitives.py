@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import native
-from coadjoint.kernels.control import CONTROL
-from coadjoint.kernels.jaxprs import jaxpr_of
-from coadjoint.kernels.numeric import NUMERIC
+from coadjoint.kernels.run import native
+from coadjoint.kernels.trace.control import CONTROL
+from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.kernels.trace.numeric import NUMERIC
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue

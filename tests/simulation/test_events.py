@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import spatial_momentum
 
 

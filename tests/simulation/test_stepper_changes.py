@@ -10,7 +10,7 @@ import pytest
 import coadjoint as co
 from coadjoint import vehicles
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import velocities
 from coadjoint.vehicles import Craft
 from coadjoint.vehicles.water.water import UniformWater

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import backend as kernels
+from coadjoint.kernels.run import backend as kernels
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.accuracy.judgement import NAMES
 from coadjoint.simulation.progress import Progress

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels import native
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import native
 from paper_vehicle import start, system
 
 VEHICLE = system()

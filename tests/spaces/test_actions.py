@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Representation, Several, Space
 from systems import FRAMES, GROUPS, element, flat, generator, point
 

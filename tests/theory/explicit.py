@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import velocity
 from systems import GROUPS, element, generator, system_on
 

@@ -11,7 +11,7 @@ from explicit import hat, move, turn
 from theorem_row import off
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, poisson
 from systems import generator
 

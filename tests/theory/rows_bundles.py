@@ -15,7 +15,7 @@ from theorem_row import Rows, off, off_each
 
 import coadjoint as co
 from bundles import SIZE, kinetic_system, random_connection, random_motion, random_system, smooth_connection
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import bundle
 from coadjoint.theory import lagrange_poincare
 from coadjoint.theory.discrete_mechanical_connection import discrete_mechanical_connection

@@ -13,7 +13,7 @@ from motions import brackets, by_hamiltonian, momenta, placed, rates
 from theorem_row import Rows, off, off_each
 
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, noether
 from systems import generator
 

@@ -28,7 +28,7 @@ from theorem_row import Rows, largest, off, off_each
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.theory import euler_poincare
 from systems import generator
 

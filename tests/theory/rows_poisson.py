@@ -16,7 +16,7 @@ from theorem_row import Rows, off, off_each
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import generator
 
 ROWS = Rows()

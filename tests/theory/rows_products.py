@@ -9,7 +9,7 @@ from explicit import move, turn
 from theorem_row import Rows, off_each
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, element, generator
 
 ROWS = Rows()

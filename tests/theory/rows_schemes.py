@@ -11,7 +11,7 @@ from theorem_row import Rows, off, off_each
 
 import coadjoint as co
 import paper
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import paper_tables
 from coadjoint.report import reproduction
 from paper import hat

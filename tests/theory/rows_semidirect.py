@@ -14,7 +14,7 @@ from sequences import SOLVED, at, gentle, induced, links_by_matrices, rebuilt, s
 from theorem_row import Rows, off, off_each
 
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.theory import unreduced
 from systems import generator
 

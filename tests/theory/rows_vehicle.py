@@ -10,7 +10,7 @@ from theorem_row import Rows, off, off_each
 
 import coadjoint as co
 import paper
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, noether
 from coadjoint.models import paper_form
 from coadjoint.spaces import Defining

@@ -12,7 +12,7 @@ from explicit import H, group_system, hat, move, random_sequence, random_system
 from theorem_row import off
 
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.methods.group_variational import LastIncrement
 from systems import generator
 

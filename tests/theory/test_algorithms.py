@@ -9,7 +9,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import at, named_point, random_group_system, random_path
 from systems import generator
 

@@ -9,7 +9,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.system import replace_parameters
 from systems import element, generator, random_system

@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import at, named_point, velocity
 from systems import WORLDS, World, element, flat, generator, point
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import at, named_point, random_group_system, random_path
 
 H = 0.2

@@ -14,7 +14,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from discrete import at
 
 H, STEPS = 0.1, 200

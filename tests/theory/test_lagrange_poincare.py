@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from bundles import SIZE, apart, generator, largest, random_connection, random_motion, random_system
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.bundle import reduced
 from coadjoint.theory.lagrange_poincare import ReducedLagrangian
 from stepping import Stepper

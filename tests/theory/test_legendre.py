@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import isotropy_algebra
 from coadjoint.methods.method import Step
 from discrete import at, random_group_system, random_path

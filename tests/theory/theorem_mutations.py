@@ -25,7 +25,7 @@ from theorem_row import Row
 
 from coadjoint import theory
 from coadjoint.groups import LieGroup
-from coadjoint.kernels import driven, gradient, native
+from coadjoint.kernels.run import driven, gradient, native
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.system import System, _replaced
 from coadjoint.report.reproduction import Reproduction

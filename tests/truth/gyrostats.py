@@ -11,7 +11,7 @@ import numpy as np
 from problem import Problem, turn_about
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import catalogue
 
 

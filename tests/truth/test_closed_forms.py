@@ -11,7 +11,7 @@ from problem import Problem
 from sinking_bodies import VEHICLES
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import energy
 
 METHODS: list[co.Method] = [

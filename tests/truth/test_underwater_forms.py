@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import models
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.continuous import energy, reference
 from coadjoint.models import paper_form
 

@@ -81,7 +81,7 @@ def test_added_mass_turns_as_from_a_panel_program_with_z_up() -> None:
 
 
 def test_euler_angles_turn_inside_traced_code() -> None:
-    from coadjoint.kernels.evaluate import evaluate
+    from coadjoint.kernels.trace.evaluate import evaluate
 
     angles = np.array([2.9, 0.2, -0.3])
     assert evaluate(lambda x: axes.euler_zyx(x, ENU), angles) == pytest.approx(axes.euler_zyx(angles, ENU), abs=1e-15)

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from coadjoint.audit.stepper import Stepper
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.noether import isotropy_algebra, momentum_scale, spatial_momentum
 from coadjoint.mechanics.state import State

@@ -18,7 +18,7 @@ import numpy as np
 
 from coadjoint.audit.stepper import Stepper, distance
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from coadjoint.audit.systems import Problem
 from coadjoint.errors import StepError
-from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.run import backend as kernels
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version

@@ -24,7 +24,7 @@ from coadjoint.groups.overrides import (
     require_hashable,
     stamp,
 )
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 
 def require_own_map(difference_map: DifferenceMap, group: LieGroup) -> None:

@@ -23,7 +23,7 @@ from coadjoint.groups import (
 )
 from coadjoint.groups.group import Array, Element, transpose
 from coadjoint.groups.rotations import skew
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 
 @dataclass(frozen=True)

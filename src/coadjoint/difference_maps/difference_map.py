@@ -16,7 +16,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, basis_sizes, transpose
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 
 class DifferenceMap:

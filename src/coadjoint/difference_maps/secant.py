@@ -19,7 +19,7 @@ from coadjoint.difference_maps.exponential import Exponential
 from coadjoint.errors import GroupError
 from coadjoint.groups.group import Array, LieGroup, basis_sizes, transpose
 from coadjoint.groups.small_angle import cubic_ratio
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Space
 
 _TERMS = 20

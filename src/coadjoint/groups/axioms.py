@@ -14,7 +14,7 @@ from coadjoint.errors import GroupError
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.group import Array, Element, LieGroup, basis_sizes
 from coadjoint.groups.overrides import Identity, in_words, overrides, require_agreement, require_given
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 GIVEN = ("basis", "identity", "compose", "inverse", "matrix", "from_matrix", "tangent")
 _DISTURBED = 1e-4

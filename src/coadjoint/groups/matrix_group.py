@@ -14,7 +14,7 @@ from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.complex_form import off_real_form, real_form
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 _ROUND_OFF = 1e-14
 """An imaginary part up to this, relative to the largest entry of its matrix, is round-off."""

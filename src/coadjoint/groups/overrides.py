@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import CoadjointError, GroupError, shown, told
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 
 AGREEMENT = 1e-9
 """How far a member may be from its derivation, relative to the derivation."""

@@ -14,7 +14,7 @@ from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.groups.matrix_exponential import exponential_minus_one
 from coadjoint.groups.small_angle import cubic_ratio, versine_ratio
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 
 
 @runtime_checkable

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 
 from coadjoint.groups import SE3, SO3
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.jaxprs import depends
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -18,11 +18,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
 from coadjoint.identification.sampling import Samples
 from coadjoint.identification.unknowns import Unknowns
-from coadjoint.kernels import driven
-from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.function import NativeFunction
-from coadjoint.kernels.jaxprs import depends
 from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.run import driven
+from coadjoint.kernels.run.function import NativeFunction
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State

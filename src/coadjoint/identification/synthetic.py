@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import UNITS, VEHICLE, is_vehicle, seen
 from coadjoint.identification.log import Log
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.run import Run
 from coadjoint.spaces.named import Named
 

@@ -12,8 +12,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.jaxprs import results
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import Connection, finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.reading import trace

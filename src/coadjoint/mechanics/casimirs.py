@@ -16,7 +16,7 @@ import scipy.sparse.csgraph
 
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
-from coadjoint.kernels.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
 from coadjoint.mechanics.reading import in_words, require_float64, require_scalar

@@ -13,8 +13,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.jaxprs import results
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.reading import trace
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import Phase

@@ -15,8 +15,8 @@ from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate
-from coadjoint.kernels.jaxprs import results
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
 from coadjoint.mechanics.reading import trace
 from coadjoint.spaces.space import checked_vector

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.numbers import float64
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError, shown
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.reading import in_words, require_float64

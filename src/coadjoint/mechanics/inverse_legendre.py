@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
-from coadjoint.kernels.jaxprs import depends
+from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.legendre import Place
 from coadjoint.mechanics.legendre import velocities as slopes
 from coadjoint.mechanics.momentum_sizes import Sizes, above, alone, largest, relative

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
-from coadjoint.kernels.jaxprs import depends
+from coadjoint.kernels.trace.jaxprs import depends
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, random_shapes
 from coadjoint.mechanics.reading import trace
 from coadjoint.mechanics.system import System

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System, replace_parameters
 

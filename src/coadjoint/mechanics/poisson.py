@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.spaces.space import transpose

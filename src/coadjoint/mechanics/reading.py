@@ -14,8 +14,8 @@ import jax
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError, told
-from coadjoint.kernels import jaxprs
-from coadjoint.kernels.digest import digest
+from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace.digest import digest
 from coadjoint.mechanics.state import State
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.numbers import is_short

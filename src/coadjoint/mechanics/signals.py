@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.numbers import float64
 
 EARLY = 1e-9

@@ -12,8 +12,8 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import DirectProduct, LieGroup
-from coadjoint.kernels.digest import TRACED_OUTSIDE
-from coadjoint.kernels.evaluate import evaluate, tabulate, traced
+from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
 from coadjoint.mechanics.each import Each, count_members, member_of, stacked
 from coadjoint.mechanics.internal import starting_values

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Space
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from coadjoint.errors import LagrangianError
-from coadjoint.kernels.digest import digest
-from coadjoint.kernels.jaxprs import jaxpr_of
+from coadjoint.kernels.trace.digest import digest
+from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.reading import IMPURE, in_words
 from coadjoint.mechanics.state import State

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step

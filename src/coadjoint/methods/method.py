@@ -15,8 +15,8 @@ from coadjoint.difference_maps import Cayley, DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import FLOOR
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum

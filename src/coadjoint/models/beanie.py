@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.groups import SO2
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

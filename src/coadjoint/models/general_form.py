@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from coadjoint.groups import SE3, SO3
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

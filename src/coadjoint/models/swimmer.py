@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.groups import SE2, SO2
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -63,7 +63,7 @@ def start(system: System, initial: dict[str, Any]) -> State:
     """The state of a system from a section [initial]; raises ArgumentError."""
     import jax
 
-    from coadjoint.kernels.evaluate import evaluate
+    from coadjoint.kernels.trace.evaluate import evaluate
     from coadjoint.models.orientation import orientation
 
     identity = evaluate(system.group.identity)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics import quantities
 from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State

@@ -7,7 +7,7 @@ from jax import hessian, jacfwd
 from jax import numpy as jnp
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method

@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from coadjoint.groups import attitude
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import backend as kernels
+from coadjoint.kernels.run import backend as kernels
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.events import as_held, holding, part_of_step, sound

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import xla
-from coadjoint.kernels.backend import Backend
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run import xla
+from coadjoint.kernels.run.backend import Backend
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.progress import Progress

@@ -11,8 +11,8 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import count_members, member_of, stacked
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import isotropy_algebras

@@ -10,9 +10,9 @@ from typing import Any, Self
 import jax
 import numpy as np
 
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import xla
 from coadjoint.kernels.chunk import EnsembleChunk
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink
 from coadjoint.simulation.progress import Progress

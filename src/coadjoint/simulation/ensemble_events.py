@@ -9,9 +9,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import xla
 from coadjoint.kernels.chunk import EnsembleChunk
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, from_zero

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels import xla
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, candidates, crossings, from_zero

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
-from coadjoint.kernels import backend as kernels
 from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS

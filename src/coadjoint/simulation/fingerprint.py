@@ -8,9 +8,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.kernels.digest import digest
-from coadjoint.kernels.jaxprs import jaxpr_of
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
+from coadjoint.kernels.trace.digest import digest
+from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.driver import Plan

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each, count_members, member_of
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.signals import Signal

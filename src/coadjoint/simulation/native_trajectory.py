@@ -17,7 +17,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import gradient, jaxprs, native
+from coadjoint.kernels.run import gradient, native
+from coadjoint.kernels.trace import jaxprs
 from coadjoint.methods.program import StepProgram
 
 Blocks = tuple[int, int]

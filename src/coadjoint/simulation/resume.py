@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.kernels.digest import digest
+from coadjoint.kernels.trace.digest import digest
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State

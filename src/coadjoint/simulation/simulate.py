@@ -11,10 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels.backend import Backend
-from coadjoint.kernels.evaluate import evaluate, traced
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run.backend import Backend
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger

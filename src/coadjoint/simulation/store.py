@@ -20,7 +20,7 @@ import zarr
 from zarr.codecs import Crc32cCodec
 
 from coadjoint.errors import FileError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.simulation import checkpoint as disk

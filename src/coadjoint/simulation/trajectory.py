@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels import native, xla
-from coadjoint.kernels.backend import Backend
-from coadjoint.kernels.evaluate import traced
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run import native, xla
+from coadjoint.kernels.run.backend import Backend
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal import failure, require_internal

@@ -24,7 +24,7 @@ from coadjoint.groups.overrides import (
     stamp,
 )
 from coadjoint.groups.semidirect_product import SemidirectProduct
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.spaces.space import Space, require_action
 
 _SEARCH = 300

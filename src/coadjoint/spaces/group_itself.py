@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.matrix_exponential import exponential_minus_one
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.space import Space, checked_vector
 
 ON_GROUP = 1e-9

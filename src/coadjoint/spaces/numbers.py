@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, shown
-from coadjoint.kernels.jaxprs import Tracer
+from coadjoint.kernels.trace.jaxprs import Tracer
 
 
 def float64(value: Any, name: str) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.numbers import float64
 
 

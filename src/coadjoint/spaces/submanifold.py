@@ -15,7 +15,7 @@ from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.overrides import in_words
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.representations import Defining
 from coadjoint.spaces.space import Space, random_motion
 

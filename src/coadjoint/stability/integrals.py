@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.casimirs import kept_by
 from coadjoint.mechanics.poisson import Phase, vector_field
 from coadjoint.mechanics.quantities import value

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels import backend as kernels
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import replace_parameters
 from coadjoint.mechanics.version import version

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import rates
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import vector_field

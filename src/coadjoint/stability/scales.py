@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups import LieGroup
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 

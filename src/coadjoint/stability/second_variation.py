@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from scipy.optimize import minimize
 
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.stability.integrals import casimirs, conserved
 from coadjoint.stability.reduced import IGNORABLE, Reduced

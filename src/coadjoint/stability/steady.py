@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named

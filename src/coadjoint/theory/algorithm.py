@@ -12,8 +12,8 @@ import numpy as np
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import StepError
 from coadjoint.groups.group import Array, Element, LieGroup
-from coadjoint.kernels import backend
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import backend
 from coadjoint.spaces import Space
 
 

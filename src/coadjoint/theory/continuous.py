@@ -13,7 +13,7 @@ import numpy as np
 
 from coadjoint.errors import LagrangianError
 from coadjoint.groups.group import Array, Element, LieGroup
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Places

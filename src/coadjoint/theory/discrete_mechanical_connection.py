@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import newton
+from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.connection import random_shapes
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
@@ -41,7 +41,7 @@ def discrete_mechanical_connection(system: System, method: Method, dt: float) ->
         def momentum(xi):
             return step.equations(system, record(xi), h)[: group.dim]
 
-        root = newton.solve(momentum, jnp.zeros(group.dim), h, (group.dim,))
+        root = solver.solve(momentum, jnp.zeros(group.dim), h, (group.dim,))
         xi = jnp.where(root.code == Code.CONVERGED, root.unknowns, jnp.nan)
         return step.relative(system, record(xi), h)
 

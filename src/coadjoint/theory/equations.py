@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

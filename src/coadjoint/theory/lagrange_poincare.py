@@ -13,9 +13,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels import newton
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
@@ -68,7 +68,7 @@ class ReducedLagrangian:
     def velocity(self, state: State, x: Array, sigma: Element, x_next: Array) -> Array:
         """ξ with F(hξ) = Ω(x, x⁺)σ⁻¹, the chart of the rule inverted by Newton's method; NaN where there is none."""
         group, F = self.system.group, self.increment(x, sigma, x_next)
-        root = newton.solve(lambda xi: self._apart(state, xi, F), state.xi, self.h, (group.dim,))
+        root = solver.solve(lambda xi: self._apart(state, xi, F), state.xi, self.h, (group.dim,))
         away = group.matrix(self._turn(state, root.unknowns)) - group.matrix(F)
         found = (root.code == Code.CONVERGED) & (jnp.max(jnp.abs(away)) < 1e-9 * jnp.max(jnp.abs(group.matrix(F))))
         return jnp.where(found, root.unknowns, jnp.nan)
@@ -175,7 +175,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
         now, _, _ = slopes(z)
         return jnp.concatenate([now.carried - at.before, now.first + at.last])
 
-    root = newton.solve(residual, step.guess(system, state, h), h, step.groups(system))
+    root = solver.solve(residual, step.guess(system, state, h), h, step.groups(system))
     now, sigma, after = slopes(root.unknowns)
     return sigma, _Node(now.group, now.last, held(system, after)), root.code
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from coadjoint.errors import StepError
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels import newton
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
@@ -119,7 +119,7 @@ def _composed(system: System, stages: list[tuple[Any, float]], like: State) -> C
         def residual(z: Array) -> Array:
             return step.residual(system, state, h, z)
 
-        root = newton.solve(residual, step.guess(system, state, h), h, step.groups(system))
+        root = solver.solve(residual, step.guess(system, state, h), h, step.groups(system))
         return root.code, *_stage(system, step, step.record(system, state, h, root.unknowns), h)
 
     (step, size), *rest = stages

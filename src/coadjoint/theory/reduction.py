@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.theory.euler_poincare import Link

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.vehicles.controllers import attitude, line_of_sight
 
 GAINS = (1.0, 1.4)

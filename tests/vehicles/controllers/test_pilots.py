@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.controllers import design
 from coadjoint.vehicles.controllers.cruise import Cruise

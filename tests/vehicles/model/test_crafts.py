@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import general_vehicle, paper_form
 from coadjoint.vehicles import Craft, Pilot, Vehicle
 from coadjoint.vehicles.controllers import Cruise

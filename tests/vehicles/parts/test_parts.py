@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles import Flow, Part
 from coadjoint.vehicles.parts import Damping, Derivatives, Fin, Hull, Propeller

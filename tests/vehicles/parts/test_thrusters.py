@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.parts import T200, Damping, Thrusters

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.parts import Ballast, LiftingBody, MovingMass
 from coadjoint.vehicles.parts.part import Flow, Part

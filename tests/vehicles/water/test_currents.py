@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.parts import Damping
 from coadjoint.vehicles.water import (

@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 import coadjoint as co
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.water import (

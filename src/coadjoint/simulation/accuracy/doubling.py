@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.probe import Probe
+from coadjoint.kernels.run.probe import Probe
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import HELD, Constants
 from coadjoint.simulation.accuracy.metric import Difference, differences, relative, sizes_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.explicit_time import unresolved_time
 from coadjoint.simulation.accuracy.pulses import unseen_pulses

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import Places, State
 
 NO_MOTION = 1e-12

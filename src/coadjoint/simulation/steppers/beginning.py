@@ -9,8 +9,8 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import tabulate
 from coadjoint.kernels.packing import Layout, layout
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method

@@ -52,7 +52,7 @@ class Buffers(NamedTuple):
         return Buffers(*(array.copy() for array in self))
 
     def context(self) -> np.ndarray:
-        """What machine code is given: `kernels.online.CONTEXT`."""
+        """What machine code is given: `kernels.emit.online.CONTEXT`."""
         p = self.parameters
         stride = 0 if len(p) == 1 else p.shape[1] * p.shape[2]
         arrays = (self.h, self.state, self.status, self.commands, self.observations)

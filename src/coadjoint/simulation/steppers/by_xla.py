@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.kernels import xla
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.run import xla
 from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import FAILED, NOT_FINITE
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.kernels.machine import processor
+from coadjoint.kernels.run.machine import processor
 from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields

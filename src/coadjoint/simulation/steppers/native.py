@@ -7,14 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any
 
-from coadjoint.kernels.machine import Machine, compiled
+from coadjoint.kernels.run.machine import Machine, compiled
 from coadjoint.simulation.steppers.buffers import Buffers
 
 ENTRY = "online"
 
 
 class NativeEngine:
-    """Machine code of `kernels.online`, from its LLVM assembly or, where that was compiled here before, from `code`."""
+    """Machine code of `kernels.emit.online`, from LLVM assembly or from `code`, where that was compiled here before."""
 
     def __init__(self, assembly: str, lanes: int, code: bytes | None = None):
         self.assembly, self.lanes = assembly, lanes

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.quantities import Quantities, quantities_from, value
 from coadjoint.mechanics.reading import require_float64
 from coadjoint.mechanics.state import State

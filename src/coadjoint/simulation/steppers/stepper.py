@@ -12,12 +12,12 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels import online
-from coadjoint.kernels.backend import Backend, fall_back, require_backend
-from coadjoint.kernels.ensemble import lanes
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.emit import online
+from coadjoint.kernels.emit.plan import plan, specialised
 from coadjoint.kernels.packing import layout
-from coadjoint.kernels.plan import plan, specialised
+from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
+from coadjoint.kernels.run.ensemble import lanes
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.each import Each, stacked
 from coadjoint.mechanics.internal import require_internal

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles.controllers.attitude import attitude_of, level
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid
 from coadjoint.vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles

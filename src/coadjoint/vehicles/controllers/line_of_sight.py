@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import number
 from coadjoint.spaces.named import Named

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.vehicle import Vehicle

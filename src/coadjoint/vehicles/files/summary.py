@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.vehicles.model.loads import center_of_all_mass, total_mass, total_volume
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each, stacked
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule

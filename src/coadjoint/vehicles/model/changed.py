@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each, count_members, member_of
 from coadjoint.vehicles.parts.thrusters import Thrusters
 

@@ -14,7 +14,7 @@ import numpy as np
 from jax import lax
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.inputs_read import Read, require_read
 from coadjoint.vehicles.model.pilot import Pilot, Sight

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import number, positive, vector
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each, count_members, each, stacked
 from coadjoint.mechanics.internal import starting_values
 from coadjoint.models.quantities import number, vector

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import direction, number, positive, vector
 from coadjoint.spaces.named import Named

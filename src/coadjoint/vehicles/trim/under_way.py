@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.parts.part import Flow, Part
 

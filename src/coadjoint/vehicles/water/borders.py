@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
 from coadjoint.vehicles.water.functions import returned

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import vector
 from coadjoint.spaces.numbers import float64

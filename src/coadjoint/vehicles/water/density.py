@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import number, positive
 from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.water.columns import DOWN, read

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.water.random_numbers import normal, stream

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.evaluate import traced
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.water.water import UniformWater, Water, nested
 

@@ -1,0 +1,1 @@
+"""Expressions as LLVM instructions: a step, its tangent and its adjoint."""

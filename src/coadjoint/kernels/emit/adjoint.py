@@ -1,0 +1,145 @@
+"""The adjoint of a step: cotangents of parameters, state and h from those of the record and of the next state.
+
+With r(P, S, h, z) = 0 and S⁺ = advance(P, S, h, z): z̄ = (∂S⁺/∂z)ᵀ S̄⁺, λ = −(∂r/∂z)⁻ᵀ z̄, and S̄ = (∂S⁺/∂S)ᵀ S̄⁺ +
+(∂r/∂S)ᵀ λ, likewise P̄ and h̄ (implicit function theorem). Over the stages of a step from the last to the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.solving import increment_values
+from coadjoint.kernels.expressions.differentiation import backward, forward
+from coadjoint.kernels.expressions.expression import Graph, Node, substitute
+from coadjoint.kernels.newton.increments import Increment, linear_solve
+from coadjoint.kernels.untraceable import Untraceable
+
+NAME = "adjoint"
+
+
+@dataclass(frozen=True)
+class Adjoint:
+    """Expressions of the adjoint of a step.
+
+    `tape` are the symbols that the forward run records at every step: the state, and the unknowns of each stage.
+    `systems` give the multipliers λ of the stages, last first, with the symbols that stand for them.
+    """
+
+    plan: Plan
+    tape: list[Node]
+    record_bar: list[Node]
+    after_bar: list[Node]
+    systems: list[tuple[Increment, list[Node]]]
+    parameters_bar: list[Node]
+    h_bar: Node
+    state_bar: list[Node]
+
+
+def tape(plan: Plan) -> list[Node]:
+    """What the adjoint needs of every step."""
+    return [*plan.state, *(node for stage in plan.stages for node in stage.solution)]
+
+
+def adjoint(plan: Plan) -> Adjoint:
+    """The adjoint of a step whose parameters are all symbols; raises Untraceable where a stage may fail."""
+    if any(stage.sound is not None for stage in plan.stages):
+        raise Untraceable("advance", "a stage that may fail has no derivative in native code")
+    graph = plan.graph
+    record_bar = [graph.symbol(f"r{i}'") for i in range(len(plan.record))]
+    after_bar = [graph.symbol(f"a{i}'") for i in range(len(plan.state))]
+    roots: dict[Node, Node] = {}
+    _add(graph, roots, plan.record, record_bar)
+    _add(graph, roots, plan.stages[-1].after, after_bar)
+    systems = []
+    changing = {*tape(plan), *record_bar, *after_bar}
+    for number, stage in reversed(list(enumerate(plan.stages))):
+        residual = substitute(graph, stage.residual, dict(zip(stage.unknowns, stage.solution, strict=True)))
+        rows = forward(graph, residual, stage.solution)
+        n = range(len(residual))
+        transposed = [[rows[j].get(i, graph.zero) for j in n] for i in n]
+        multipliers = [graph.symbol(f"l{number}.{i}") for i in n]
+        systems.append((linear_solve(graph, transposed, backward(graph, roots, stage.solution), changing), multipliers))
+        _add(graph, roots, residual, multipliers)
+    bars = backward(graph, roots, [*plan.parameters, plan.h, *plan.state])
+    count = len(plan.parameters)
+    return Adjoint(plan, tape(plan), record_bar, after_bar, systems, bars[:count], bars[count], bars[count + 1 :])
+
+
+def _add(graph: Graph, roots: dict[Node, Node], nodes: list[Node], bars: list[Node]) -> None:
+    for node, bar in zip(nodes, bars, strict=True):
+        roots[node] = graph.add(roots[node], bar) if node in roots else bar
+
+
+def assemble(adjoint: Adjoint) -> str:
+    """LLVM assembly of the adjoint of `steps` steps, backwards over a tape:
+
+        void adjoint(parameters, h, tape, steps, record_bars, parameters_bar, h_bar, state_bar)
+
+    The last three are read and written: contributions are added to the first two.
+    """
+    module = ir.Module(name="coadjoint")
+    pointer = DOUBLE.as_pointer()
+    signature = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer, WHOLE, *[pointer] * 4])
+    function = ir.Function(module, signature, name=NAME)
+    for argument in function.args:
+        if isinstance(argument.type, ir.PointerType):
+            argument.add_attribute("noalias")
+    p, h, rows, steps, record_bars, parameters_bar, h_bar, state_bar = function.args
+    b = ir.IRBuilder(function.append_basic_block("entry"))
+    emit = Emitter(module, b, 1)
+
+    def load(nodes: list[Node], place: ir.Value, start: Any) -> None:
+        for i, node in enumerate(nodes):
+            emit.bind(node, b.load(b.gep(place, [b.add(start, WHOLE(i))])))
+
+    load(adjoint.plan.parameters, p, WHOLE(0))
+    load([adjoint.plan.h], h, WHOLE(0))
+    emit.values(outer(_roots(adjoint), _varying(adjoint)))
+    entry, loop, end = b.block, b.append_basic_block("loop"), b.append_basic_block("end")
+    b.cbranch(b.icmp_signed(">", steps, WHOLE(0)), loop, end)
+    b.position_at_end(loop)
+    left = b.phi(WHOLE)
+    left.add_incoming(steps, entry)
+    row = b.sub(left, WHOLE(1))
+    with emit.scope():
+        load(adjoint.tape, rows, b.mul(row, WHOLE(len(adjoint.tape))))
+        load(adjoint.record_bar, record_bars, b.mul(row, WHOLE(len(adjoint.record_bar))))
+        load(adjoint.after_bar, state_bar, WHOLE(0))
+        _write(adjoint, emit, (parameters_bar, h_bar, state_bar))
+    left.add_incoming(row, b.block)
+    b.cbranch(b.icmp_signed(">", row, WHOLE(0)), loop, end)
+    b.position_at_end(end)
+    b.ret_void()
+    return str(module)
+
+
+def _write(adjoint: Adjoint, emit: Emitter, places: tuple[ir.Value, ir.Value, ir.Value]) -> None:
+    """Solve for the multipliers and put the cotangents where they belong."""
+    b = emit.builder
+    for increment, multipliers in adjoint.systems:
+        for symbol, value in zip(multipliers, increment_values(emit, increment), strict=True):
+            emit.bind(symbol, value)
+    parameters_bar, h_bar, state_bar = places
+    sums = emit.values([*adjoint.parameters_bar, adjoint.h_bar])
+    for i, (value, place) in enumerate(
+        zip(sums, [parameters_bar] * len(adjoint.parameters_bar) + [h_bar], strict=True)
+    ):
+        here = b.gep(place, [WHOLE(i if place is parameters_bar else 0)])
+        b.store(b.fadd(b.load(here), value), here)
+    for i, value in enumerate(emit.values(adjoint.state_bar)):
+        b.store(value, b.gep(state_bar, [WHOLE(i)]))
+
+
+def _roots(adjoint: Adjoint) -> list[Node]:
+    solved = [node for increment, _ in adjoint.systems for node in (*increment.delta, increment.safe)]
+    return [*solved, *adjoint.parameters_bar, adjoint.h_bar, *adjoint.state_bar]
+
+
+def _varying(adjoint: Adjoint) -> set[Node]:
+    multipliers = [node for _, symbols in adjoint.systems for node in symbols]
+    return {*adjoint.tape, *adjoint.record_bar, *adjoint.after_bar, *multipliers}

@@ -1,0 +1,199 @@
+"""Expressions as LLVM instructions, each emitted once in the outermost place that a section allows.
+
+A value is a double, or a vector of doubles with one trajectory in each SIMD lane; truth values are bits alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from coadjoint.kernels.expressions.expression import Node, reachable
+from coadjoint.kernels.untraceable import Untraceable
+
+DOUBLE = ir.DoubleType()
+WHOLE = ir.IntType(64)
+BIT = ir.IntType(1)
+
+FUSED = ("contract",)
+"""Products and sums may fuse; nothing is reassociated, and NaN and infinity keep their meaning."""
+
+FREE = ("contract", "reassoc", "nsz")
+"""For what affects only Newton's convergence, the derivatives and the linear solve: sums may be reordered as well."""
+
+_ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_COMPARISONS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+_LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
+_INTRINSICS = {
+    **{name: name for name in ("sqrt", "sin", "cos", "exp", "exp2", "log", "log2", "pow", "floor", "ceil")},
+    "abs": "fabs",
+    "round_even": "rint",
+    "round_away": "round",
+    "truncate": "trunc",
+    "min": "minimum",
+    "max": "maximum",
+}
+_LIBM = {
+    **{name: name for name in ("tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh")},
+    **{name: name for name in ("atanh", "expm1", "log1p", "cbrt", "erf", "erfc")},
+    "rem": "fmod",
+}
+
+
+class Emitter:
+    """Writes expressions through an IRBuilder; scopes forget what was emitted on a side path."""
+
+    def __init__(self, module: ir.Module, builder: ir.IRBuilder, width: int) -> None:
+        self.module = module
+        self.builder = builder
+        self.width = width
+        self.number = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
+        self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
+        self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
+        self._exact: set[Node] | None = None
+        self._scopes: list[dict[Node, Any]] = [{}]
+
+    def keep_exact(self, nodes: Iterable[Node]) -> None:
+        """Say which expressions are results; all others may have their sums reordered."""
+        self._exact = set(nodes)
+
+    @contextmanager
+    def scope(self) -> Iterator[None]:
+        """Values emitted inside are not used outside."""
+        self._scopes.append({})
+        try:
+            yield
+        finally:
+            self._scopes.pop()
+
+    def bind(self, node: Node, value: Any) -> None:
+        """The value of a symbol in this scope."""
+        self._scopes[-1][node] = value
+
+    def constant(self, value: float) -> ir.Constant:
+        """A number in every lane."""
+        # LLVM takes infinities and NaN only in hexadecimal; llvmlite writes them so.
+        scalar = ir.Constant(DOUBLE, float(value))
+        return scalar if self.width == 1 else ir.Constant(self.number, [scalar] * self.width)
+
+    def bit(self, value: bool) -> ir.Constant:
+        """A truth value in every lane."""
+        scalar = ir.Constant(BIT, int(value))
+        return scalar if self.width == 1 else ir.Constant(self.truth, [scalar] * self.width)
+
+    def counts(self, value: int) -> Any:
+        """A whole number in every lane."""
+        if self.width == 1:
+            return WHOLE(value)
+        return ir.Constant(self.counter, [WHOLE(value)] * self.width)
+
+    def any(self, mask: Any) -> Any:
+        """Whether the mask holds in any lane."""
+        if self.width == 1:
+            return mask
+        bits = self.builder.bitcast(mask, ir.IntType(self.width))
+        return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
+
+    def values(self, roots: Iterable[Node]) -> list[Any]:
+        """The values of the roots, with everything they need that is not there yet."""
+        roots = list(roots)
+        for node in self._missing(roots):
+            self._scopes[-1][node] = self._instruction(node)
+        return [self._known(root) for root in roots]
+
+    def _missing(self, roots: list[Node]) -> list[Node]:
+        """Nodes without a value, arguments first."""
+        found: dict[int, Node] = {}
+        stack = [root for root in roots if self._known(root) is None]
+        while stack:
+            node = stack.pop()
+            if node.number not in found:
+                found[node.number] = node
+                stack.extend(a for a in node.args if self._known(a) is None)
+        return [found[number] for number in sorted(found)]
+
+    def _known(self, node: Node) -> Any:
+        for scope in reversed(self._scopes):
+            value = scope.get(node)
+            if value is not None:
+                return value
+        return None
+
+    def _instruction(self, node: Node) -> Any:
+        op, builder = node.op, self.builder
+        if op == "const":
+            return self.bit(node.value) if isinstance(node.value, bool) else self.constant(node.value)  # pyright: ignore
+        if op == "placeholder":
+            raise Untraceable(str(node.value), "its result is used other than in a linear solve")
+        args = [self._known(a) for a in node.args]
+        if op in _ARITHMETIC:
+            flags = FUSED if self._exact is None or node in self._exact else FREE
+            return getattr(builder, _ARITHMETIC[op])(*args, flags=flags)
+        if op == "neg":
+            return builder.fneg(*args)
+        if op == "select":
+            return builder.select(*args)
+        if op in _COMPARISONS:
+            compare = builder.fcmp_unordered if op == "ne" else builder.fcmp_ordered
+            return compare(_COMPARISONS[op], *args)
+        if op in _LOGIC:
+            return getattr(builder, _LOGIC[op])(*args)
+        if op == "not":
+            return builder.xor(args[0], self.bit(True))
+        if op == "is_finite":
+            return builder.fcmp_ordered("<", self.intrinsic("fabs", args[0]), self.constant(np.inf))
+        if op == "sign":
+            return self._sign(args[0])
+        if op in _INTRINSICS:
+            return self.intrinsic(_INTRINSICS[op], *args)
+        if op in _LIBM:
+            return self._libm(_LIBM[op], *args)
+        raise Untraceable(op)
+
+    def _sign(self, x: Any) -> Any:
+        builder, zero = self.builder, self.constant(0.0)
+        negative = builder.select(builder.fcmp_ordered("<", x, zero), self.constant(-1.0), x)
+        return builder.select(builder.fcmp_ordered(">", x, zero), self.constant(1.0), negative)
+
+    def intrinsic(self, name: str, *args: Any) -> Any:
+        """An LLVM intrinsic on numbers."""
+        suffix = "f64" if self.width == 1 else f"v{self.width}f64"
+        return self.builder.call(self._function(f"llvm.{name}.{suffix}", self.number, len(args)), args)
+
+    def _libm(self, name: str, *args: Any) -> Any:
+        function = self._function(name, DOUBLE, len(args))
+        if self.width == 1:
+            return self.builder.call(function, args)
+        result = ir.Constant(self.number, ir.Undefined)
+        for lane in range(self.width):
+            place = ir.Constant(ir.IntType(32), lane)
+            value = self.builder.call(function, [self.builder.extract_element(a, place) for a in args])
+            result = self.builder.insert_element(result, value, place)
+        return result
+
+    def _function(self, name: str, number: Any, count: int) -> ir.Function:
+        function = self.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.module, ir.FunctionType(number, [number] * count), name=name)
+            function.attributes.add("nounwind")
+        return function
+
+
+def outer(roots: Iterable[Node], inner: set[Node]) -> list[Node]:
+    """What a section uses from before it: nodes that do not depend on `inner` symbols but whose users do.
+
+    Roots that do not depend on them count as used.
+    """
+    roots = list(roots)
+    dependent: set[Node] = set(inner)
+    used: dict[Node, None] = {}
+    for node in reachable(roots):
+        if any(a in dependent for a in node.args):
+            dependent.add(node)
+            used.update((a, None) for a in node.args if a not in dependent)
+    used.update((root, None) for root in roots if root not in dependent)
+    return [node for node in used if node.op != "const"]

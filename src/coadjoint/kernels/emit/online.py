@@ -1,0 +1,199 @@
+"""The LLVM module of a stepper: commands in, some steps, observations out, by one call for many members.
+
+    int64 online(context, first, last, steps)
+
+does so for the groups of lanes first ≤ group < last, and returns `FAILED` where a lane has failed, `NOT_FINITE` where
+an observation is not finite. `context` are seven addresses and counts, `CONTEXT`. Parameters and states have axes
+(group, number, lane); `status` is (steps, code, iterations, iterations_max) of each lane, int64, and goes on from call
+to call: a lane whose code is not 0 waits, and its commands with it; a negative one is that of a lane without a member.
+Commands and observations have axes (member, number), where member = group · lanes + lane. The steps are those of
+`kernels.emit.stepping`, instruction by instruction, and come to the same numbers; elementary functions of lanes
+are those of `kernels.emit.lanes`, which agree to round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from llvmlite import ir
+from llvmlite.ir.instructions import LoadInstr
+
+from coadjoint.kernels.emit.emitter import WHOLE
+from coadjoint.kernels.emit.lanes import LaneEmitter
+from coadjoint.kernels.emit.newton_loop import finite
+from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.stepping import POINTER, StepFunction
+from coadjoint.kernels.expressions.expression import Node
+from coadjoint.kernels.trace.tracer import Tracer, flat
+
+NAME = "online"
+CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands", "observations")
+"""What `context` points to: addresses, and how many numbers lie between the parameters of two groups, 0 if shared."""
+
+FAILED, NOT_FINITE = 1, 2
+
+
+class Observed(NamedTuple):
+    """What is observed of a state: symbols of parameters and state, and the expressions of the observations."""
+
+    parameters: list[Node]
+    state: list[Node]
+    values: list[Node]
+
+
+def observed(function: Callable[[Any, Any], tuple[Any, ...]], parameters: Any, state: Any) -> Observed:
+    """Trace function(parameters, state) → arrays. Untraceable names what the language lacks."""
+    tracer = Tracer()
+    p, s = tracer.symbols("p", parameters), tracer.symbols("s", state)
+    return Observed(flat(p), flat(s), flat(tracer.trace(function, p, s)))
+
+
+def assemble(plan: Plan, watched: Observed, commanded: Sequence[int], width: int) -> str:
+    """The module as LLVM assembly; `commanded` are the numbers of the state that the commands set, in their order."""
+    return str(_Online(plan, watched, commanded, width).module)
+
+
+class _Online(StepFunction):
+    """The step that goes on from its status and records nothing, and the loop over groups around it."""
+
+    emitter = LaneEmitter
+
+    def __init__(self, plan: Plan, watched: Observed, commanded: Sequence[int], width: int) -> None:
+        self.commanded = list(commanded)
+        super().__init__(plan, width)
+        self.step = self.module.globals["step"]
+        # A function of its own is compiled as that of a run is.
+        self.step.attributes.add("noinline")
+        observe = self._observe_function(watched)
+        self._entry(observe, len(plan.parameters), len(plan.state), len(watched.values))
+
+    # What differs from a run's step.
+
+    def _begin(self, status: Any) -> None:
+        kind, b = self.emit.counter, self.builder
+        self.status = status
+        rows = [self.load(status, i, kind) for i in range(4)]
+        self.steps, self.code, self.total, self.most = (self.variable(kind, row) for row in rows)
+        well = b.icmp_signed("==", b.load(self.code), self.emit.counts(0))
+        self.alive = self.variable(self.emit.truth, well)
+
+    def _opens(self, wanted: Any) -> Any:
+        return self.builder.and_(wanted, self.emit.any(self.builder.load(self.alive)))
+
+    def _held(self, number: int) -> Any:
+        """A command is loaded at every step, like a signal that is evaluated there, so that LLVM treats both alike."""
+        if number not in self.commanded:
+            return super()._held(number)
+        b = self.builder
+        load = _VolatileLoad(b.block, self._place(self.arguments[2], number, self.emit.number))
+        load.align = 8  # pyright: ignore[reportAttributeAccessIssue]
+        b._insert(load)
+        return load
+
+    def _observe(self, done: Any, observed: list[Any], well: Any) -> None:
+        pass
+
+    # Around it.
+
+    def _observe_function(self, watched: Observed) -> ir.Function:
+        """int64 observe(parameters, state, observations): the observations of a group, whether all are finite."""
+        kind = ir.FunctionType(WHOLE, [POINTER, POINTER, POINTER])
+        function = ir.Function(self.module, kind, name="observe")
+        function.linkage = "internal"
+        self.builder = b = ir.IRBuilder(function.append_basic_block("entry"))
+        self.emit = emit = self.emitter(self.module, b, self.width)
+        p, s, out = function.args
+        for pointer, symbols in ((p, watched.parameters), (s, watched.state)):
+            for i, node in enumerate(symbols):
+                emit.bind(node, self.load(pointer, i))
+        values = emit.values(watched.values)
+        for i, value in enumerate(values):
+            for lane in range(self.width):
+                self._number(out, lane * len(values) + i).store(_lane(b, value, lane, self.width))
+        bad = b.xor(finite(emit, values), emit.bit(True))
+        b.ret(b.select(emit.any(bad), WHOLE(NOT_FINITE), WHOLE(0)))
+        return function
+
+    def _entry(self, observe: ir.Function, parameters: int, numbers: int, observations: int) -> None:
+        whole = WHOLE.as_pointer()
+        entry = ir.Function(self.module, ir.FunctionType(WHOLE, [whole, WHOLE, WHOLE, WHOLE]), name=NAME)
+        context, first, last, steps = entry.args
+        self.builder = b = ir.IRBuilder(entry.append_basic_block("entry"))
+        self.emit = self.emitter(self.module, b, self.width)
+        given = {name: b.load(b.gep(context, [WHOLE(i)])) for i, name in enumerate(CONTEXT)}
+        array = {name: b.inttoptr(given[name], POINTER) for name in CONTEXT if name != "parameter_stride"}
+        before, head, end = b.block, b.append_basic_block("groups"), b.append_basic_block("end")
+        b.cbranch(b.icmp_signed("<", first, last), head, end)
+        b.position_at_end(head)
+        group, summary = b.phi(WHOLE), b.phi(WHOLE)
+        p = b.gep(array["parameters"], [b.mul(group, given["parameter_stride"])])
+        s = b.gep(array["state"], [b.mul(group, WHOLE(numbers * self.width))])
+        status = b.gep(b.bitcast(array["status"], whole), [b.mul(group, WHOLE(4 * self.width))])
+        commands = b.gep(array["commands"], [b.mul(group, WHOLE(len(self.commanded) * self.width))])
+        out = b.gep(array["observations"], [b.mul(group, WHOLE(observations * self.width))])
+        self._command(s, commands, status)
+        nowhere = ir.Constant(POINTER, None)
+        b.call(self.step, [p, array["h"], s, WHOLE(1), steps, nowhere, nowhere, nowhere, status])
+        seen = b.call(observe, [p, s, out])
+        failed = b.icmp_signed(">", self.load(status, 1, self.emit.counter), self.emit.counts(0))
+        told = b.select(self.emit.any(failed), WHOLE(FAILED), WHOLE(0))
+        now, following = b.or_(summary, b.or_(seen, told)), b.add(group, WHOLE(1))
+        back = b.block
+        b.cbranch(b.icmp_signed("<", following, last), head, end)
+        for phi, value, again in ((group, first, following), (summary, WHOLE(0), now)):
+            phi.add_incoming(value, before)
+            phi.add_incoming(again, back)
+        b.position_at_end(end)
+        result = b.phi(WHOLE)
+        result.add_incoming(WHOLE(0), before)
+        result.add_incoming(now, back)
+        b.ret(result)
+
+    def _command(self, s: Any, commands: Any, status: Any) -> None:
+        """Put the commands of a group into its states, in the lanes that go on."""
+        b, emit = self.builder, self.emit
+        well = b.icmp_signed("==", self.load(status, 1, emit.counter), emit.counts(0))
+        for column, number in enumerate(self.commanded):
+            places = [lane * len(self.commanded) + column for lane in range(self.width)]
+            given = _lanes(b, [self._number(commands, place).load() for place in places], emit.number)
+            self.store(b.select(well, given, self.load(s, number)), s, number)
+
+    def _number(self, pointer: Any, index: int) -> _Number:
+        return _Number(self.builder, self.builder.gep(pointer, [WHOLE(index)]))
+
+
+class _Number(NamedTuple):
+    """A single number in memory."""
+
+    builder: ir.IRBuilder
+    place: Any
+
+    def load(self) -> Any:
+        return self.builder.load(self.place, align=8)
+
+    def store(self, value: Any) -> None:
+        self.builder.store(value, self.place, align=8)
+
+
+def _lane(builder: ir.IRBuilder, value: Any, lane: int, width: int) -> Any:
+    return value if width == 1 else builder.extract_element(value, ir.Constant(ir.IntType(32), lane))
+
+
+def _lanes(builder: ir.IRBuilder, numbers: list[Any], kind: Any) -> Any:
+    """Numbers side by side."""
+    if len(numbers) == 1:
+        return numbers[0]
+    lanes = ir.Constant(kind, ir.Undefined)
+    for lane, number in enumerate(numbers):
+        lanes = builder.insert_element(lanes, number, ir.Constant(ir.IntType(32), lane))
+    return lanes
+
+
+class _VolatileLoad(LoadInstr):
+    """A load that stays where it is written."""
+
+    def descr(self, buf: list[str]) -> None:
+        plain: list[str] = []
+        super().descr(plain)
+        buf.append(plain[0].replace("load ", "load volatile ", 1))

@@ -1,0 +1,202 @@
+"""One step of a program as expressions, ready to be emitted as machine code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.kernels.expressions.expression import Graph, Node
+from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
+from coadjoint.kernels.program import Program, Stage
+from coadjoint.kernels.trace.symbolic import nodes
+from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.kernels.untraceable import Untraceable
+
+MAX_UNKNOWNS = 60
+"""A larger stage would be mostly linear algebra, which XLA does as well."""
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """One implicit stage: `unknowns` are Newton's symbols, `solution` the symbols of what it found.
+
+    A settled unknown has the same symbol in Newton's loop and in the solution. `groups` are the numbers of the
+    unknowns of each group. `sound` is the symbol of a tolerant stage's success, None for others.
+    """
+
+    h: Node
+    groups: list[range]
+    guess: list[Node]
+    residual: list[Node]
+    unknowns: list[Node]
+    scheme: Scheme
+    solution: list[Node]
+    chart: Node
+    sound: Node | None
+    after: list[Node]
+
+    def increments(self) -> Iterator[Increment]:
+        """The written-out first iteration and the loop, where there are any."""
+        yield from (i for i in (self.scheme.first, self.scheme.loop) if i is not None)
+
+
+@dataclass(frozen=True)
+class Inner:
+    """The loop over substeps: symbols of a substep's h and of the state in it, which begins as `start`.
+
+    `after` are the symbols of the state when all substeps are done.
+    """
+
+    fractions: tuple[float, ...]
+    h: Node
+    state: list[Node]
+    start: list[Node]
+    after: list[Node]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A step: symbols of its arguments, its stages, and what is observed.
+
+    With `inner`, the stages are those of one substep, and record and monitors belong to the first substep.
+    `certificates` are already the maximum over the stages; `monitors` and `certificates` are flat, `shapes` names them.
+    """
+
+    graph: Graph
+    parameters: list[Node]
+    h: Node
+    state: list[Node]
+    inner: Inner | None
+    stages: list[StagePlan]
+    record: list[Node]
+    record_tree: Any
+    monitors: list[Node]
+    monitor_shapes: dict[str, tuple[int, ...]]
+    certificates: dict[str, Node]
+    stop: Node | None
+
+
+def specialised(values: Iterable[float]) -> tuple[int, ...]:
+    """The parameters that are exactly 0 or 1, by which code is specialised: 2 elsewhere."""
+    return tuple(int(v) if v in (0.0, 1.0) else 2 for v in values)
+
+
+def plan(
+    program: Program, parameters: Any, state: Any, pattern: tuple[int, ...], observed: bool, unrolled: bool = False
+) -> Plan:
+    """Trace a program. `parameters` and `state` give shapes; `pattern` is that of `specialised`.
+
+    `unrolled`: substeps are written out, stage after stage, rather than run in a loop.
+    """
+    tracer = Tracer()
+    graph = tracer.graph
+    p = _specialise(graph, tracer.symbols("p", parameters), pattern)
+    s, h = tracer.symbols("s", state), tracer.symbols("h", 0.0)
+    prepared = tracer.trace(program.prepare, p, s)
+    _check_same("prepare", prepared, state)
+    looped = len(program.substeps) > 1 and not unrolled
+    whole, opening = (tracer.symbols("k", 0.0), tracer.symbols("c", state)) if looped else (h, prepared)
+    written = (1.0,) if looped else program.substeps
+    parts = [(stage, substep * stage.fraction) for substep in written for stage in program.stages]
+    changing = [*flat(opening), whole[()]] if looped else flat(s)
+    current = opening
+    stages: list[StagePlan] = []
+    certificates: dict[str, Node] = {}
+    first = None
+    for number, (stage, fraction) in enumerate(parts):
+        step = whole if fraction == 1.0 else np.asarray(graph.mul(whole[()], graph.constant(fraction)))
+        traced, solution, sound = _stage(tracer, stage, number, p, current, step, changing)
+        after = tracer.trace(stage.advance, p, current, step, solution, sound)
+        _check_same("advance", after, state)
+        stages.append(StagePlan(**traced, after=flat(after)))
+        if first is None and not stage.tolerant:
+            first = tracer.trace(stage.record, p, current, step, solution)
+        if observed:
+            found = tracer.trace(stage.certificate, p, current, step, solution, after)
+            for name, value in found.items():
+                (node,) = flat(value)
+                certificates[name] = graph.apply("max", certificates[name], node) if name in certificates else node
+        current = after
+    inner = None
+    if looped:
+        current = tracer.symbols("e", state)
+        inner = Inner(program.substeps, whole[()], flat(opening), flat(prepared), flat(current))
+    monitors: Mapping[str, Any] = tracer.trace(program.monitors, p, first, h) if observed else {}
+    return Plan(
+        graph=graph,
+        parameters=flat(tracer.symbols("p", parameters)),
+        h=h[()],
+        state=flat(s),
+        inner=inner,
+        stages=stages,
+        record=flat(first),
+        record_tree=jax.tree_util.tree_map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, np.float64), first),
+        monitors=[node for name in monitors for node in flat(monitors[name])],
+        monitor_shapes={name: np.shape(value) for name, value in monitors.items()},
+        certificates=certificates,
+        stop=flat(tracer.trace(program.stop, p, s, current))[0] if program.stops else None,
+    )
+
+
+def _stage(
+    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, changing: list[Node]
+) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
+    """What a `StagePlan` holds before `advance`, and what `advance` is given: z and `sound`."""
+    graph = tracer.graph
+    guess = tracer.trace(stage.guess, p, state, h)
+    if guess.ndim != 1 or guess.size > MAX_UNKNOWNS:
+        raise Untraceable("guess", f"a stage has {guess.size} unknowns, more than {MAX_UNKNOWNS}")
+    unknowns = tracer.symbols(f"z{number}.", guess)
+    residual = tracer.trace(stage.residual, p, state, h, unknowns)
+    plan_of_newton = scheme(graph, list(unknowns), list(guess), flat(residual), changing)
+    solution = tracer.symbols(f"w{number}.", guess)
+    for i, value in plan_of_newton.settled.items():
+        solution[i] = value
+    traced = {
+        "h": h[()],
+        "groups": _groups(stage.groups or (guess.size,)),
+        "guess": list(guess),
+        "residual": flat(residual),
+        "unknowns": list(unknowns),
+        "scheme": plan_of_newton,
+        "solution": list(solution),
+        "chart": flat(tracer.trace(stage.chart, p, state, h, solution))[0],
+        "sound": None,
+    }
+    if not stage.tolerant:
+        return traced, solution, np.asarray(graph.one)
+    traced["sound"] = sound = graph.symbol(f"ok{number}")
+    well = graph.apply("lt", graph.zero, sound)
+    accepted = [graph.select(well, found, start) for found, start in zip(solution, guess, strict=True)]
+    return traced, nodes(accepted, solution.shape), np.asarray(sound)
+
+
+def _groups(sizes: tuple[int, ...]) -> list[range]:
+    ends = np.cumsum(sizes).tolist()
+    return [range(end - size, end) for size, end in zip(sizes, ends, strict=True) if size]
+
+
+def _specialise(graph: Graph, tree: Any, pattern: tuple[int, ...]) -> Any:
+    """Parameters that are exactly 0 or 1 as constants."""
+    known = iter(pattern)
+
+    def place(leaf: np.ndarray) -> np.ndarray:
+        out = leaf.copy()
+        for index in np.ndindex(leaf.shape):
+            kind = next(known)
+            if kind < 2:
+                out[index] = graph.constant(float(kind))
+        return out
+
+    return jax.tree_util.tree_map(place, tree)
+
+
+def _check_same(name: str, tree: Any, state: Any) -> None:
+    """A step must return the structure that it was given."""
+    given, got = (jax.tree_util.tree_flatten(t) for t in (state, tree))
+    if given[1] != got[1] or [np.shape(x) for x in given[0]] != [np.shape(x) for x in got[0]]:
+        raise ValueError(f"`{name}` must return a state of the structure and shapes that it is given.")

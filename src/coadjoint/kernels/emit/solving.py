@@ -1,0 +1,60 @@
+"""The values of an increment: by the closed form where it is safe, with pivots where it is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.emit.gauss import gauss
+from coadjoint.kernels.newton.increments import Increment
+
+
+def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
+    """δ, by the closed form where it is safe and with pivots otherwise."""
+    b = emit.builder
+    delta = emit.values(increment.delta)
+    if increment.always_safe:
+        return delta
+    (safe,) = emit.values([increment.safe])
+    before, careful, on = b.block, b.append_basic_block("pivot"), b.append_basic_block("increment")
+    unsafe = emit.any(b.xor(safe, emit.bit(True)))
+    b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
+    b.position_at_end(careful)
+    with emit.scope():
+        matrix = emit.values(x for row in increment.jacobian for x in row)
+        pivoted = _pivoted(emit, matrix, emit.values(increment.right), safe, delta)
+    careful = b.block
+    b.branch(on)
+    b.position_at_end(on)
+    joined = []
+    for quick, slow in zip(delta, pivoted, strict=True):
+        phi = b.phi(emit.number)
+        phi.add_incoming(quick, before)
+        phi.add_incoming(slow, careful)
+        joined.append(phi)
+    return joined
+
+
+def _pivoted(emit: Emitter, matrix: list[Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
+    """The unsafe lanes by elimination with partial pivoting, one after the other."""
+    b, n, width = emit.builder, len(right), emit.width
+    function = gauss(emit.module)
+    with b.goto_entry_block():
+        a = b.alloca(DOUBLE, n * n)
+        x = b.alloca(DOUBLE, n)
+    results = list(delta)
+    for lane in range(width):
+        pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
+        for place, values in ((a, matrix), (x, right)):
+            for i, value in enumerate(values):
+                b.store(pick(value), b.gep(place, [WHOLE(i)]))
+        b.call(function, [a, x, WHOLE(n)])
+        solved = [b.load(b.gep(x, [WHOLE(i)])) for i in range(n)]
+        if width == 1:
+            return solved
+        here = pick(safe)
+        place = ir.IntType(32)(lane)
+        results = [b.insert_element(r, b.select(here, pick(r), v), place) for r, v in zip(results, solved, strict=True)]
+    return results

@@ -1,0 +1,256 @@
+"""The LLVM function that runs a plan: the loop over steps, Newton's loop in each stage, records and extrema.
+
+    void step(parameters, h, state, records, save_every, record_out, monitor_out, extrema, status)
+
+Arrays of numbers have a last axis for the lanes. `state` is read and written; `status` is (steps, code, iterations,
+iterations_max) by lanes. A lane that has failed, and in Newton's loop a lane that has settled, waits unchanged.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.newton_loop import StageLoop, finite
+from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.substeps import Done, substeps
+from coadjoint.kernels.expressions.expression import Node, reachable
+from coadjoint.kernels.program import Code
+
+NAME = "step"
+POINTER = DOUBLE.as_pointer()
+
+
+def assemble(plan: Plan, width: int = 1) -> str:
+    """The module as LLVM assembly."""
+    return str(StepFunction(plan, width).module)
+
+
+class StepFunction:
+    """Writes that function; `kernels.emit.online` writes one that goes on where the last call ended."""
+
+    emitter = Emitter
+
+    def __init__(self, plan: Plan, width: int) -> None:
+        self.plan, self.width = plan, width
+        self.module = ir.Module(name="coadjoint")
+        whole = WHOLE.as_pointer()
+        signature = ir.FunctionType(
+            ir.VoidType(), [POINTER, POINTER, POINTER, WHOLE, WHOLE, POINTER, POINTER, POINTER, whole]
+        )
+        function = ir.Function(self.module, signature, name=NAME)
+        for argument in function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
+        self.arguments = function.args
+        self.builder = b = ir.IRBuilder(function.append_basic_block("entry"))
+        self.emit = self.emitter(self.module, b, width)
+        self._function()
+
+    # Memory: arrays of lanes.
+
+    def load(self, pointer: Any, index: Any, kind: Any = None) -> Any:
+        """Element `index` of an array of numbers (or of `kind`) with lanes."""
+        return self.builder.load(self._place(pointer, index, kind), align=8)
+
+    def store(self, value: Any, pointer: Any, index: Any) -> None:
+        self.builder.store(value, self._place(pointer, index, value.type), align=8)
+
+    def _place(self, pointer: Any, index: Any, kind: Any) -> Any:
+        kind = kind if kind is not None else self.emit.number
+        index = WHOLE(index) if isinstance(index, int) else index
+        typed = self.builder.bitcast(pointer, kind.as_pointer())
+        return self.builder.gep(typed, [index])
+
+    def variable(self, kind: Any, value: Any = None) -> Any:
+        """A local variable; LLVM keeps it in a register."""
+        with self.builder.goto_entry_block():
+            place = self.builder.alloca(kind)
+        if value is not None:
+            self.builder.store(value, place)
+        return place
+
+    # The loop over steps.
+
+    def _function(self) -> None:
+        b, plan = self.builder, self.plan
+        p, h, s, records, every, self.record_out, self.monitor_out, self.extrema, status = self.arguments
+        for i, node in enumerate(plan.parameters):
+            self.emit.bind(node, self.load(p, i))
+        self.emit.bind(plan.h, self.load(h, 0))
+        self.state = [self.variable(self.emit.number, self.load(s, i)) for i in range(len(plan.state))]
+        self._begin(status)
+        self.done, self.row = self.variable(WHOLE, WHOLE(0)), self.variable(WHOLE, WHOLE(0))
+        self.due = self.variable(WHOLE, WHOLE(0))
+        number = b.mul(records, every)
+        self.every = every
+        self.emit.keep_exact(reachable(self._results()))
+        self.emit.values(outer(self._roots(), self._varying()))
+        loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
+        b.cbranch(self._opens(b.icmp_signed(">", number, WHOLE(0))), loop, end)
+        b.position_at_end(loop)
+        with self.emit.scope():
+            self._step()
+        done = b.add(b.load(self.done), WHOLE(1))
+        b.store(done, self.done)
+        b.cbranch(b.and_(b.icmp_signed("<", done, number), self.emit.any(b.load(self.alive))), loop, end)
+        b.position_at_end(end)
+        for i, place in enumerate(self.state):
+            self.store(b.load(place), s, i)
+        for i, place in enumerate((self.steps, self.code, self.total, self.most)):
+            self.store(b.load(place), status, i)
+        b.ret_void()
+
+    def _begin(self, status: Any) -> None:
+        """How the run stands when it begins: nothing done, every lane alive."""
+        zero = self.emit.counts(0)
+        self.steps, self.total = self.variable(self.emit.counter, zero), self.variable(self.emit.counter, zero)
+        self.most = self.variable(self.emit.counter, zero)
+        self.code = self.variable(self.emit.counter, zero)
+        self.alive = self.variable(self.emit.truth, self.emit.bit(True))
+
+    def _opens(self, wanted: Any) -> Any:
+        """Whether there is a first step, if one is wanted."""
+        return wanted
+
+    def _held(self, number: int) -> Any:
+        """Number `number` of the state at the node where a step begins."""
+        return self.builder.load(self.state[number])
+
+    def _results(self) -> list[Node]:
+        """What must be computed as it is written, the residuals among them."""
+        plan = self.plan
+        roots = [*plan.record, *plan.monitors, *plan.certificates.values(), *([] if plan.stop is None else [plan.stop])]
+        roots += [] if plan.inner is None else plan.inner.start
+        for stage in plan.stages:
+            roots += [*stage.guess, *stage.solution, stage.chart, *stage.after]
+            for increment in stage.increments():
+                roots += increment.right
+        return roots
+
+    def _roots(self) -> list[Node]:
+        roots = self._results()
+        for stage in self.plan.stages:
+            for increment in stage.increments():
+                roots += [*increment.delta, increment.safe]
+        return roots
+
+    def _varying(self) -> set[Node]:
+        symbols, inner = set(self.plan.state), self.plan.inner
+        if inner is not None:
+            symbols.update(inner.state, inner.after, [inner.h])
+        for stage in self.plan.stages:
+            symbols.update(stage.unknowns, stage.solution, [] if stage.sound is None else [stage.sound])
+        return symbols
+
+    def _step(self) -> None:
+        b, plan = self.builder, self.plan
+        for number, node in enumerate(plan.state):
+            self.emit.bind(node, self._held(number))
+        idle = self.emit.bit(False) if self.width == 1 else b.xor(b.load(self.alive), self.emit.bit(True))
+        if plan.inner is None:
+            done = self._stages(idle)
+        else:
+            kept = [self.variable(self.emit.number) for _ in (*plan.record, *plan.monitors)]
+            done = substeps(self.emit, plan, plan.inner, kept, self._stages, idle)
+        code, well = done.code, done.well
+        observed = done.monitors()
+        if watched := [*observed, *done.certificates]:
+            # What is observed is a result too: it never is NaN.
+            seen = finite(self.emit, watched)
+            code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
+            well = b.and_(well, seen)
+        if plan.stop is not None:
+            event = b.fcmp_ordered(">", self.emit.values([plan.stop])[0], self.emit.constant(0.0))
+            code = b.select(b.and_(well, event), self.emit.counts(Code.STOPPED), code)
+            well = b.and_(well, b.xor(event, self.emit.bit(True)))
+        well = b.and_(b.load(self.alive), well)
+        if self.width > 1:
+            self._finish(done, observed, well, code)
+            return
+        # One trajectory: a failed step leaves everything as it is and ends the loop.
+        fine, failed, on = (b.append_basic_block(name) for name in ("fine", "failed", "on"))
+        b.cbranch(well, fine, failed).set_weights([1 << 20, 1])
+        b.position_at_end(failed)
+        b.store(code, self.code)
+        b.store(self.emit.bit(False), self.alive)
+        b.branch(on)
+        b.position_at_end(fine)
+        self._finish(done, observed, None, code)
+        b.branch(on)
+        b.position_at_end(on)
+
+    def _stages(self, idle: Any) -> Done:
+        """The stages one after the other; lanes that are idle do not wait."""
+        b, plan = self.builder, self.plan
+        iterations, code = self.emit.counts(0), self.emit.counts(0)
+        well: Any = None
+        for stage in plan.stages:
+            outcome = StageLoop(self.emit, stage, idle).run()
+            iterations = b.add(iterations, outcome.iterations)
+            code = outcome.code if well is None else b.select(well, outcome.code, code)
+            well = outcome.sound if well is None else b.and_(well, outcome.sound)
+        return Done(
+            well=well,
+            code=code,
+            iterations=iterations,
+            after=self.emit.values(plan.stages[-1].after),
+            record=lambda: self.emit.values(plan.record),
+            monitors=lambda: self.emit.values(plan.monitors),
+            certificates=self.emit.values(plan.certificates.values()),
+        )
+
+    def _finish(self, done: Done, observed: list[Any], well: Any, code: Any) -> None:
+        """Record, observe and take the new state, in the lanes that are well."""
+        b = self.builder
+        alive = b.load(self.alive)
+        self._observe(done, observed, well)
+
+        def keep(value: Any, place: Any) -> None:
+            b.store(value if well is None else b.select(well, value, b.load(place)), place)
+
+        for value, place in zip(done.after, self.state, strict=True):
+            keep(value, place)
+        keep(b.add(b.load(self.steps), self.emit.counts(1)), self.steps)
+        keep(b.add(b.load(self.total), done.iterations), self.total)
+        most = b.load(self.most)
+        keep(b.select(b.icmp_signed(">", most, done.iterations), most, done.iterations), self.most)
+        if well is not None:
+            newly = b.and_(alive, b.xor(well, self.emit.bit(True)))
+            b.store(b.select(newly, code, b.load(self.code)), self.code)
+            b.store(well, self.alive)
+
+    # Records and monitors.
+
+    def _observe(self, done: Done, observed: list[Any], well: Any) -> None:
+        b = self.builder
+        for i, value in enumerate([*observed, *done.certificates]):
+            self._extremum(value, i, well)
+        due = b.load(self.due)
+        before, now, on = b.block, b.append_basic_block("record"), b.append_basic_block("recorded")
+        b.cbranch(b.icmp_signed("==", due, WHOLE(0)), now, on)
+        b.position_at_end(now)
+        row = b.load(self.row)
+        with self.emit.scope():
+            for values, out in ((done.record(), self.record_out), (observed, self.monitor_out)):
+                start = b.mul(row, WHOLE(len(values)))
+                for i, value in enumerate(values):
+                    self.store(value, out, b.add(start, WHOLE(i)))
+        b.store(b.add(row, WHOLE(1)), self.row)
+        b.branch(on)
+        b.position_at_end(on)
+        left = b.phi(WHOLE)
+        left.add_incoming(due, before)
+        left.add_incoming(self.every, now)
+        b.store(b.sub(left, WHOLE(1)), self.due)
+
+    def _extremum(self, value: Any, i: int, well: Any) -> None:
+        """extrema[2i] and [2i + 1]: the least and the greatest value so far."""
+        b = self.builder
+        for place, order in ((2 * i, "<"), (2 * i + 1, ">")):
+            old = self.load(self.extrema, place)
+            better = b.fcmp_ordered(order, value, old)
+            better = better if well is None else b.and_(better, well)
+            self.store(b.select(better, value, old), self.extrema, place)

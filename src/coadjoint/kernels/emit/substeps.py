@@ -1,0 +1,94 @@
+"""The loop over the substeps of a composed step, as LLVM instructions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.emit.plan import Inner, Plan
+
+
+@dataclass
+class Done:
+    """A step that was done: how it went, the state after it, and what is observed of it.
+
+    `record` and `monitors` write out their values where they are wanted.
+    """
+
+    well: Any
+    code: Any
+    iterations: Any
+    after: list[Any]
+    record: Callable[[], list[Any]]
+    monitors: Callable[[], list[Any]]
+    certificates: list[Any]
+
+
+def substeps(
+    emit: Emitter, plan: Plan, inner: Inner, kept: list[Any], stages: Callable[[Any], Done], idle: Any
+) -> Done:
+    """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
+    b = emit.builder
+    table = _table(emit, inner.fractions)
+    start = emit.values(inner.start)
+    before, head, end = b.block, b.append_basic_block("substep"), b.append_basic_block("substeps")
+    b.branch(head)
+    b.position_at_end(head)
+    number, state = b.phi(WHOLE), [b.phi(emit.number) for _ in start]
+    well, code, iterations = b.phi(emit.truth), b.phi(emit.counter), b.phi(emit.counter)
+    certificates = [b.phi(emit.number) for _ in plan.certificates]
+    with emit.scope():
+        emit.bind(inner.h, b.fmul(emit.values([plan.h])[0], _broadcast(emit, b.load(b.gep(table, [WHOLE(0), number])))))
+        for symbol, value in zip(inner.state, state, strict=True):
+            emit.bind(symbol, value)
+        done = stages(idle if emit.width == 1 else b.or_(idle, b.xor(well, emit.bit(True))))
+        first, on = b.append_basic_block("first"), b.append_basic_block("later")
+        b.cbranch(b.icmp_signed("==", number, WHOLE(0)), first, on)
+        b.position_at_end(first)
+        with emit.scope():
+            for value, place in zip([*done.record(), *done.monitors()], kept, strict=True):
+                b.store(value, place)
+        b.branch(on)
+        b.position_at_end(on)
+        largest = [emit.intrinsic("maximum", x, y) for x, y in zip(certificates, done.certificates, strict=True)]
+    code_now, well_now = b.select(well, done.code, code), b.and_(well, done.well)
+    sum_now, following = b.add(iterations, done.iterations), b.add(number, WHOLE(1))
+    more = b.and_(b.icmp_signed("<", following, WHOLE(len(inner.fractions))), emit.any(well_now))
+    back = b.block
+    b.cbranch(more, head, end)
+    nothing = [emit.constant(-math.inf)] * len(certificates)
+    carried = [(number, WHOLE(0), following), (well, emit.bit(True), well_now), (code, emit.counts(0), code_now)]
+    carried += [(iterations, emit.counts(0), sum_now), *zip(state, start, done.after, strict=True)]
+    for phi, value, again in [*carried, *zip(certificates, nothing, largest, strict=True)]:
+        phi.add_incoming(value, before)
+        phi.add_incoming(again, back)
+    b.position_at_end(end)
+    for symbol, value in zip(inner.after, done.after, strict=True):
+        emit.bind(symbol, value)
+    seen = [b.load(place) for place in kept]
+    size = len(plan.record)
+    return Done(well_now, code_now, sum_now, done.after, lambda: seen[:size], lambda: seen[size:], largest)
+
+
+def _table(emit: Emitter, values: tuple[float, ...]) -> Any:
+    """Numbers in the module."""
+    kind = ir.ArrayType(DOUBLE, len(values))
+    table = ir.GlobalVariable(emit.module, kind, name="substeps")
+    table.global_constant, table.linkage = True, "internal"
+    table.initializer = ir.Constant(kind, [ir.Constant(DOUBLE, value) for value in values])  # pyright: ignore
+    return table
+
+
+def _broadcast(emit: Emitter, value: Any) -> Any:
+    """A number in every lane."""
+    if emit.width == 1:
+        return value
+    b, lanes = emit.builder, ir.Constant(emit.number, ir.Undefined)
+    for lane in range(emit.width):
+        lanes = b.insert_element(lanes, value, ir.Constant(ir.IntType(32), lane))
+    return lanes

@@ -1,0 +1,147 @@
+"""The tangent of a step: derivatives of the record and of the next state along directions of parameters and state.
+
+With r(P, S, h, z) = 0 and S⁺ = advance(P, S, h, z): δz = −(∂r/∂z)⁻¹(∂r/∂P δP + ∂r/∂S δS), and δS⁺ = ∂S⁺/∂P δP +
+∂S⁺/∂S δS + ∂S⁺/∂z δz (implicit function theorem), likewise for the record. Over the stages of a step in their order.
+Everything that does not depend on the direction is computed once a step, for all directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.adjoint import tape
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
+from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.solving import increment_values
+from coadjoint.kernels.expressions.differentiation import directional, forward
+from coadjoint.kernels.expressions.expression import Node, substitute
+from coadjoint.kernels.newton.increments import Increment, linear_solve
+from coadjoint.kernels.untraceable import Untraceable
+
+NAME = "tangent"
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Expressions of the tangent of a step along one direction.
+
+    `systems` give δz of the stages, in their order, with the symbols that stand for it.
+    """
+
+    plan: Plan
+    tape: list[Node]
+    parameters_dot: list[Node]
+    state_dot: list[Node]
+    systems: list[tuple[Increment, list[Node]]]
+    record_dot: list[Node]
+    after_dot: list[Node]
+
+
+def tangent(plan: Plan, active: Sequence[int]) -> Tangent:
+    """The tangent of a step along the parameters numbered `active`, which must be symbols, and along the state."""
+    if any(stage.sound is not None for stage in plan.stages):
+        raise Untraceable("advance", "a stage that may fail has no derivative in native code")
+    graph = plan.graph
+    parameters_dot = [graph.symbol(f"p{i}°") for i in active]
+    state_dot = [graph.symbol(f"s{i}°") for i in range(len(plan.state))]
+    along = dict(zip((plan.parameters[i] for i in active), parameters_dot, strict=True))
+    along.update(zip(plan.state, state_dot, strict=True))
+    changing = {*tape(plan), *parameters_dot, *state_dot}
+    systems = []
+    for number, stage in enumerate(plan.stages):
+        residual = substitute(graph, stage.residual, dict(zip(stage.unknowns, stage.solution, strict=True)))
+        rows = forward(graph, residual, stage.solution)
+        n = range(len(residual))
+        matrix = [[rows[i].get(j, graph.zero) for j in n] for i in n]
+        symbols = [graph.symbol(f"z{number}.{i}°") for i in n]
+        systems.append((linear_solve(graph, matrix, directional(graph, residual, along), changing), symbols))
+        along.update(zip(stage.solution, symbols, strict=True))
+        changing.update(symbols)
+    record_dot = directional(graph, plan.record, along)
+    after_dot = directional(graph, plan.stages[-1].after, along)
+    return Tangent(plan, tape(plan), parameters_dot, state_dot, systems, record_dot, after_dot)
+
+
+def assemble(tangent: Tangent, width: int) -> str:
+    """LLVM assembly of the tangents of `steps` steps along `columns` directions, over a tape:
+
+        void tangent(parameters, h, tape, steps, parameters_dot, columns, state_dot, record_dot)
+
+    Arrays have a last axis of lanes; a row of `tape` goes on with the record; `parameters_dot` (columns, active),
+    `state_dot` (columns, state), which is read and written, and `record_dot` (steps, columns, record).
+    """
+    module = ir.Module(name="coadjoint")
+    pointer = DOUBLE.as_pointer()
+    signature = ir.FunctionType(ir.VoidType(), [pointer] * 3 + [WHOLE, pointer, WHOLE, pointer, pointer])
+    function = ir.Function(module, signature, name=NAME)
+    for argument in function.args:
+        if isinstance(argument.type, ir.PointerType):
+            argument.add_attribute("noalias")
+    p, h, rows, steps, p_dot, columns, s_dot, record_dot = function.args
+    b = ir.IRBuilder(function.append_basic_block("entry"))
+    emit = Emitter(module, b, width)
+
+    def place(array: Any, index: Any) -> ir.Value:
+        return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
+
+    def load(nodes: list[Node], array: Any, start: Any) -> None:
+        for i, node in enumerate(nodes):
+            emit.bind(node, b.load(place(array, b.add(start, WHOLE(i))), align=8))
+
+    def store(values: list[Any], array: Any, start: Any) -> None:
+        for i, value in enumerate(values):
+            b.store(value, place(array, b.add(start, WHOLE(i))), align=8)
+
+    def column(row: Any, number: Any) -> None:
+        load(tangent.parameters_dot, p_dot, b.mul(number, WHOLE(len(tangent.parameters_dot))))
+        here = b.mul(number, WHOLE(len(tangent.state_dot)))
+        load(tangent.state_dot, s_dot, here)
+        for increment, symbols in tangent.systems:
+            for symbol, value in zip(symbols, increment_values(emit, increment), strict=True):
+                emit.bind(symbol, value)
+        seen = b.mul(b.add(b.mul(row, columns), number), WHOLE(len(tangent.record_dot)))
+        store(emit.values(tangent.record_dot), record_dot, seen)
+        store(emit.values(tangent.after_dot), s_dot, here)
+
+    def step(row: Any) -> None:
+        load(tangent.tape, rows, b.mul(row, WHOLE(len(tangent.tape) + len(tangent.record_dot))))
+        emit.values(outer(_roots(tangent), _directions(tangent)))
+        _loop(b, columns, emit, lambda number: column(row, number))
+
+    load(tangent.plan.parameters, p, WHOLE(0))
+    load([tangent.plan.h], h, WHOLE(0))
+    emit.values(outer(_roots(tangent), {*tangent.tape, *_directions(tangent)}))
+    _loop(b, steps, emit, step)
+    b.ret_void()
+    return str(module)
+
+
+def _loop(b: ir.IRBuilder, count: ir.Value, emit: Emitter, body: Any) -> None:
+    """body(i) for i from 0 to count."""
+    before, loop, end = b.block, b.append_basic_block("loop"), b.append_basic_block("end")
+    b.cbranch(b.icmp_signed(">", count, WHOLE(0)), loop, end)
+    b.position_at_end(loop)
+    index = b.phi(WHOLE)
+    index.add_incoming(WHOLE(0), before)
+    with emit.scope():
+        body(index)
+    following = b.add(index, WHOLE(1))
+    index.add_incoming(following, b.block)
+    b.cbranch(b.icmp_signed("<", following, count), loop, end)
+    b.position_at_end(end)
+
+
+def _roots(tangent: Tangent) -> list[Node]:
+    roots = [*tangent.record_dot, *tangent.after_dot]
+    for increment, _ in tangent.systems:
+        roots += [*increment.delta, increment.safe, *increment.right, *(x for row in increment.jacobian for x in row)]
+    return roots
+
+
+def _directions(tangent: Tangent) -> set[Node]:
+    symbols = [node for _, symbols in tangent.systems for node in symbols]
+    return {*tangent.parameters_dot, *tangent.state_dot, *symbols}

@@ -1,0 +1,1 @@
+"""Scalar expressions: built shared and simplified, differentiated, and small linear systems of them solved."""

@@ -1,0 +1,178 @@
+"""Newton's increment as expressions: J δ = −r, solved block by block in triangular order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from coadjoint.kernels.expressions import elimination
+from coadjoint.kernels.expressions.differentiation import forward
+from coadjoint.kernels.expressions.elimination import Matrix, dot
+from coadjoint.kernels.expressions.expression import Graph, Node, reachable, substitute
+from coadjoint.kernels.newton.structure import blocks, matching
+
+CANCELLATION = 1e-4
+"""A pivot block whose determinant loses more digits than this is not used: pivoted elimination takes over."""
+
+
+@dataclass(frozen=True)
+class Increment:
+    """δ (n,) and the system J δ = −r (n, n), (n,) it solves; where `safe` fails, solve that with pivots."""
+
+    delta: list[Node]
+    safe: Node
+    jacobian: Matrix
+    right: list[Node]
+
+    @property
+    def always_safe(self) -> bool:
+        """Whether the closed form needs no check."""
+        return self.safe.op == "const" and self.safe.value is True
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How Newton runs for one stage.
+
+    Rows that are affine in unknowns which only they determine are exact after one iteration. If there are any, the
+    `first` iteration is written out at the guess, `settled` maps those unknowns to the symbols of their values, and
+    the loop (`loop`, on the symbols of the unknowns that are `looped`) runs over the others. Every iteration is a
+    plain Newton iteration on all unknowns.
+    """
+
+    first: Increment | None
+    settled: dict[int, Node]
+    looped: list[int]
+    loop: Increment | None
+
+
+def scheme(
+    graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residual: Sequence[Node], state: Sequence[Node]
+) -> Scheme:
+    """Arrange Newton for residual(unknowns) = 0 from `guess`; what depends on `state` changes at every step."""
+    changing = {*unknowns, *state}
+    rows = forward(graph, residual, unknowns)
+    order = matching([list(row) for row in rows])
+    if order is not None:
+        residual, rows = [residual[i] for i in order], [rows[i] for i in order]
+    n = range(len(unknowns))
+    parts = blocks([list(row) for row in rows]) if order is not None else [list(n)]
+    affine = _affine(parts, rows, unknowns)
+    full = [[row.get(j, graph.zero) for j in n] for row in rows]
+    if not affine:
+        return Scheme(None, {}, list(n), _increment(graph, parts, full, residual, changing))
+    at_guess = dict(zip(unknowns, guess, strict=True))
+    flat = substitute(graph, [*residual, *(x for row in full for x in row)], at_guess)
+    m = len(unknowns)
+    first = _increment(graph, parts, [flat[m + i * m : 2 * m + i * m] for i in n], flat[:m], changing)
+    settled = {i: graph.symbol(f"{unknowns[i].value}'") for i in sorted(affine)}
+    looped = [i for i in n if i not in settled]
+    if not looped:
+        return Scheme(first, settled, [], None)
+    known = {unknowns[i]: value for i, value in settled.items()}
+    inner = [full[i][j] for i in looped for j in looped]
+    flat = substitute(graph, [*(residual[i] for i in looped), *inner], known)
+    k, place = len(looped), {i: position for position, i in enumerate(looped)}
+    smaller = [[place[i] for i in part] for part in parts if part[0] in place]
+    loop = _increment(
+        graph, smaller, [flat[k + i * k : 2 * k + i * k] for i in range(k)], flat[:k], {*changing, *settled.values()}
+    )
+    return Scheme(first, settled, looped, loop)
+
+
+def _affine(parts: list[list[int]], rows: list[dict[int, Node]], unknowns: Sequence[Node]) -> set[int]:
+    """Unknowns whose rows have constant derivatives and hold only such unknowns."""
+    variable = set(unknowns)
+    found: set[int] = set()
+    for part in parts:
+        entries = [d for i in part for d in rows[i].values()]
+        alone = all(j in found or j in part for i in part for j in rows[i])
+        if alone and not any(node in variable for node in reachable(entries)):
+            found.update(part)
+    return found
+
+
+def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node], changing: set[Node]) -> Increment:
+    """δ with matrix δ = −right, in the order that its zeros allow."""
+    rows = [[j for j, x in enumerate(row) if x is not graph.zero] for row in matrix]
+    order = matching(rows)
+    if order is None:
+        return _increment(graph, [list(range(len(right)))], matrix, right, changing)
+    parts = blocks([rows[i] for i in order])
+    return _increment(graph, parts, [matrix[i] for i in order], [right[i] for i in order], changing)
+
+
+def _increment(
+    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Node], changing: set[Node]
+) -> Increment:
+    delta: list[Node] = [graph.zero] * len(residual)
+    right = [graph.neg(r) for r in residual]
+    safe = graph.true
+    solved: list[int] = []
+    for part in parts:
+        known = [delta[j] for j in solved]
+        b = [graph.sub(right[i], dot(graph, [jacobian[i][j] for j in solved], known)) for i in part]
+        values, sound = _solve(graph, [[jacobian[i][j] for j in part] for i in part], b, changing)
+        safe = graph.apply("and", safe, sound)
+        for i, value in zip(part, values, strict=True):
+            delta[i] = value
+        solved += part
+    return Increment(delta, safe, jacobian, right)
+
+
+def _solve(graph: Graph, a: Matrix, b: list[Node], changing: set[Node]) -> tuple[list[Node], Node]:
+    """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
+    n = len(a)
+    if n <= 3:
+        return elimination.solve(graph, a, [b])[0], graph.true
+    first = _pivots(graph, a, changing)
+    k = len(first)
+    order = [*first, *(i for i in range(n) if i not in first)]
+    moved = [[a[i][j] for j in order] for i in order]
+    values, sound = _eliminate(graph, moved, [b[i] for i in order], k, changing)
+    return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
+
+
+def _pivots(graph: Graph, a: Matrix, changing: set[Node]) -> list[int]:
+    """Unknowns to eliminate first: a block that never changes, such as a mass matrix, is inverted once in a run."""
+    dependent = set(changing)
+    for node in reachable(x for row in a for x in row):
+        if any(x in dependent for x in node.args):
+            dependent.add(node)
+    chosen: list[int] = []
+    for i in range(len(a)):
+        steady = all(a[x][y] not in dependent for j in (*chosen, i) for x, y in ((i, j), (j, i)))
+        if steady and a[i][i] is not graph.zero and len(chosen) < 3:
+            chosen.append(i)
+    return chosen or list(range(2 if len(a) == 4 else 3))
+
+
+def _eliminate(graph: Graph, a: Matrix, b: list[Node], k: int, changing: set[Node]) -> tuple[list[Node], Node]:
+    """Solve with the leading k×k block as pivot."""
+    n = len(a)
+    corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
+    inverse = elimination.inverse(graph, corner)
+    # The Schur complement of the corner, and the right side that is left for it.
+    first = [dot(graph, row, b[:k]) for row in inverse]
+    across = [[dot(graph, row, column) for column in zip(*right, strict=True)] for row in inverse]
+    columns = list(zip(*across, strict=True))
+    rest = [[graph.sub(row[k + j], dot(graph, row[:k], columns[j])) for j in range(n - k)] for row in a[k:]]
+    left = [graph.sub(b[k + i], dot(graph, row[:k], first)) for i, row in enumerate(a[k:])]
+    tail, sound = _solve(graph, rest, left, changing)
+    head = [graph.sub(x, dot(graph, row, tail)) for x, row in zip(first, across, strict=True)]
+    return [*head, *tail], graph.apply("and", sound, _sound(graph, corner))
+
+
+def _sound(graph: Graph, a: Matrix) -> Node:
+    """Whether the determinant keeps its digits; the test does not depend on how rows and columns are scaled."""
+    signed = elimination.determinant(graph, a)
+    sizes = [[graph.apply("abs", x) for x in row] for row in a]
+    bound = _permanent(graph, sizes)
+    return graph.apply("lt", graph.mul(graph.constant(CANCELLATION), bound), graph.apply("abs", signed))
+
+
+def _permanent(graph: Graph, a: Matrix) -> Node:
+    if len(a) == 1:
+        return a[0][0]
+    minors = [_permanent(graph, [row[:j] + row[j + 1 :] for row in a[1:]]) for j in range(len(a))]
+    return dot(graph, a[0], minors)

@@ -1,0 +1,1 @@
+"""Programs run: as machine code, for one or many, with gradients, or by XLA."""

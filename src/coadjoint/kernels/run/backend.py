@@ -1,0 +1,85 @@
+"""Which kernel runs a program: native code where it can be traced, XLA otherwise."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, Literal
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
+from coadjoint.kernels.program import Program
+from coadjoint.kernels.run import ensemble, native, xla
+from coadjoint.kernels.untraceable import Untraceable
+
+Backend = Literal["auto", "native", "xla"]
+
+_told: set[str] = set()
+CALLBACKS = ("pure_callback", "bitcast_convert_type")
+"""Primitives with which a Python function is called at every step."""
+OUTSIDE = "A function of this system is called from outside JAX, which no native kernel can do."
+
+
+def choose(program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend) -> Backend:
+    """ "native" or "xla": what `backend` comes to for this program; compiles a native kernel on the way.
+
+    "auto" falls back to XLA where the program cannot be traced and says so once, naming the primitive; "native"
+    raises ArgumentError there.
+    """
+    require_backend(backend)
+    if backend == "xla":
+        return "xla"
+    try:
+        native.compile(program, parameters, state, monitors)
+    except Untraceable as reason:
+        fall_back(reason, backend)
+        return "xla"
+    return "native"
+
+
+def require_backend(backend: Backend) -> None:
+    """Raise ArgumentError unless there is such a backend."""
+    if not isinstance(backend, str) or backend not in ("auto", "native", "xla"):
+        raise ArgumentError(f'Argument `backend` must be "auto", "native" or "xla", but is {shown(backend)}.')
+
+
+def fall_back(reason: Untraceable, backend: Backend) -> None:
+    """Say once that XLA takes over; raises ArgumentError where only native code was asked for."""
+    what = OUTSIDE if reason.primitive in CALLBACKS else reason
+    sentence = f"{what} It runs by XLA, which is slower for small systems."
+    if backend == "native":
+        raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
+    if sentence not in _told:
+        _told.add(sentence)
+        warnings.warn(sentence, stacklevel=4)
+
+
+def run(
+    backend: Backend,
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+) -> Chunk:
+    """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
+    kernel = native if backend == "native" else xla
+    return kernel.run(program, parameters, state, h, records, save_every, monitors)
+
+
+def run_ensemble(
+    backend: Backend,
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
+    kernel = ensemble if backend == "native" else xla
+    return kernel.run_ensemble(program, parameters, state, h, records, save_every, monitors, axes=axes)

@@ -1,0 +1,171 @@
+"""Many short runs driven from tables, and their tangents: one run in each SIMD lane, all steps of all runs kept.
+
+What drives a run is written into its state before every step, so that a table may be as long as one likes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.kernels.emit import tangent as tangents
+from coadjoint.kernels.emit.adjoint import tape
+from coadjoint.kernels.emit.plan import plan, specialised
+from coadjoint.kernels.packing import pack
+from coadjoint.kernels.program import Program
+from coadjoint.kernels.run import native
+from coadjoint.kernels.run.ensemble import lanes
+from coadjoint.kernels.run.machine import Machine, machine
+
+KEPT = 16
+"""How many programs stay in memory with their tangents."""
+
+_SIGNATURE = [*[ctypes.c_void_p] * 3, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
+
+
+class Driven(NamedTuple):
+    """Machine code that takes steps with a tape, and that which pushes directions along the tape."""
+
+    forward: native.Kernel
+    machine: Machine
+    tangent: Any
+    taped: int
+    """How many numbers of a row are the tape; the rest is the record."""
+    width: int
+
+
+class Path(NamedTuple):
+    """What runs left behind, with a first axis of groups and a last one of lanes; `runs` of the lanes are in use."""
+
+    rows: np.ndarray
+    state: np.ndarray
+    status: np.ndarray
+    taped: int
+    runs: int
+
+    @property
+    def records(self) -> np.ndarray:
+        """The record of every step: (runs, steps, record)."""
+        return _members(self.rows[:, :, self.taped :], self.runs)
+
+    @property
+    def states(self) -> np.ndarray:
+        """The state at every node but the last: (runs, steps, state)."""
+        return _members(self.rows[:, :, : self.state.shape[1]], self.runs)
+
+    @property
+    def codes(self) -> np.ndarray:
+        """How each run ended, of `Code`."""
+        return _members(self.status, self.runs)[:, 1]
+
+
+_known: OrderedDict[tuple, Driven] = OrderedDict()
+_lock = threading.Lock()
+
+
+def driven(program: Program, parameters: Any, state: Any, active: Sequence[int]) -> Driven:
+    """The code for a program whose record is what is wanted of every step, with the parameters numbered `active`.
+
+    Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
+    """
+    (shape_p, p), (shape_s, _) = pack(parameters), pack(state)
+    pattern = tuple(2 if i in set(active) else kind for i, kind in enumerate(specialised(p)))
+    key = program, shape_p, shape_s, pattern, tuple(active), lanes()
+    with _lock:
+        if key in _known:
+            _known.move_to_end(key)
+            return _known[key]
+    planned = plan(program, parameters, state, pattern, False, unrolled=True)
+    rows = tape(planned)
+    forward = native.load(replace(planned, record=[*rows, *planned.record]), lanes())
+    code = machine(tangents.assemble(tangents.tangent(planned, active), lanes()))
+    made = Driven(forward, code, code.function(tangents.NAME, *_SIGNATURE), len(rows), lanes())
+    with _lock:
+        _known[key] = made
+        while len(_known) > KEPT:
+            _known.popitem(last=False)
+    return made
+
+
+def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.ndarray, table: np.ndarray) -> Path:
+    """Steps of length h of every run from `start` (runs, state), with the same parameters p for all.
+
+    Before step j the entries `places` of the state become those of the table, `grouped` (steps, runs, places).
+    """
+    runs = len(start)
+    state = _groups(start, code.width)
+    groups, steps, width = len(state), len(table), code.width
+    rows = np.empty((groups, steps, code.forward.record.size, width))
+    status = np.zeros((groups, 4, width), np.int64)
+    codes = np.zeros((groups, width), np.int64)
+    numbers, length = np.repeat(p[:, None], width, axis=1), np.full(width, float(h))
+    nothing = np.zeros(1)
+    none, given, step = nothing.ctypes.data, numbers.ctypes.data, length.ctypes.data
+    starts = [
+        (state.ctypes.data + i * state.strides[0], rows.ctypes.data + i * rows.strides[0],
+         status.ctypes.data + i * status.strides[0])
+        for i in range(groups)
+    ]  # fmt: skip
+    function, ahead = code.forward.function, rows.strides[1]
+    for j in range(steps):
+        state[:, places] = table[j]
+        status[:] = 0
+        for here, out, told in starts:
+            function(given, step, here, 1, 1, out + j * ahead, none, none, told)
+        np.maximum(codes, status[:, 1], out=codes)
+    status[:, 1] = codes
+    return Path(rows, state, status, code.taped, runs)
+
+
+def grouped(table: np.ndarray) -> np.ndarray:
+    """A table (steps, runs, places) as `run` takes it: (steps, groups, places, lanes)."""
+    steps, runs, places = table.shape
+    width = lanes()
+    if not places:
+        return np.zeros((steps, -(-runs // width), 0, width))
+    return np.stack([_groups(row, width) for row in table])
+
+
+def push(code: Driven, p: np.ndarray, h: float, path: Path, p_dot: np.ndarray, start_dot: np.ndarray) -> np.ndarray:
+    """Derivatives of the records, (runs, steps, columns, record), along directions of parameters and start.
+
+    p_dot: (columns, active), the same for all runs. start_dot: (runs, columns, state), zero where
+    a table drives the state.
+    """
+    groups, steps, row, width = path.rows.shape
+    columns = len(p_dot)
+    numbers, length = np.repeat(p[:, None], width, axis=1), np.full(width, float(h))
+    directions = np.repeat(p_dot[:, :, None], width, axis=2)
+    state_dot = _groups(start_dot.reshape(path.runs, -1), width)
+    record_dot = np.empty((groups, steps, columns, row - code.taped, width))
+    for group in range(groups):
+        code.tangent(
+            numbers.ctypes.data,
+            length.ctypes.data,
+            path.rows.ctypes.data + group * path.rows.strides[0],
+            steps,
+            directions.ctypes.data,
+            columns,
+            state_dot.ctypes.data + group * state_dot.strides[0],
+            record_dot.ctypes.data + group * record_dot.strides[0],
+        )
+    return _members(record_dot, path.runs)
+
+
+def _groups(rows: np.ndarray, width: int) -> np.ndarray:
+    """(runs, n) as (groups, n, lanes); the last group repeats the last run in its idle lanes."""
+    runs = len(rows)
+    chosen = np.minimum(np.arange(-(-runs // width) * width), runs - 1)
+    return np.ascontiguousarray(rows[chosen].reshape(-1, width, rows.shape[1]).swapaxes(1, 2), np.float64)
+
+
+def _members(array: np.ndarray, runs: int) -> np.ndarray:
+    """Groups and lanes as runs."""
+    moved = np.moveaxis(array, -1, 1)
+    return moved.reshape(-1, *moved.shape[2:])[:runs]

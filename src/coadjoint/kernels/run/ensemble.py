@@ -1,0 +1,153 @@
+"""Runs many members of one program at once: a trajectory in each SIMD lane, groups of lanes on threads."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import llvmlite.binding as llvm
+import numpy as np
+
+from coadjoint.kernels.chunk import EnsembleChunk
+from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.packing import Layout, pack
+from coadjoint.kernels.program import Program
+from coadjoint.kernels.run import native
+from coadjoint.kernels.run.native import Kernel, Result
+
+
+def lanes() -> int:
+    """How many doubles the widest vectors of this processor hold."""
+    features = llvm.get_host_cpu_features()
+    if features.get("avx512f"):
+        return 8
+    return 4 if features.get("avx") else 2
+
+
+def _cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_ensemble(
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: Any,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+    threads: int | None = None,
+) -> EnsembleChunk:
+    """records·save_every steps of every member, keeping every save_every-th record.
+
+    `axes` = (of parameters, of state): PyTrees of bools, or prefixes of such, True where a leaf has a leading axis of
+    members. `h` is a number or one for each member. `threads` is by default the number of usable cores.
+    Raises Untraceable, naming the primitive, if the program is outside the tracer's language; ValueError if the
+    members cannot be counted.
+    """
+    shape_p, p = members_of(parameters, axes[0])
+    shape_s, s = members_of(state, axes[1])
+    steps = np.asarray(h, np.float64).reshape(-1)
+    count = _count(len(p), len(s), len(steps))
+    width = lanes()
+    pattern = specialised(np.where(np.all(p == p[:1], axis=0), p[0], np.nan))
+    key = shape_p, shape_s, pattern, monitors, width
+    kernel = native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key)
+    # The last group repeats the last member in its idle lanes.
+    groups = np.minimum(np.arange(-(-count // width) * width), count - 1).reshape(-1, width)
+    p_groups, s_groups = (np.ascontiguousarray(x[np.minimum(groups, len(x) - 1)].swapaxes(1, 2)) for x in (p, s))
+    inputs = (p_groups, np.ascontiguousarray(steps[np.minimum(groups, len(steps) - 1)]), s_groups)
+    result = _empty(kernel, s_groups, records)
+    _launch(kernel, inputs, result, records, save_every, threads or _cores())
+    return _gathered(kernel, shape_s, result, count, save_every)
+
+
+def _empty(kernel: Kernel, state: np.ndarray, records: int) -> Result:
+    """Room for what the machine writes, with a first axis of groups and a last one of lanes."""
+    groups, _, lanes = state.shape
+    watched = kernel.monitor_size + len(kernel.certificates)
+    limits = np.array([np.inf, -np.inf])[None, None, :, None]
+    return Result(
+        state=state,
+        records=np.empty((groups, records, kernel.record.size, lanes)),
+        monitors=np.empty((groups, records, kernel.monitor_size, lanes)),
+        extrema=np.tile(limits, (groups, watched, 1, lanes)),
+        status=np.zeros((groups, 4, lanes), np.int64),
+    )
+
+
+def _launch(kernel: Kernel, inputs: tuple, result: Result, records: int, save_every: int, threads: int) -> None:
+    """Run all groups, a share of them at a time on each thread; the machine releases the interpreter's lock."""
+    before = [(array.ctypes.data, array.strides[0]) for array in inputs]
+    outputs = (result.records, result.monitors, result.extrema, result.status)
+    after = [(array.ctypes.data, array.strides[0]) for array in outputs]
+    groups = len(result.status)
+    share = max(1, groups // (4 * threads))
+
+    def run(first: int) -> None:
+        for group in range(first, min(first + share, groups)):
+            pointers = [start + group * stride for start, stride in before]
+            written = [start + group * stride for start, stride in after]
+            kernel.function(*pointers, records, save_every, *written)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(0, groups, share)))
+
+
+def members_of(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:
+    """The layout of one member, and the numbers of all: (members, size), or (1, size) where all share them."""
+    flags = jax.tree_util.tree_leaves(jax.tree_util.tree_broadcast(axes, tree))
+    leaves, structure = jax.tree_util.tree_flatten(tree)
+    counts = {np.shape(leaf)[0] for leaf, flag in zip(leaves, flags, strict=True) if flag}
+    if len(counts) > 1:
+        raise ValueError(f"The leading axes must all count the same members, but have lengths {sorted(counts)}.")
+    count = counts.pop() if counts else 1
+    spread = [
+        np.asarray(leaf) if flag else np.broadcast_to(leaf, (count, *np.shape(leaf)))
+        for leaf, flag in zip(leaves, flags, strict=True)
+    ]
+    pack(spread)  # refuses leaves that are no real numbers
+    rows = [np.asarray(leaf, np.float64).reshape(count, -1) for leaf in spread]
+    layout = Layout(structure, tuple(leaf.shape[1:] for leaf in spread))
+    return layout, np.concatenate(rows, axis=1) if rows else np.zeros((count, 0))
+
+
+def _count(*lengths: int) -> int:
+    """The number of members from the lengths of arrays that hold one row or one for each."""
+    count = max(lengths)
+    if any(length not in (1, count) for length in lengths):
+        raise ValueError(f"Parameters, state and h must have the same members, but count {sorted(set(lengths))}.")
+    return count
+
+
+def _gathered(kernel: Kernel, state: Layout, result: Result, count: int, save_every: int) -> EnsembleChunk:
+    """Lanes of all groups as members."""
+
+    def gather(name: str) -> np.ndarray:
+        lanes = np.moveaxis(getattr(result, name), -1, 1)
+        return lanes.reshape(lanes.shape[0] * lanes.shape[1], *lanes.shape[2:])[:count]
+
+    status, records, monitors = gather("status"), gather("records"), gather("monitors")
+    steps, code, iterations, iterations_max = status.T.copy()
+    rows = np.minimum(-(-steps // save_every), records.shape[1])
+    absent = np.arange(records.shape[1]) >= rows[:, None]
+    records[absent] = monitors[absent] = np.nan
+    extrema = native.named_extrema(kernel, np.moveaxis(gather("extrema"), 0, -1))
+    return EnsembleChunk(
+        records=kernel.record.unpack(records),
+        final=state.unpack(gather("state")),
+        steps=steps,
+        rows=rows,
+        code=code,
+        iterations=iterations,
+        iterations_max=iterations_max,
+        monitors=native.named_monitors(kernel, monitors),
+        extrema={name: (np.moveaxis(x, -1, 0), np.moveaxis(y, -1, 0)) for name, (x, y) in extrema.items()},
+    )

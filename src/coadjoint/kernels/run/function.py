@@ -1,0 +1,77 @@
+"""A function of numbers and its Jacobian as machine code, for many rows of arguments at once."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
+from coadjoint.kernels.expressions.differentiation import forward
+from coadjoint.kernels.run.machine import machine
+from coadjoint.kernels.trace.tracer import Tracer, flat
+
+NAME = "function"
+
+
+class NativeFunction:
+    """function(x, y) with its derivatives by x: x (m,) and y (k,) are flat, and so is the value (n,).
+
+    Raises Untraceable, naming the primitive, if the function is outside the tracer's language.
+    """
+
+    def __init__(self, function: Callable[[Any, Any], Any], x: np.ndarray, y: np.ndarray) -> None:
+        tracer = Tracer()
+        symbols = tracer.symbols("x", x), tracer.symbols("y", y)
+        value = flat(tracer.trace(function, *symbols))
+        rows = forward(tracer.graph, value, flat(symbols[0]))
+        m = x.size
+        slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
+        self.shape = len(value), m
+        self._machine = machine(_assemble(flat(symbols[0]), flat(symbols[1]), dict(enumerate(value)), slopes, m))
+        self._function = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
+
+    def __call__(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (rows, n) and Jacobians (rows, n, m) at x (rows, m), y (rows, k)."""
+        x, y = np.ascontiguousarray(x, np.float64), np.ascontiguousarray(y, np.float64)
+        value, slopes = np.zeros((len(x), self.shape[0])), np.zeros((len(x), *self.shape))
+        self._function(*(a.ctypes.data for a in (x, y, value, slopes)), len(x))
+        return value, slopes
+
+
+def _assemble(x: list[Any], y: list[Any], value: dict[int, Any], slopes: dict[int, Any], m: int) -> str:
+    """void function(x, y, value, slopes, rows): what is absent from `slopes` stays as it is."""
+    module = ir.Module(name="coadjoint")
+    pointer = DOUBLE.as_pointer()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [*[pointer] * 4, WHOLE]), name=NAME)
+    b = ir.IRBuilder(function.append_basic_block("entry"))
+    emit = Emitter(module, b, 1)
+    *arrays, rows = function.args
+    loop, end = b.append_basic_block("loop"), b.append_basic_block("end")
+    before = b.block
+    b.cbranch(b.icmp_signed(">", rows, WHOLE(0)), loop, end)
+    b.position_at_end(loop)
+    row = b.phi(WHOLE)
+    row.add_incoming(WHOLE(0), before)
+    sizes = len(x), len(y), len(value), len(value) * m
+    starts = [b.mul(row, WHOLE(size)) for size in sizes]
+
+    def place(number: int, index: int) -> Any:
+        return b.gep(arrays[number], [b.add(starts[number], WHOLE(index))])
+
+    with emit.scope():
+        for number, nodes in enumerate((x, y)):
+            for i, node in enumerate(nodes):
+                emit.bind(node, b.load(place(number, i)))
+        for number, found in ((2, value), (3, slopes)):
+            for i, result in zip(found, emit.values(found.values()), strict=True):
+                b.store(result, place(number, i))
+    following = b.add(row, WHOLE(1))
+    row.add_incoming(following, b.block)
+    b.cbranch(b.icmp_signed("<", following, rows), loop, end)
+    b.position_at_end(end)
+    b.ret_void()
+    return str(module)

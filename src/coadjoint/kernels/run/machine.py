@@ -1,0 +1,88 @@
+"""Machine code from LLVM assembly, and the functions in it."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from coadjoint.kernels.run import store
+from coadjoint.kernels.untraceable import Untraceable
+
+_RECIPE = "1"
+"""Changes whenever `object_code` would make other code of the same assembly."""
+
+_lock = threading.Lock()
+_ready = False
+
+
+def _target() -> llvm.TargetMachine:
+    """This machine's processor, at the highest level of optimisation."""
+    global _ready
+    with _lock:
+        if not _ready:
+            llvm.initialize_native_target()
+            llvm.initialize_native_asmprinter()
+            _ready = True
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )
+
+
+def object_code(assembly: str) -> bytes:
+    """Optimised machine code of a module."""
+    machine = _target()
+    module = llvm.parse_assembly(assembly)
+    module.triple = machine.triple
+    module.data_layout = str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    # Grouping scalars of one trajectory into vectors takes most of the compilation and gains nothing.
+    options.slp_vectorization = False
+    options.loop_unrolling = False
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return machine.emit_object(module)
+
+
+def machine(assembly: str) -> Machine:
+    """A module, compiled or taken from the store, and loaded."""
+    try:
+        return Machine(compiled(assembly))
+    except RuntimeError as error:
+        raise Untraceable("step", f"LLVM refused its code ({str(error).splitlines()[0]})") from None
+
+
+def compiled(assembly: str) -> bytes:
+    """The machine code of a module for this processor, compiled or taken from the store."""
+    name = store.key(_RECIPE, *processor(), assembly)
+    code = store.fetch(name)
+    if code is None:
+        code = object_code(assembly)
+        store.keep(name, code)
+    return code
+
+
+def processor() -> tuple[str, ...]:
+    """What machine code depends on in addition to the assembly: LLVM, the kind of machine, and its features."""
+    version = ".".join(map(str, llvm.llvm_version_info))
+    features = llvm.get_host_cpu_features().flatten()
+    return version, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
+
+
+class Machine:
+    """Machine code in memory; its functions live as long as this object.
+
+    Elementary functions come from the C library's libm, which NumPy has loaded.
+    """
+
+    def __init__(self, code: bytes) -> None:
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    def function(self, name: str, *arguments: type, result: type | None = None) -> Any:
+        """A function by its name, void unless it has a result; calling it lets other threads run."""
+        return ctypes.CFUNCTYPE(result, *arguments)(self._engine.get_function_address(name))

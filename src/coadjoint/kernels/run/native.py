@@ -1,0 +1,162 @@
+"""Runs a program as machine code that was traced and compiled for it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import threading
+from collections import OrderedDict
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.emit.plan import Plan, plan, specialised
+from coadjoint.kernels.emit.stepping import NAME, assemble
+from coadjoint.kernels.packing import Layout, layout, pack
+from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.run.machine import Machine, machine
+
+KEPT = 128
+"""How many kernels stay in memory."""
+
+_SIGNATURE = [*[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4]
+
+
+class Kernel(NamedTuple):
+    """Machine code for a program at given shapes; `machine` keeps the code alive that `function` points to."""
+
+    machine: Machine
+    function: Any
+    record: Layout
+    monitor_shapes: dict[str, tuple[int, ...]]
+    certificates: tuple[str, ...]
+
+    @property
+    def monitor_size(self) -> int:
+        """How many numbers the monitors of one record are."""
+        return sum(map(math.prod, self.monitor_shapes.values()))
+
+
+class Result(NamedTuple):
+    """What the machine code wrote, with a last axis of SIMD lanes everywhere."""
+
+    state: np.ndarray
+    records: np.ndarray
+    monitors: np.ndarray
+    extrema: np.ndarray
+    status: np.ndarray
+
+
+_kernels: OrderedDict[tuple, Kernel] = OrderedDict()
+_lock = threading.Lock()
+
+
+def compile(program: Program, parameters: Any, state: Any, monitors: bool = True, width: int = 1) -> Kernel:
+    """The kernel for a program at the shapes of `parameters` and `state` and the zeros and ones of `parameters`.
+
+    Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
+    """
+    (shape_p, values), (shape_s, _) = pack(parameters), pack(state)
+    return kernel_for(program, parameters, state, (shape_p, shape_s, specialised(values), monitors, width))
+
+
+def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
+    """The kernel for key = (layout of parameters, of state, zeros and ones, monitors, lanes), made at its first use."""
+    key = (program, *key)
+    with _lock:
+        known = _kernels.get(key)
+        if known is not None:
+            _kernels.move_to_end(key)
+            return known
+    *_, pattern, monitors, width = key
+    made = load(plan(program, parameters, state, pattern, monitors), width)
+    with _lock:
+        _kernels[key] = made
+        while len(_kernels) > KEPT:
+            _kernels.popitem(last=False)
+    return made
+
+
+def load(planned: Plan, width: int) -> Kernel:
+    """The kernel of a plan; `record` is a layout of the plan's record, or a row of numbers if that was replaced."""
+    code = machine(assemble(planned, width))
+    return Kernel(
+        machine=code,
+        function=code.function(NAME, *_SIGNATURE),
+        record=_record_layout(planned),
+        monitor_shapes=planned.monitor_shapes,
+        certificates=tuple(planned.certificates),
+    )
+
+
+def _record_layout(planned: Plan) -> Layout:
+    shaped = layout(planned.record_tree)
+    if shaped.size == len(planned.record):
+        return shaped
+    return layout(np.zeros(len(planned.record)))
+
+
+def run(
+    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
+) -> Chunk:
+    """records·save_every steps of `program` from `state`, keeping every save_every-th record.
+
+    Raises Untraceable, naming the primitive, if the program is outside the tracer's language.
+    """
+    (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
+    kernel = kernel_for(program, parameters, state, (shape_p, shape_s, specialised(p), monitors, 1))
+    result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
+    steps, code, iterations, iterations_max = map(int, result.status[:, 0])
+    valid = min(-(-steps // save_every), records)
+    return Chunk(
+        records=kernel.record.unpack(result.records[:valid, :, 0]),
+        final=shape_s.unpack(result.state[:, 0]),
+        steps=steps,
+        code=Code(code),
+        iterations=iterations,
+        iterations_max=iterations_max,
+        monitors=named_monitors(kernel, result.monitors[:valid, :, 0]),
+        extrema=named_extrema(kernel, result.extrema[:, :, 0]),
+    )
+
+
+def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> Result:
+    """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes)."""
+    lanes = h.shape[0]
+    watched = kernel.monitor_size + len(kernel.certificates)
+    result = Result(
+        state=np.array(s, np.float64, order="C"),
+        records=np.empty((records, kernel.record.size, lanes)),
+        monitors=np.empty((records, kernel.monitor_size, lanes)),
+        extrema=np.tile(np.array([np.inf, -np.inf])[None, :, None], (watched, 1, lanes)),
+        status=np.zeros((4, lanes), np.int64),
+    )
+    p, h = np.ascontiguousarray(p, np.float64), np.ascontiguousarray(h, np.float64)
+    outputs = (result.records, result.monitors, result.extrema, result.status)
+    pointers = [array.ctypes.data for array in (p, h, result.state)]
+    kernel.function(*pointers, records, save_every, *(array.ctypes.data for array in outputs))
+    return result
+
+
+def named_monitors(kernel: Kernel, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Monitors by their names from rows (*lead, size)."""
+    found, start = {}, 0
+    for name, shape in kernel.monitor_shapes.items():
+        end = start + math.prod(shape)
+        found[name] = rows[..., start:end].reshape((*rows.shape[:-1], *shape)).copy()
+        start = end
+    return found
+
+
+def named_extrema(kernel: Kernel, extrema: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """(minimum, maximum) over the steps by names, from (watched, 2, *lanes)."""
+    found, start = {}, 0
+    shapes = {**kernel.monitor_shapes, **dict.fromkeys(kernel.certificates, ())}
+    for name, shape in shapes.items():
+        end = start + math.prod(shape)
+        part = extrema[start:end].reshape((*shape, *extrema.shape[1:]))
+        low, high = np.moveaxis(part, len(shape), 0)
+        found[name] = low.copy(), high.copy()
+        start = end
+    return found

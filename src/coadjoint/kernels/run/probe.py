@@ -1,0 +1,132 @@
+"""Single steps of a program from many states, of any size, by the machine code that a run has compiled already."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.packing import Layout, pack
+from coadjoint.kernels.program import Program
+from coadjoint.kernels.run import ensemble, native, xla
+from coadjoint.kernels.run.backend import Backend
+from coadjoint.kernels.run.native import Kernel
+
+
+class Probed(NamedTuple):
+    """Where steps led, a row of numbers a state; `record` is of the first step, `code` 0 where all went well."""
+
+    after: np.ndarray
+    record: np.ndarray
+    code: np.ndarray
+
+
+class Probe:
+    """Steps of `program` from rows of packed states (rows, size); `layout` packs and unpacks them.
+
+    parameters: those of the run; of `count` members with `axes`, as in `run_ensemble`, and `members` (rows,) says
+    whose parameters a row has. state: of one member. Nothing is compiled that the run has not compiled.
+    """
+
+    def __init__(
+        self, backend: Backend, program: Program, parameters: Any, state: Any, monitors: bool, axes: Any = None,
+        count: int = 1,
+    ):  # fmt: skip
+        self.backend, self.program, self.monitors = backend, program, monitors
+        self.parameters, self.axes, self.count = parameters, axes, count
+        self.layout: Layout = pack(state)[0]
+        if axes is None:
+            self._shape, numbers = pack(parameters)
+            self._p = numbers[None]
+        else:
+            self._shape, self._p = ensemble.members_of(parameters, axes)
+        self._kernel = self._compiled(state) if backend == "native" else None
+
+    def _compiled(self, state: Any) -> Kernel:
+        """The machine code of the run."""
+        p = self._p
+        if self.axes is None:
+            key = (self._shape, self.layout, specialised(p[0]), self.monitors, 1)
+        else:
+            same = np.where(np.all(p == p[:1], axis=0), p[0], np.nan)
+            key = (self._shape, self.layout, specialised(same), self.monitors, ensemble.lanes())
+        return native.kernel_for(self.program, self._shape.unpack(p[0]), state, key)
+
+    def with_parameters(self, values: Any) -> Probe:
+        """The probe with other values of the parameters, of which the code is not specialised."""
+        other = object.__new__(Probe)
+        other.__dict__.update(self.__dict__)
+        other.parameters = values
+        other._p = pack(values)[1][None] if self.axes is None else ensemble.members_of(values, self.axes)[1]
+        return other
+
+    def __call__(self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Sequence[int] | None = None) -> Probed:
+        """`steps` steps of size h (rows,) from every row."""
+        whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
+        whose = np.minimum(whose, len(self._p) - 1)
+        if self._kernel is not None:
+            return self._native(self._kernel, rows, h, steps, whose)
+        return self._xla(rows, h, steps, whose)
+
+    def _native(self, kernel: Kernel, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
+        width = 1 if self.axes is None else ensemble.lanes()
+        count = -(-len(rows) // width)
+        index = np.minimum(np.arange(count * width), len(rows) - 1).reshape(count, width)
+
+        def grouped(values: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(values[index].swapaxes(1, 2), np.float64)
+
+        s, step = grouped(rows), np.ascontiguousarray(h[index], np.float64)
+        p = np.ascontiguousarray(self._p[:1].T)[None] if len(self._p) == 1 and width == 1 else grouped(self._p[whose])
+        records = np.empty((count, kernel.record.size, width))
+        spare = np.zeros((1, max(kernel.monitor_size, 1), width))
+        extrema = np.zeros((kernel.monitor_size + len(kernel.certificates), 2, width))
+        status = np.zeros((count, 4, width), np.int64)
+        places = [(a.ctypes.data, a.strides[0] if len(a) > 1 else 0) for a in (p, step, s, records, status)]
+        beside = spare.ctypes.data, extrema.ctypes.data
+        for i in range(count):
+            p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
+            # One record is kept, that of the first of `steps`.
+            kernel.function(p_i, h_i, s_i, 1, steps, records_i, *beside, status_i)
+
+        def rowed(values: np.ndarray) -> np.ndarray:
+            return values.swapaxes(1, 2).reshape(count * width, -1)[: len(rows)]
+
+        return Probed(rowed(s), rowed(records), rowed(status)[:, 1])
+
+    def _xla(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
+        """Row by row; of an ensemble all members at once, which stand in their order in the rows."""
+        if self.axes is not None:
+            return self._xla_members(rows, h, steps, whose)
+        after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
+        for i, row in enumerate(rows):
+            state = self.layout.unpack(row)
+            found = xla.run(self.program, self.parameters, state, float(h[i]), 1, steps, self.monitors)
+            codes[i], after[i] = int(found.code), pack(found.final)[1]
+            if found.steps:
+                records[i] = pack(jax.tree.map(lambda leaf: leaf[0], found.records))[1]
+        return Probed(after, records, codes)
+
+    def _xla_members(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
+        """All members at once, as the run does: in their order in the rows, or else one row at a time in all places."""
+        count = self.count
+        together = len(rows) % count == 0 and np.array_equal(whose, np.arange(len(rows)) % count)
+        groups = (
+            np.arange(len(rows)).reshape(-1, count) if together else np.repeat(np.arange(len(rows))[:, None], count, 1)
+        )
+        parts = []
+        for group in groups:
+            given = (self.program, self.parameters, self.layout.unpack(rows[group]), float(h[group[0]]), 1, steps)
+            found = xla.run_ensemble(*given, self.monitors, axes=(self.axes, True))
+            kept = jax.tree.map(lambda leaf: leaf[:, 0], found.records)
+            part = (_rows(found.final, count), _rows(kept, count), np.asarray(found.code))
+            parts.append(part if together else tuple(x[[whose[group[0]]]] for x in part))
+        return Probed(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _rows(tree: Any, count: int) -> np.ndarray:
+    """The numbers of a PyTree with a leading axis, a row each."""
+    return np.concatenate([np.asarray(leaf, float).reshape(count, -1) for leaf in jax.tree.leaves(tree)], axis=1)

@@ -1,0 +1,239 @@
+"""Runs a program by XLA: for large systems, on GPUs, and within a user's own transformations."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from coadjoint.kernels.chunk import Chunk, EnsembleChunk
+from coadjoint.kernels.newton import solver
+from coadjoint.kernels.program import Code, Program
+
+CAPACITY = 1024
+"""The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
+
+
+ENSEMBLE_CAPACITY = 64
+"""The same for an ensemble."""
+
+
+class StepResult(NamedTuple):
+    """A step: its record, the state after it, and how its stages went."""
+
+    record: Any
+    after: Any
+    code: jax.Array
+    iterations: jax.Array
+    certificates: dict[str, jax.Array]
+
+
+def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = True) -> StepResult:
+    """One step of a program; a failed one leaves the state as it was."""
+    before = state
+
+    def substep(state, fraction):
+        result = _stages(program, parameters, state, fraction * h, certify)
+        return result.after, result
+
+    fractions = program.substeps
+    prepared = program.prepare(parameters, state)
+    if len(fractions) == 1:
+        after, result = substep(prepared, fractions[0])
+    else:
+        after, results = lax.scan(substep, jax.tree.map(jnp.asarray, prepared), np.array(fractions))
+        result = StepResult(
+            record=jax.tree.map(lambda rows: rows[0], results.record),
+            after=after,
+            code=results.code[jnp.argmax(results.code > 0)],
+            iterations=jnp.sum(results.iterations),
+            certificates={name: jnp.max(values) for name, values in results.certificates.items()},
+        )
+    after = jax.tree.map(lambda new, old: jnp.where(result.code == 0, new, old), after, before)
+    return result._replace(after=after)
+
+
+def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool) -> StepResult:
+    """The stages of a substep one after the other."""
+    code, iterations, record = jnp.asarray(int(Code.CONVERGED)), jnp.asarray(0), None
+    certificates: dict[str, jax.Array] = {}
+    for stage in program.stages:
+        part = stage.fraction * h
+        residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
+        root = solver.solve(residual, guess, part, stage.groups)
+        inside = stage.chart(parameters, state, part, root.unknowns) < 1.0
+        found = (root.code == 0) & inside
+        z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns
+        after = stage.advance(parameters, state, part, z, jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0)
+        finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
+        here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))
+        here = jnp.asarray(int(Code.CONVERGED)) if stage.tolerant else here
+        here = jnp.where((here == 0) & ~finite, int(Code.NOT_FINITE), here)
+        code = jnp.where(code > 0, code, here)
+        iterations = iterations + root.iterations
+        if record is None and not stage.tolerant:
+            record = stage.record(parameters, state, part, z)
+        if certify:
+            for name, value in stage.certificate(parameters, state, part, z, after).items():
+                certificates[name] = jnp.maximum(certificates.get(name, -jnp.inf), value)
+        state = after
+    return StepResult(record, state, code, iterations, certificates)
+
+
+class _Carry(NamedTuple):
+    state: Any
+    done: jax.Array
+    code: jax.Array
+    iterations: jax.Array
+    iterations_max: jax.Array
+    records: Any
+    monitors: dict[str, jax.Array]
+    lowest: dict[str, jax.Array]
+    highest: dict[str, jax.Array]
+
+
+@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    def observe(state):
+        result = step(program, parameters, state, h, monitored)
+        seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
+        # What is observed is a result too: it never is NaN.
+        watched = [*seen.values(), *result.certificates.values()]
+        finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
+        code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
+        if program.stops:
+            event = program.stop(parameters, state, result.after) > 0
+            code = jnp.where((code == 0) & event, int(Code.STOPPED), code)
+        after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
+        return result._replace(after=after, code=code), seen
+
+    shapes, seen_shapes = jax.eval_shape(observe, state)
+
+    def rows(shape):
+        return jnp.zeros((capacity, *shape.shape), shape.dtype)
+
+    def limits(sign):
+        watched = {**seen_shapes, **shapes.certificates}
+        return {name: jnp.full(shape.shape, sign * jnp.inf) for name, shape in watched.items()}
+
+    def advance(carry: _Carry) -> _Carry:
+        result, seen = observe(carry.state)
+        good = result.code == 0
+        row, phase = carry.done // save_every, carry.done % save_every
+        keep = good & (phase == 0)
+
+        def store(buffer, value):
+            return buffer.at[row].set(jnp.where(keep, value, buffer[row]))
+
+        watched = {**seen, **result.certificates}
+
+        def extreme(choose, old):
+            return {name: jnp.where(good, choose(old[name], value), old[name]) for name, value in watched.items()}
+
+        return _Carry(
+            state=result.after,
+            done=carry.done + good,
+            code=result.code,
+            iterations=carry.iterations + jnp.where(good, result.iterations, 0),
+            iterations_max=jnp.maximum(carry.iterations_max, result.iterations),
+            records=jax.tree.map(store, carry.records, result.record),
+            monitors=jax.tree.map(store, carry.monitors, seen),
+            lowest=extreme(jnp.minimum, carry.lowest),
+            highest=extreme(jnp.maximum, carry.highest),
+        )
+
+    nothing = jnp.asarray(0)
+    start = _Carry(
+        state, nothing, nothing, nothing, nothing,
+        jax.tree.map(rows, shapes.record), jax.tree.map(rows, seen_shapes), limits(1), limits(-1),
+    )  # fmt: skip
+    return lax.while_loop(lambda c: (c.done < steps) & (c.code == 0), advance, start)
+
+
+def run(
+    program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
+) -> Chunk:
+    """records·save_every steps of `program` from `state`, keeping every save_every-th record; records ≤ CAPACITY."""
+    with jax.enable_x64(True):
+        numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
+        end = _loop(program, parameters, state, *numbers, capacity=CAPACITY, monitored=monitors)
+        end = jax.tree.map(np.asarray, end)
+    steps = int(end.done)
+    valid = min(-(-steps // save_every), records)
+    return Chunk(
+        records=jax.tree.map(lambda rows: rows[:valid].copy(), end.records),
+        final=end.state,
+        steps=steps,
+        code=Code(int(end.code)),
+        iterations=int(end.iterations),
+        iterations_max=int(end.iterations_max),
+        monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
+        extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )
+
+
+@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+def _loops(program: Program, parameters, states, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    def one(parameters, state):
+        return _loop(program, parameters, state, h, steps, save_every, capacity=capacity, monitored=monitored)
+
+    return jax.vmap(one)(parameters, states)
+
+
+def _spread(tree: Any, axes: Any) -> Any:
+    """Every leaf with a leading member axis; `axes`, a prefix of the tree, is True where there is one already."""
+    leaves, structure = jax.tree.flatten(tree)
+    flags = jax.tree.leaves(jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes, tree))
+    count = next(np.shape(leaf)[0] for leaf, flag in zip(leaves, flags, strict=True) if flag)
+    pairs = zip(leaves, flags, strict=True)
+    whole = [leaf if flag else np.broadcast_to(leaf, (count, *np.shape(leaf))) for leaf, flag in pairs]
+    return jax.tree.unflatten(structure, whole)
+
+
+def run_ensemble(
+    program: Program,
+    parameters: Any,
+    state: Any,
+    h: float,
+    records: int,
+    save_every: int,
+    monitors: bool = True,
+    *,
+    axes: tuple[Any, Any],
+) -> EnsembleChunk:
+    """`run` for many members at once; `axes`: True where a leaf of (parameters, state) has a leading member axis.
+
+    records ≤ ENSEMBLE_CAPACITY.
+    """
+    spread = _spread((parameters, state), axes)
+    with jax.enable_x64(True):
+        numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
+        end = _loops(program, *spread, *numbers, capacity=ENSEMBLE_CAPACITY, monitored=monitors)
+        end = jax.tree.map(np.asarray, end)
+    end = end._replace(
+        records=jax.tree.map(lambda rows: rows[:, :records], end.records),
+        monitors=jax.tree.map(lambda rows: rows[:, :records], end.monitors),
+    )
+    rows = np.minimum(-(-end.done // save_every), records)
+    absent = np.arange(records) >= rows[:, None]
+
+    def blank(values):
+        values = np.array(values)
+        values[absent] = np.nan
+        return values
+
+    return EnsembleChunk(
+        records=jax.tree.map(blank, end.records),
+        final=end.state,
+        steps=end.done,
+        rows=rows,
+        code=end.code,
+        iterations=end.iterations,
+        iterations_max=end.iterations_max,
+        monitors={name: blank(values) for name, values in end.monitors.items()},
+        extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )

@@ -1,0 +1,70 @@
+"""Runs pure JAX functions on NumPy values without compiling them by XLA.
+
+For set-up, checks and tests: one evaluation costs about as much as its tracing, where XLA would take seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.kernels.trace.control import CONTROL
+from coadjoint.kernels.trace.interpreter import Interpreter
+from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of
+from coadjoint.kernels.trace.numeric import NUMERIC
+from coadjoint.kernels.untraceable import Untraceable
+
+_NUMBERS = Interpreter(NUMERIC, CONTROL)
+
+
+def traced(*values: Any) -> bool:
+    """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
+
+
+def evaluate(function: Callable, *args: Any) -> Any:
+    """function(*args) with NumPy leaves; floats count as float64.
+
+    `function` is pure and traceable by JAX, `args` are PyTrees of arrays. Primitives without a rule here
+    send the whole function through `jax.jit`. Under the user's own transformations it is traced further instead.
+    """
+    if traced(*args):
+        return function(*args)
+    return tabulate(function, *args)(*args)
+
+
+def tabulate(function: Callable, *args: Any) -> Callable:
+    """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
+
+    Control flow that depends on values stays alive. ValueError if a later call has other shapes or structure.
+    """
+    args = jax.tree_util.tree_map(_numpy, args)
+    closed, structure = jaxpr_of(function, *args)
+    expected = jax.tree_util.tree_structure(args)
+    shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
+    compiled: list[Callable] = []
+
+    def call(*values: Any) -> Any:
+        values = jax.tree_util.tree_map(_numpy, values)
+        leaves, given = jax.tree_util.tree_flatten(values)
+        if given != expected or [leaf.shape for leaf in leaves] != shapes:
+            raise ValueError("A tabulated function must be called with the structure and shapes it was traced for.")
+        if not compiled:
+            try:
+                with np.errstate(all="ignore"):
+                    outputs = _NUMBERS.run(closed, leaves)
+                return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
+            except Untraceable:
+                compiled.append(jax.jit(function))
+        with jax.enable_x64(True):
+            return jax.tree_util.tree_map(np.asarray, compiled[0](*values))
+
+    return call
+
+
+def _numpy(leaf: Any) -> np.ndarray:
+    array = np.asarray(leaf)
+    return array.astype(np.float64) if array.dtype.kind == "f" else array

@@ -1,0 +1,138 @@
+"""Indices that depend on values: a selection among all places where they may point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jax import lax
+
+from coadjoint.kernels.expressions.expression import Graph, Node, reachable
+from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
+from coadjoint.kernels.trace.movement import MOVEMENT, arranged, scatters
+from coadjoint.kernels.untraceable import Untraceable
+
+MAX_SELECTIONS = 20_000
+"""More would cost more than the step that reads them; the program goes to XLA instead."""
+
+
+def indexing_rules(graph: Graph, lift: Callable[[Array], Array]) -> dict[str, Rule]:
+    """Slices, gathers and their transpose whose starts are expressions; with numbers they are data movement."""
+
+    def dynamic_slice(p: Any, x: Array, *starts: Array) -> Array:
+        if not any(map(symbolic, starts)):
+            return MOVEMENT["dynamic_slice"](p, lift(x), *starts)
+        return window(graph, lift(x), [_entry(graph, start) for start in starts], p["slice_sizes"])
+
+    def gather(p: Any, operand: Array, indices: Array) -> Array:
+        if not symbolic(indices):
+            return MOVEMENT["gather"](p, lift(operand), indices)
+        return _gather(graph, p, lift(operand), indices)
+
+    added = scatters(graph.add, graph.sub, graph.mul, *(partial(graph.apply, name) for name in ("min", "max")))[
+        "scatter-add"
+    ]
+
+    def scatter_add(p: Any, operand: Array, indices: Array, updates: Array) -> Array:
+        if not symbolic(indices):
+            return added(p, lift(operand), indices, lift(updates))
+        return _scatter_add(graph, p, lift(operand), indices, lift(updates))
+
+    return {"dynamic_slice": dynamic_slice, "gather": gather, "scatter-add": scatter_add}
+
+
+def _entry(graph: Graph, index: Array) -> Node:
+    """An index as an expression."""
+    value = index[()]
+    return value if isinstance(value, Node) else graph.constant(float(value))
+
+
+def window(graph: Graph, x: Array, starts: Sequence[Node], sizes: Sequence[int]) -> Array:
+    """x[start : start + size] along every axis, the starts moved inside as XLA does."""
+    for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
+        last = x.shape[axis] - size
+        lines = [np.take(x, range(k, k + size), axis) for k in range(last + 1)]
+        if last * lines[0].size > MAX_SELECTIONS:
+            raise Untraceable("dynamic_slice", "its index depends on values and may point to too many places")
+        chosen = lines[-1]
+        for k in reversed(range(last)):
+            here = graph.apply("le", start, graph.constant(float(k)))
+            chosen = np.asarray(np.frompyfunc(lambda a, b, c=here: graph.select(c, a, b), 2, 1)(lines[k], chosen))
+        x = chosen
+    return x
+
+
+def _gather(graph: Graph, p: Any, operand: Array, indices: Array) -> Array:
+    d, sizes, lead = p.fields("dimension_numbers"), p["slice_sizes"], indices.shape[:-1]
+    _require_few("gather", operand, lead)
+    into, batching = d.start_index_map, (d.operand_batching_dims, d.start_indices_batching_dims)
+    windows = np.empty((*lead, *sizes), object)
+    for position in np.ndindex(*lead):
+        starts = _starts(graph, indices, position, operand.ndim, into, batching)
+        found = window(graph, operand, starts, sizes)
+        if p["mode"] == lax.GatherScatterMode.FILL_OR_DROP:
+            found = _filled(graph, p, found, starts, [n - s for n, s in zip(operand.shape, sizes, strict=True)])
+        windows[position] = found
+    return arranged(d, windows, len(lead))
+
+
+def _require_few(primitive: str, operand: Array, lead: tuple[int, ...]) -> None:
+    if operand.size * math.prod(lead) > MAX_SELECTIONS:
+        raise Untraceable(primitive, "its indices depend on values and may point to too many places")
+
+
+def _starts(
+    graph: Graph, indices: Array, position: tuple[int, ...], rank: int, into: Sequence[int], batching: tuple
+) -> list[Node]:
+    """Where the window of one row of indices begins, along each axis."""
+    starts = [graph.zero] * rank
+    for column, axis in enumerate(into):
+        starts[axis] = indices[(*position, column)]
+    for axis, batch in zip(*batching, strict=True):
+        starts[axis] = graph.constant(float(position[batch]))
+    return starts
+
+
+def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: Array) -> Array:
+    """Each window of the updates is added wherever it may belong, times one where it does and zero elsewhere."""
+    if any(node.op == "placeholder" for node in reachable([n for n in indices.reshape(-1) if isinstance(n, Node)])):
+        raise Untraceable("lu", "its factors are used outside a linear solve, for more than 3 unknowns")
+    d, lead = p.fields("dimension_numbers"), indices.shape[:-1]
+    _require_few("scatter-add", operand, lead)
+    window = list(d.update_window_dims)
+    gone = {*d.inserted_window_dims, *d.operand_batching_dims}
+    kept = iter(updates.shape[axis] for axis in window)
+    sizes = [1 if axis in gone else next(kept) for axis in range(operand.ndim)]
+    ahead = [axis for axis in range(updates.ndim) if axis not in window]
+    windows = updates.transpose([*ahead, *window]).reshape((*lead, *sizes))
+    into, batching = d.scatter_dims_to_operand_dims, (d.operand_batching_dims, d.scatter_indices_batching_dims)
+    clip = p["mode"] == lax.GatherScatterMode.CLIP
+    last = [n - size for n, size in zip(operand.shape, sizes, strict=True)]
+    out = operand.copy()
+    for position in np.ndindex(*lead):
+        starts = _starts(graph, indices, position, operand.ndim, into, batching)
+        if clip:
+            low = [graph.apply("max", start, graph.zero) for start in starts]
+            starts = [graph.apply("min", s, graph.constant(float(n))) for s, n in zip(low, last, strict=True)]
+        for place in np.ndindex(*(n + 1 for n in last)):
+            here = graph.true
+            for start, k in zip(starts, place, strict=True):
+                here = graph.apply("and", here, graph.apply("eq", start, graph.constant(float(k))))
+            cells = tuple(slice(k, k + size) for k, size in zip(place, sizes, strict=True))
+            one = np.frompyfunc(lambda x, y, h=here: graph.add(x, graph.select(h, y, graph.zero)), 2, 1)
+            out[cells] = one(out[cells], windows[position])
+    return out
+
+
+def _filled(graph: Graph, p: Any, found: Array, starts: Sequence[Node], last: Sequence[int]) -> Array:
+    """A window outside its array is filled, by NaN unless JAX says otherwise."""
+    inside = graph.true
+    for start, end in zip(starts, last, strict=True):
+        low = graph.apply("le", graph.zero, start)
+        high = graph.apply("le", start, graph.constant(float(end)))
+        inside = graph.apply("and", inside, graph.apply("and", low, high))
+    fill = graph.constant(math.nan if p["fill_value"] is None else float(p["fill_value"]))
+    return np.asarray(np.frompyfunc(lambda x: graph.select(inside, x, fill), 1, 1)(found))

@@ -1,0 +1,182 @@
+"""The primitives on numbers, by NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.special
+from jax import lax
+
+from coadjoint.kernels.expressions.operations import BINARY, UNARY
+from coadjoint.kernels.trace.interpreter import Array, Rule
+from coadjoint.kernels.trace.movement import MOVEMENT, scatters
+from coadjoint.kernels.untraceable import Untraceable
+
+
+def _divide(p: Any, x: Array, y: Array) -> Any:
+    if np.issubdtype(x.dtype, np.floating):
+        return np.divide(x, y)
+    return np.trunc(np.divide(x, y)).astype(x.dtype)
+
+
+def _select(p: Any, which: Array, *cases: Array) -> Array:
+    return np.where(which, cases[1], cases[0]) if which.dtype == bool else np.choose(which, cases)
+
+
+def round_name(parameters: Any) -> str:
+    """The name of the rounding that a `round` equation specifies."""
+    even = parameters["rounding_method"] == lax.RoundingMethod.TO_NEAREST_EVEN
+    return "round_even" if even else "round_away"
+
+
+def matricize(p: Any, x: Array, y: Array) -> tuple[Array, Array, tuple[int, ...]]:
+    """The factors of a dot_general as stacks (b, m, k) and (b, k, n), and the shape of the result."""
+    (cx, cy), (bx, by) = p["dimension_numbers"]
+    free_x = [axis for axis in range(x.ndim) if axis not in (*cx, *bx)]
+    free_y = [axis for axis in range(y.ndim) if axis not in (*cy, *by)]
+    batch, m, n = ([a.shape[i] for i in axes] for a, axes in ((x, bx), (x, free_x), (y, free_y)))
+    count = int(np.prod([x.shape[i] for i in cx]))
+    stack = int(np.prod(batch))
+    left = x.transpose([*bx, *free_x, *cx]).reshape(stack, int(np.prod(m)), count)
+    right = y.transpose([*by, *cy, *free_y]).reshape(stack, count, int(np.prod(n)))
+    return left, right, (*batch, *m, *n)
+
+
+def _dot(p: Any, x: Array, y: Array) -> Array:
+    left, right, shape = matricize(p, x, y)
+    return np.matmul(left, right).reshape(shape)
+
+
+def _reduction(function: Callable) -> Rule:
+    return lambda p, x: function(x, axis=tuple(p["axes"]))
+
+
+def _extremum(function: Callable, lowest: bool) -> Rule:
+    """XLA reduces an empty array to the identity of the reduction, −∞ for a maximum."""
+
+    def rule(p: Any, x: Array) -> Array:
+        if x.size:
+            return function(x, axis=tuple(p["axes"]))
+        info = np.iinfo(x.dtype) if x.dtype.kind in "iu" else None
+        ends = (info.min, info.max) if info else (-np.inf, np.inf)
+        return function(x, axis=tuple(p["axes"]), initial=ends[0] if lowest else ends[1])
+
+    return rule
+
+
+def _arg(function: Callable) -> Rule:
+    return lambda p, x: function(x, axis=p["axes"][0])
+
+
+def _cumulative(function: Callable) -> Rule:
+    def rule(p: Any, x: Array) -> Array:
+        axis = p["axis"]
+        return np.flip(function(np.flip(x, axis), axis=axis), axis) if p["reverse"] else function(x, axis=axis)
+
+    return rule
+
+
+def _iota(p: Any) -> Array:
+    line = [1] * len(p["shape"])
+    line[p["dimension"]] = -1
+    return np.broadcast_to(np.arange(p["shape"][p["dimension"]]).reshape(line), p["shape"])
+
+
+def _polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
+    """a₀ + x (a₁ + x (a₂ + …))."""
+    return np.broadcast_arrays(reduce(lambda y, a: y * x + a, coefficients[::-1]), x)[0]
+
+
+def _lu(p: Any, a: Array) -> list[Array]:
+    if a.ndim > 2:
+        parts = [_lu(p, b) for b in a]
+        return [np.stack(part) for part in zip(*parts, strict=True)]
+    # LAPACK itself: SciPy's lu_factor warns of a singular matrix, which here, as by XLA, gives infinities.
+    (factorise,) = scipy.linalg.get_lapack_funcs(("getrf",), (a,))
+    factors, pivots = factorise(a)[:2] if a.size else (a, np.zeros(0, dtype=int))
+    order = np.arange(a.shape[0])
+    for i, j in enumerate(pivots):
+        order[[i, j]] = order[[j, i]]
+    return [factors, pivots, order]
+
+
+def _triangular(p: Any, a: Array, b: Array) -> Array:
+    """a x = b, or x a = b, for triangular a by substitution: row after row, over all leading axes at once."""
+    lower = p["lower"]
+    if p["transpose_a"] == p["left_side"]:  # aᵀ x = b, or x a = b, which is aᵀ xᵀ = bᵀ
+        a, lower = np.swapaxes(a, -1, -2), not lower
+    x = np.array(b if p["left_side"] else np.swapaxes(b, -1, -2))
+    size = a.shape[-1]
+    for i in range(size) if lower else reversed(range(size)):
+        known = slice(0, i) if lower else slice(i + 1, size)
+        x[..., i, :] -= np.einsum("...k,...kj->...j", a[..., i, known], x[..., known, :])
+        if not p["unit_diagonal"]:
+            x[..., i, :] /= a[..., i, i, None]
+    return x if p["left_side"] else np.swapaxes(x, -1, -2)
+
+
+def _sort(p: Any, *operands: Array) -> list[Array]:
+    keys = operands[: p["num_keys"]]
+    if operands[0].ndim == 1 or p["num_keys"] == 1:
+        order = np.argsort(keys[0], axis=p["dimension"], kind="stable") if len(keys) == 1 else np.lexsort(keys[::-1])
+        return [np.take_along_axis(x, order, p["dimension"]) for x in operands]
+    raise Untraceable("sort", "several keys along one of several axes")
+
+
+def _cholesky(a: np.ndarray) -> np.ndarray:
+    """L with LLᵀ = a; NaN where a is not positive definite, as JAX has it."""
+    try:
+        return np.linalg.cholesky(a)
+    except np.linalg.LinAlgError:
+        return np.full_like(a, np.nan)
+
+
+NUMERIC: dict[str, Rule] = {
+    **MOVEMENT,
+    **{name: (lambda p, x, f=f: f(x)) for name, f in UNARY.items()},
+    **{name: (lambda p, x, y, f=f: f(x, y)) for name, f in BINARY.items()},
+    **scatters(np.add, np.subtract, np.multiply, np.minimum, np.maximum),
+    "add_any": lambda p, x, y: np.add(x, y),
+    "argmax": _arg(np.argmax),
+    "argmin": _arg(np.argmin),
+    "cholesky": lambda p, a: _cholesky(a),
+    "clamp": lambda p, low, x, high: np.minimum(np.maximum(x, low), high),
+    "convert_element_type": lambda p, x: x.astype(p["new_dtype"]),
+    "cummax": _cumulative(np.maximum.accumulate),
+    "cummin": _cumulative(np.minimum.accumulate),
+    "cumprod": _cumulative(np.cumprod),
+    "cumsum": _cumulative(np.cumsum),
+    "digamma": lambda p, x: scipy.special.digamma(x),
+    "erf_inv": lambda p, x: scipy.special.erfinv(x),
+    "lgamma": lambda p, x: scipy.special.gammaln(x),
+    "det": lambda p, a: np.linalg.det(a),
+    "div": _divide,
+    "dot_general": _dot,
+    "eq_to": lambda p, x, y: np.equal(x, y),
+    "le_to": lambda p, x, y: np.less_equal(x, y),
+    "lt_to": lambda p, x, y: np.less(x, y),
+    "integer_pow": lambda p, x: x ** p["y"] if p["y"] >= 0 else 1.0 / x ** -p["y"],
+    "empty": lambda p: np.zeros(p["shape"], p["dtype"]),
+    "iota": _iota,
+    "logistic": lambda p, x: scipy.special.expit(x),
+    "lu": _lu,
+    "one_minus_square": lambda p, x: (1 - x) * (1 + x),
+    "polynomial": _polynomial,
+    "reduce_and": _reduction(np.all),
+    "reduce_max": _extremum(np.max, lowest=True),
+    "reduce_min": _extremum(np.min, lowest=False),
+    "reduce_or": _reduction(np.any),
+    "reduce_prod": _reduction(np.prod),
+    "reduce_sum": _reduction(np.sum),
+    "round": lambda p, x: UNARY[round_name(p)](x),
+    "rsqrt": lambda p, x: 1.0 / np.sqrt(x),
+    "select_n": _select,
+    "sort": _sort,
+    "square": lambda p, x: x * x,
+    "triangular_solve": _triangular,
+}
+"""What `evaluate` runs, and what folds constants in the tracer."""

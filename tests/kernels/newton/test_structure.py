@@ -1,0 +1,65 @@
+"""The block triangular order, and systems that need pivots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from equations import Equations, Still
+
+from coadjoint.kernels.newton.structure import blocks, matching
+from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import native
+
+
+def test_blocks_come_before_those_that_need_them():
+    # Unknown 2 alone; 0 and 1 need each other and 2; 3 needs 1.
+    assert blocks([[0, 1, 2], [0, 1], [2], [1, 3]]) == [[2], [0, 1], [3]]
+
+
+def test_rows_are_matched_to_unknowns_off_the_diagonal():
+    assert matching([[1], [0, 2], [0]]) == [2, 0, 1]
+    assert matching([[0], [0], [1, 2]]) is None
+
+
+def found(matrix, right, curved=0.0):
+    return native.run(Still((Equations(curved),)), matrix, right, 0.1, 1, 1)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 7, 9])
+@pytest.mark.parametrize("curved", [0.0, 0.1], ids=["affine", "curved"])
+def test_newton_solves_systems_of_every_size(n, curved):
+    random = np.random.default_rng(n)
+    matrix, right = np.eye(n) * 3 + random.normal(size=(n, n)) / 2, random.normal(size=n)
+    chunk = found(matrix, right, curved)
+    assert chunk.code is Code.CONVERGED
+    np.testing.assert_allclose(matrix @ chunk.records[0] + curved * np.sin(chunk.records[0]), right, atol=1e-13)
+    assert chunk.iterations == 2 or curved
+
+
+@pytest.mark.parametrize("n", [4, 6, 7])
+def test_a_singular_corner_is_solved_with_pivots(n):
+    random = np.random.default_rng(3)
+    matrix, right = random.normal(size=(n, n)), random.normal(size=n)
+    # The corner that the closed form would invert has no inverse, but no zeros either.
+    matrix[:3, :3] = np.outer([1.0, 2.0, 3.0], [1.0, 0.5, 0.7])
+    chunk = found(matrix, right)
+    np.testing.assert_allclose(chunk.records[0], np.linalg.solve(matrix, right), rtol=1e-10)
+
+
+@pytest.mark.parametrize("n", [3, 6])
+def test_rows_and_columns_may_have_any_scale(n):
+    random = np.random.default_rng(4)
+    rows, columns = 10.0 ** random.integers(-9, 9, size=n), 10.0 ** random.integers(-9, 9, size=n)
+    matrix = (np.eye(n) * 3 + random.normal(size=(n, n)) / 2) * rows[:, None] * columns
+    exact = random.normal(size=n) / columns
+    np.testing.assert_allclose(found(matrix, matrix @ exact).records[0] * columns, exact * columns, rtol=1e-11)
+
+
+def test_a_zero_diagonal_is_no_obstacle():
+    matrix = np.array([[0.0, 2.0, 0.0], [0.0, 0.0, 4.0], [8.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(found(matrix, np.ones(3)).records[0], [0.125, 0.5, 0.25])
+
+
+def test_a_singular_system_is_not_finite():
+    assert found(np.ones((3, 3)), np.array([1.0, 2.0, 3.0])).code is Code.NOT_FINITE
+    assert found(np.ones((6, 6)), np.arange(6.0)).code is Code.NOT_FINITE

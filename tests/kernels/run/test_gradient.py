@@ -1,0 +1,101 @@
+"""The native adjoint equals the derivative that JAX takes of plain Newton's steps, to round-off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from vehicle import PAPER, LeftRectangle, VehicleProgram, start
+
+from coadjoint.kernels.program import Code
+from coadjoint.kernels.run import gradient, xla
+
+H, RECORDS, EVERY = 0.01, 3, 5
+
+PROGRAMS = {
+    "one stage": VehicleProgram(),
+    "three stages": VehicleProgram(tuple(LeftRectangle(fraction) for fraction in (0.4, 0.2, 0.4))),
+}
+
+
+def of_records(records):
+    return 0.1 * jnp.sum(records.n**2) + jnp.sum(records.xi**3)
+
+
+def of_final(final):
+    return jnp.sum(final.n**2) + 3.0 * final.g[0, 1] + final.mu @ jnp.arange(3.0)
+
+
+def through_xla(program):
+    """The gradient by parameters, state and h of of_records + of_final."""
+
+    def total(p, s, h):
+        def step(state, _):
+            result = xla.step(program, p, state, h, certify=False)
+            return result.after, result.record
+
+        final, records = jax.lax.scan(step, s, None, length=RECORDS * EVERY)
+        return of_records(jax.tree.map(lambda x: x[::EVERY], records)) + of_final(final)
+
+    return jax.jit(jax.grad(total, (0, 1, 2)))
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_adjoint_equals_the_gradient_through_xla(name):
+    program, s = PROGRAMS[name], start(H, [1.0, -2.0, 3.0])
+    chunk, pull = gradient.vjp(program, PAPER, s, H, RECORDS, EVERY)
+    with jax.enable_x64(True):
+        records_bar, final_bar = jax.grad(of_records)(chunk.records), jax.grad(of_final)(chunk.final)
+        theirs = jax.tree.map(np.asarray, through_xla(program)(PAPER, s, H))
+    ours = pull(jax.tree.map(np.asarray, records_bar), jax.tree.map(np.asarray, final_bar))
+    for x, y in zip(jax.tree.leaves(tuple(ours)), jax.tree.leaves(theirs), strict=True):
+        assert x.shape == y.shape
+        np.testing.assert_allclose(x, y, rtol=1e-12, atol=1e-13 * np.max(np.abs(y)))
+
+
+def test_the_adjoint_of_a_long_run_equals_differences():
+    s = start(H)
+    steps, shift = 2000, 1e-4
+    chunk, pull = gradient.vjp(VehicleProgram(), PAPER, s, H, 1, steps)
+    final_bar = jax.tree.map(np.zeros_like, chunk.final)._replace(n=np.array([0.0, 0.0, 1.0]))
+    along = np.array([1.0, 2.0, 3.0])
+    ends = [
+        gradient.native.run(VehicleProgram(), PAPER, s._replace(pi=s.pi + e * along), H, 1, steps).final.n[2]
+        for e in (shift, -shift)
+    ]
+    assert pull(None, final_bar).state.pi @ along == pytest.approx((ends[0] - ends[1]) / (2 * shift), rel=1e-6)
+
+
+@dataclass(frozen=True)
+class Ending(LeftRectangle):
+    """Leaves its chart at t = `end`."""
+
+    end: float = 0.0
+
+    def chart(self, p, s, h, z):
+        return jnp.where(s.t < self.end - 0.5 * h, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("end", [0.0, 0.04, 0.24], ids=["first", "early", "last"])
+def test_a_run_that_fails_has_no_derivative(end):
+    chunk, pull = gradient.vjp(VehicleProgram((Ending(end=end),)), PAPER, start(H), H, 5, 5)
+    assert (chunk.code, chunk.steps) == (Code.BEYOND_CHART, round(end / H))
+    assert all(np.all(np.isnan(leaf)) for leaf in jax.tree.leaves(tuple(pull(None, chunk.final))))
+
+
+def test_a_pullback_goes_forward_twice(monkeypatch):
+    """Once for the checkpoints, once for the tape."""
+    launch, steps = gradient.native.launch, []
+
+    def counted(kernel, p, h, s, records, save_every):
+        steps.append(records * save_every)
+        return launch(kernel, p, h, s, records, save_every)
+
+    chunk = gradient.native.run(VehicleProgram(), PAPER, start(H), H, 1, 400)
+    monkeypatch.setattr(gradient.native, "launch", counted)
+    monkeypatch.setattr(gradient, "STRETCH", 1)
+    gradient.pullback(VehicleProgram(), PAPER, start(H), H, 1, 400)(None, chunk.final)
+    assert sum(steps) == 400 + 380
