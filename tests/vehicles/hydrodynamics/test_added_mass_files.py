@@ -47,7 +47,8 @@ def wamit_rows(matrix, period=0.0, damping=""):
 def wamit(path, rows, **other):
     file = path / "vehicle.1"
     file.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return wamit_added_mass(file, **{"length": LENGTH, "fluid_density": DENSITY, "axes": "z_up", **other})
+    given = {"length": LENGTH, "fluid_density": DENSITY, "axes": "z_up", "infinite_frequency": "zero", **other}
+    return wamit_added_mass(file, **given)
 
 
 def dataset(matrix, measure="omega", values=(1.0, 2.0, np.inf), order=MODES):
@@ -143,6 +144,42 @@ def test_limits_of_frequency_that_are_exchanged_are_found_out_and_can_be_named(t
     with pytest.raises(FileError, match=r'exchanged.*infinite_frequency="negative"'):
         wamit(tmp_path, rows)
     assert close(wamit(tmp_path, rows, axes="z_down", infinite_frequency="negative"), matrix)
+
+
+def test_a_wamit_file_with_one_limit_only_is_warned_of_unless_it_is_said_what_it_marks(tmp_path):
+    """Some programs write the rows of zero frequency, which are larger, at PERIOD = 0."""
+    rows = [*wamit_rows(computed()), *wamit_rows(1.3 * computed(), period=5.0, damping=" 1.0E-02")]
+    with pytest.warns(UserWarning, match="none at PERIOD < 0, so that nothing shows"):
+        wamit(tmp_path, rows, infinite_frequency=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        wamit(tmp_path, rows, infinite_frequency="zero")
+        wamit(tmp_path, [*rows, *wamit_rows(1.2 * computed(), period=-1.0)], infinite_frequency=None)
+
+
+@pytest.mark.parametrize("form", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
+def test_netcdf_3_files_are_read_as_netcdf_4_ones(tmp_path, form):
+    """xarray writes them where it finds no library of netCDF 4."""
+    dataset(computed()).to_netcdf(tmp_path / "three.nc", engine="scipy", format=form)
+    assert close(capytaine_added_mass(tmp_path / "three.nc", axes="z_down"), computed())
+
+
+def test_the_highest_frequency_stands_in_for_an_infinite_one_only_if_asked(tmp_path):
+    held = dataset(computed(), values=(1.0, 80.0, 2.0))
+    held["added_mass"][1] /= 1.1
+    assert close(capytaine(tmp_path, held, axes="z_down", frequency="highest"), computed())
+    with pytest.raises(FileError, match='frequency="highest"'):
+        capytaine(tmp_path, held)
+
+
+def test_an_empty_file_is_called_empty(tmp_path):
+    """What an interrupted `to_netcdf` leaves: no bytes at all, or a netCDF file without variables."""
+    (tmp_path / "bytes.nc").write_bytes(b"")
+    xarray.Dataset().to_netcdf(tmp_path / "four.nc", engine="h5netcdf")
+    xarray.Dataset().to_netcdf(tmp_path / "three.nc", engine="scipy")
+    for name in ("bytes.nc", "four.nc", "three.nc"):
+        with pytest.raises(FileError, match=r"is empty: .*capytaine\.export_dataset"):
+            capytaine_added_mass(tmp_path / name, axes="z_up")
 
 
 @pytest.mark.parametrize(("measure", "infinite"), [("omega", np.inf), ("period", 0.0), ("wavelength", 0.0)])
@@ -247,7 +284,7 @@ def over(name, values):
         (dataset(computed()).assign_coords(forward_speed=1.5), "forward speed"),
         (dataset(computed()).isel(omega=[0, 1]), "no infinite frequency .* 1 to 2: add omega=numpy.inf"),
         (dataset(computed()).isel(omega=2, drop=True), "no omega, period"),
-        (dataset(computed()).isel(omega=[0, 2, 2]), "infinite frequency 2 times"),
+        (dataset(computed()).isel(omega=[0, 2, 2]), "omega = inf 2 times"),
         (dataset(computed()).astype(str), "must be real numbers"),
         (dataset(np.nan * computed()), "not finite"),
         (dataset(-computed()), "kinetic energy of water is positive"),
@@ -265,7 +302,7 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path):
         with pytest.raises(FileError, match=sentence):
             wamit_added_mass(tmp_path / name, **given)
     Path(tmp_path / "text.nc").write_text("PERIOD I J", encoding="utf-8")
-    for name, sentence in (("none.nc", "There is no file"), ("text.nc", "not a netCDF 4 file")):
+    for name, sentence in (("none.nc", "There is no file"), ("text.nc", "not a netCDF file")):
         with pytest.raises(FileError, match=sentence):
             capytaine_added_mass(tmp_path / name, axes="z_up")
     with pytest.raises(FileError, match="does not name one density"):

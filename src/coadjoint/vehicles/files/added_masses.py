@@ -129,7 +129,9 @@ def _file(section: Section, form: str, density: float, folder: Path) -> np.ndarr
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             if form == "wamit":
-                mark = section.text("infinite_frequency", "zero", ("zero", "negative"))
+                mark = None
+                if "infinite_frequency" in section:
+                    mark = section.text("infinite_frequency", None, ("zero", "negative"))
                 found = wamit_added_mass(
                     path,
                     length=section.positive("ulen", u.LENGTH),
@@ -139,7 +141,13 @@ def _file(section: Section, form: str, density: float, folder: Path) -> np.ndarr
                     infinite_frequency=mark,  # pyright: ignore[reportArgumentType]
                 )
             else:
-                found = capytaine_added_mass(path, axes=panel_axes, origin=origin, fluid_density=density)
+                found = capytaine_added_mass(
+                    path,
+                    axes=panel_axes,
+                    origin=origin,
+                    fluid_density=density,
+                    frequency=section.text("frequency", "infinite", ("infinite", "highest")),  # pyright: ignore
+                )
     except (FileError, ArgumentError) as error:
         if str(error).startswith(section.book.path):
             raise

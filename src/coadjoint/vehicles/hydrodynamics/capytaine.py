@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from coadjoint.errors import FileError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
@@ -16,6 +16,9 @@ MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 INFINITE = {"omega": np.inf, "freq": np.inf, "wavenumber": np.inf, "period": 0.0, "wavelength": 0.0}
 """What each measure of frequency is at infinite frequency."""
 DEGREES = ("radiating_dof", "influenced_dof")
+ENGINES = {b"\x89HDF": "h5netcdf", b"CDF\x01": "scipy", b"CDF\x02": "scipy"}
+"""What reads a file that begins so: netCDF 4 is HDF5, netCDF 3 is what xarray writes where it finds only scipy."""
+SAVE = "capytaine.export_dataset(path, dataset)"
 
 
 def capytaine_added_mass(
@@ -24,27 +27,31 @@ def capytaine_added_mass(
     axes: Any,
     origin: Any = (0.0, 0.0, 0.0),
     fluid_density: float | None = None,
+    frequency: Literal["infinite", "highest"] = "infinite",
 ) -> np.ndarray:
     """The added mass matrix (6, 6) at infinite frequency of one body, from a netCDF file of Capytaine.
 
     The file holds added_mass over omega (or period, freq, wavenumber, wavelength), radiating_dof and influenced_dof, in
     SI units for the density rho that it names; the entry at ω = ∞ (period 0) is taken.
 
-    path: the file, as `to_netcdf` writes it. axes: "z_up", the axes of Capytaine for a body that looks along x:
-    forward, port, up; "z_down", or the rotation (3, 3) from the axes of the file to those of the body. origin: the
-    body's origin in the axes of the file, from the centre of rotation of Roll, Pitch and Yaw, (3,) m. fluid_density: ρ,
-    kg/m³, to which the added mass is scaled; by default the rho of the file.
+    path: the file, netCDF 3 or 4, as `capytaine.export_dataset` writes it. axes: "z_up", the axes of Capytaine for a
+    body that looks along x: forward, port, up; "z_down", or the rotation (3, 3) from the axes of the file to those of
+    the body. origin: the body's origin in the axes of the file, from the centre of rotation of Roll, Pitch and Yaw,
+    (3,) m. fluid_density: ρ, kg/m³, to which the added mass is scaled; by default the rho of the file. frequency:
+    "highest" takes the highest frequency of a file that has no infinite one, in its place.
     Returns kg, kg m, kg m² in the axes of the body, for `general_vehicle`. Raises FileError for a file that is not such
     a one, has several bodies, densities or depths, a forward speed, or no infinite frequency; ArgumentError. Warns
     where the mean of A and Aᵀ is more than 1 % away. Source: Capytaine's manual, "Export outputs".
     """
     density = None if fluid_density is None else positive(fluid_density, "fluid_density")
+    if frequency not in ("infinite", "highest"):
+        raise ArgumentError(f'Argument `frequency` must be "infinite" or "highest", but is {frequency!r}.')
     source = Path(path)
     dataset = _dataset(source)
     _require_one_body(dataset, source)
-    found = _at_infinite_frequency(dataset, source)
+    found = _at_frequency(dataset, source, frequency)
     if not np.all(np.isfinite(found)):
-        raise FileError(f"The added mass in {source} is not finite at infinite frequency: compute that case again.")
+        raise FileError(f"The added mass in {source} is not finite at {frequency} frequency: compute that case again.")
     if density is not None:
         found = found * (density / _density(dataset, source))
     return computed_added_mass(found, source, axes, origin)
@@ -56,12 +63,18 @@ def _dataset(source: Path) -> Any:
     if not source.is_file():
         raise FileError(f"There is no file {source}.")
     try:
-        with xarray.open_dataset(source, engine="h5netcdf") as opened:
+        with source.open("rb") as opened:
+            engine = ENGINES.get(opened.read(4))
+        if engine is None:
+            raise ValueError("neither HDF5 nor netCDF 3")
+        with xarray.open_dataset(source, engine=engine) as opened:
             dataset = opened.load()
     except Exception as error:
-        raise FileError(
-            f'The file {source} is not a netCDF 4 file: write it by dataset.to_netcdf(path, engine="h5netcdf").'
-        ) from error
+        if source.stat().st_size == 0:
+            raise FileError(_empty(source)) from None
+        raise FileError(f"The file {source} is not a netCDF file that can be read: write it by {SAVE}.") from error
+    if not dataset.variables:
+        raise FileError(_empty(source))
     if "added_mass" not in dataset:
         held = ", ".join(sorted(map(str, dataset.data_vars))[:6]) or "nothing"
         raise FileError(
@@ -73,6 +86,13 @@ def _dataset(source: Path) -> Any:
     if missing:
         raise FileError(f"The added_mass in {source} has no dimension {missing[0]}: it is not a dataset of Capytaine.")
     return dataset
+
+
+def _empty(source: Path) -> str:
+    return (
+        f"The file {source} is empty: writing it was interrupted, as dataset.to_netcdf does with datasets of Capytaine "
+        f"3.0. Write it by {SAVE}."
+    )
 
 
 def _require_one_body(dataset: Any, source: Path) -> None:
@@ -91,24 +111,26 @@ def _require_one_body(dataset: Any, source: Path) -> None:
         raise FileError(f"The file {source} was computed with a forward speed: the added mass of a vehicle needs none.")
 
 
-def _at_infinite_frequency(dataset: Any, source: Path) -> np.ndarray:
+def _at_frequency(dataset: Any, source: Path, frequency: str) -> np.ndarray:
     """A_ij, i the mode that feels the force (influenced) and j the one that moves (radiating)."""
     array = dataset["added_mass"]
     measure = next((name for name in INFINITE if name in array.dims), None)
-    if measure is not None:
-        chosen = np.flatnonzero(array[measure].values == INFINITE[measure])
-    else:
+    if measure is None:
         measure = next((name for name in INFINITE if name in dataset.coords), None)
-        if measure is None:
-            raise FileError(f"The added_mass in {source} has no omega, period or other frequency.")
-        chosen = np.flatnonzero(np.atleast_1d(dataset[measure].values) == INFINITE[measure])
+    if measure is None:
+        raise FileError(f"The added_mass in {source} has no omega, period or other frequency.")
+    values, wanted = np.atleast_1d(dataset[measure].values), INFINITE[measure]
+    if frequency == "highest":
+        wanted = np.max(values) if wanted > 0 else np.min(values)
+    chosen = np.flatnonzero(values == wanted)
     if len(chosen) == 0:
         raise FileError(
             f"The file {source} has no infinite frequency ({measure} = {INFINITE[measure]:g}), but "
-            f"{_range(dataset[measure].values)}: add omega=numpy.inf to the cases that Capytaine solves."
+            f"{_range(dataset[measure].values)}: add omega=numpy.inf to the cases that Capytaine solves, or take the "
+            'highest in its place by frequency="highest".'
         )
     if len(chosen) > 1:
-        raise FileError(f"The file {source} has infinite frequency {len(chosen)} times: keep one of them.")
+        raise FileError(f"The file {source} has {measure} = {wanted:g} {len(chosen)} times: keep one of them.")
     if measure in array.dims:
         array = array.isel({measure: int(chosen[0])})
     several = [str(name) for name in array.dims if name not in DEGREES and array.sizes[name] > 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,7 +24,7 @@ def wamit_added_mass(
     fluid_density: float,
     axes: Any,
     origin: Any = (0.0, 0.0, 0.0),
-    infinite_frequency: Literal["zero", "negative"] = "zero",
+    infinite_frequency: Literal["zero", "negative"] | None = None,
 ) -> np.ndarray:
     """The added mass matrix (6, 6) at infinite frequency of one body, from a file `.1` of WAMIT.
 
@@ -33,12 +34,14 @@ def wamit_added_mass(
     path: the file. length: L, m, ULEN of the geometry file. fluid_density: ρ, kg/m³. axes: "z_up" if the axes of the
     file are forward, port, up; "z_down" if forward, starboard, down; or the rotation (3, 3) from them to the body's.
     origin: the body's origin in the axes of the file, from the point to which its moments refer, (3,) m.
-    infinite_frequency: "negative" for files that mark it by PERIOD < 0, as Capytaine's export to this format does.
+    infinite_frequency: "zero" if PERIOD = 0 marks it, as in WAMIT, "negative" for files that mark it by PERIOD < 0, as
+    Capytaine 2.3 and, for some bodies, HAMS write them. By default "zero", with a warning where the file has one limit
+    only, so that nothing shows which one it is.
     Returns kg, kg m, kg m² in the axes of the body, for `general_vehicle`. Raises FileError for a file that is not such
     a one, has several bodies, or lets more water move at infinite frequency than at zero; ArgumentError. Warns where
     the mean of A and Aᵀ is more than 1 % away. Source: WAMIT user manual, chapter 4.
     """
-    if infinite_frequency not in ("zero", "negative"):
+    if infinite_frequency not in ("zero", "negative", None):
         raise ArgumentError(
             'Argument `infinite_frequency` must be "zero" (PERIOD = 0) or "negative" (PERIOD < 0), but is '
             f"{infinite_frequency!r}."
@@ -52,7 +55,7 @@ def wamit_added_mass(
     if infinite_frequency == "negative":
         infinite, steady = steady, infinite
     if not infinite:
-        sign = "= 0" if infinite_frequency == "zero" else "< 0"
+        sign = "< 0" if infinite_frequency == "negative" else "= 0"
         raise FileError(
             f"The file {source} has no rows at infinite frequency (PERIOD {sign}), only {_periods(rows)}: add it to "
             "the periods that the program computes."
@@ -60,6 +63,13 @@ def wamit_added_mass(
     found = _matrix(infinite, source)
     if steady:
         _require_order(found, _matrix(steady, source), source)
+    elif infinite_frequency is None:
+        warnings.warn(
+            f"The file {source} has rows at PERIOD = 0 but none at PERIOD < 0, so that nothing shows whether they are "
+            "of infinite frequency, as WAMIT writes them, or of zero frequency, as Capytaine 2.3 and HAMS may; they "
+            'are taken as infinite. If that is known, pass infinite_frequency="zero"; otherwise compute both limits.',
+            stacklevel=2,
+        )
     return computed_added_mass(density * L**POWER * found, source, axes, origin)
 
 
@@ -157,8 +167,8 @@ def _require_order(infinite: np.ndarray, steady: np.ndarray, source: Path) -> No
     if difference < -1e-3 * np.trace(infinite[:3, :3]):
         raise FileError(
             f"The file {source} lets more water move at infinite frequency than at zero, which no body does: the two "
-            'are exchanged. Where PERIOD < 0 marks infinite frequency, pass infinite_frequency="negative"; WAMIT marks '
-            'it by 0: "zero".'
+            "are exchanged. Where PERIOD < 0 marks infinite frequency, as in files of Capytaine 2.3 and HAMS, pass "
+            'infinite_frequency="negative"; WAMIT and Capytaine 3.0 mark it by 0: "zero".'
         )
 
 
