@@ -19,12 +19,8 @@ ROOMS_OF_KERNELS = (
     *("untraceable", "float64", "program", "chunk", "packing", "expressions", "trace", "newton", "emit", "run"),
 )
 KNOWN_CIRCLES = (
-    {"mechanics.check", "mechanics.start", "mechanics.system"},
-    {"methods.left_rectangle", "methods.right_rectangle"},
-    {"methods.adjoint_variational", "methods.variational"},
     {"simulation.resume", "simulation.simulate"},
     {"simulation.steppers.file", "simulation.steppers.stepping"},
-    {"report.reproduction", "report.text"},
 )
 """Files that still name one another, through imports inside functions; there must be no others."""
 

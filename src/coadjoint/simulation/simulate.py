@@ -15,6 +15,7 @@ from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
@@ -22,7 +23,7 @@ from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.origin import Keep, continued
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint

@@ -19,10 +19,11 @@ from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, stacked
 from coadjoint.mechanics.internal import require_internal
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
