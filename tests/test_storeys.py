@@ -5,7 +5,19 @@ from __future__ import annotations
 from imports import circles, modules, named
 
 STOREYS = (
-    *("errors", "lazy", "extensions", "kernels", "groups", "spaces", "difference_maps", "mechanics", "methods"),
+    *(
+        "errors",
+        "lazy",
+        "extensions",
+        "units",
+        "csv_tables",
+        "kernels",
+        "groups",
+        "spaces",
+        "difference_maps",
+        "mechanics",
+        "methods",
+    ),
     *("models", "theory", "plotting", "simulation", "stability", "identification", "report", "audit", "runs"),
     *("vehicles", "cli", "__main__"),
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray
 
+from coadjoint.csv_tables import csv_text
+
 
 def csv_table(dataset: xarray.Dataset) -> str:
     """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one line a node.
@@ -23,11 +25,4 @@ def csv_table(dataset: xarray.Dataset) -> str:
         rows = values.reshape(count, -1)
         for column, index in enumerate(np.ndindex(*values.shape[len(leading) :])):
             columns["_".join([str(name), *map(str, index)])] = rows[:, column]
-    lines = [",".join(columns)]
-    lines += [",".join(map(_text, row)) for row in zip(*columns.values(), strict=True)]
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: np.generic) -> str:
-    number = value.item()
-    return "" if number != number else repr(number)
+    return csv_text(columns, repr)
