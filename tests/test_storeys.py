@@ -30,10 +30,7 @@ ROOMS_OF_VEHICLES = (
 ROOMS_OF_KERNELS = (
     *("untraceable", "float64", "program", "chunk", "packing", "expressions", "trace", "newton", "emit", "run"),
 )
-KNOWN_CIRCLES = (
-    {"simulation.resume", "simulation.simulate"},
-    {"simulation.steppers.file", "simulation.steppers.stepping"},
-)
+KNOWN_CIRCLES = ({"simulation.steppers.file", "simulation.steppers.stepping"},)
 """Files that still name one another, through imports inside functions; there must be no others."""
 
 TREES = modules()

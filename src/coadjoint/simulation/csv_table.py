@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray
+
+if TYPE_CHECKING:
+    import xarray
 
 from coadjoint.csv_tables import csv_text
 

@@ -34,7 +34,7 @@ from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import count_of, first_member
 from coadjoint.simulation.events import crossing, part_of_step, require_until, without_event
 from coadjoint.simulation.inputs import inputs_held, with_inputs
-from coadjoint.simulation.simulate import require_chart
+from coadjoint.simulation.preparing import require_chart
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.by_xla import XlaEngine
