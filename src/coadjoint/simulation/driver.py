@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -186,8 +187,11 @@ class Memory:
 
     seconds = 0.0
     length = sys.maxsize
+    sampled: Mapping[str, np.ndarray] = MappingProxyType({})
+    last: State | None = None
 
     def __init__(self) -> None:
+        self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
         self.steps: list[np.ndarray] = []
         self.records: list[State] = []
         self.monitors: list[Mapping[str, np.ndarray]] = []

@@ -17,14 +17,12 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.judgement import accuracy_from
-from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes, ensemble_attributes
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.fingerprint import fingerprint
 from coadjoint.simulation.folder import create, require_free
 from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.reading import read_checkpoint, read_configuration
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
@@ -33,8 +31,13 @@ from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
 FORMAT = 1
 
 
-def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> StreamedRun | StreamedEnsemble:
-    """A run that has not begun, put into a new folder; `chosen` are the Kelvin–Noether quantities of the user."""
+def streamed(
+    run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any, accuracy: bool
+) -> StreamedRun | StreamedEnsemble:
+    """A run that has not begun, put into a new folder; `chosen` are the Kelvin–Noether quantities of the user.
+
+    accuracy: whether it is judged.
+    """
     folder = Path(path).absolute()
     require_free(folder)
     marks = fingerprint(run.plan, run.position.state, run.one)
@@ -48,6 +51,7 @@ def streamed(run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any) -> 
         "steps": run.plan.steps,
         "save_every": run.plan.save_every,
         "monitors": run.plan.monitors,
+        "accuracy": accuracy,
         "backend": run.plan.backend,
         "method": method_form(run.method),
         "title": run.title,
@@ -108,6 +112,8 @@ def resume(
     Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
     run, is damaged, or is in use; StepError as `co.simulate` does.
     """
+    from coadjoint.simulation.simulate import carry_on, prepare
+
     began = time.perf_counter()
     place = Path(folder).absolute()
     header, numbers = read_configuration(place)
@@ -134,7 +140,7 @@ def resume(
     except BaseException:
         lock.release()
         raise
-    return carry_on(made, progress, began)  # type: ignore[return-value]
+    return carry_on(made, progress, began, header["accuracy"])  # type: ignore[return-value]
 
 
 def _locked(folder: Path) -> Lock:

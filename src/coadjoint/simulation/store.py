@@ -64,6 +64,8 @@ class Store:
         self.members = run.members.count if isinstance(run, Ensemble) else None
         self.lock = lock
         self.attributes: Callable[[], Mapping[str, Any]] = dict
+        self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
+        self.sampled: Mapping[str, np.ndarray] = {}
         self.count, self.seconds = 0, 0.0
         self.ends: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.last: State | None = None
@@ -131,6 +133,8 @@ class Store:
                 block[:filled] = _read(checked[name], self.count - filled, self.count)
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
         self.last = disk.state_like("record", arrays, begun.state) if self.count else None
+        sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
+        self.sampled = {name: numbers for (kind, _, name), numbers in sampled if kind == "sample"}
         return position
 
     def move_to(self, folder: Path) -> None:
@@ -247,6 +251,7 @@ class Store:
         arrays |= {} if self.last is None else disk.state_numbers("record", self.last)
         for name, (first, last) in self.ends.items():
             arrays[f"first/{name}"], arrays[f"last/{name}"] = first, last
+        arrays |= {f"sample/{name}": numbers for name, numbers in self.sample().items()}
         disk.write(self.folder / CHECKPOINT, header, arrays)
 
     @contextmanager

@@ -55,14 +55,6 @@ class Probe:
             key = (self._shape, self.layout, specialised(same), self.monitors, ensemble.lanes())
         return native.kernel_for(self.program, self._shape.unpack(p[0]), state, key)
 
-    def with_parameters(self, values: Any) -> Probe:
-        """The probe with other values of the parameters, of which the code is not specialised."""
-        other = object.__new__(Probe)
-        other.__dict__.update(self.__dict__)
-        other.parameters = values
-        other._p = pack(values)[1][None] if self.axes is None else ensemble.members_of(values, self.axes)[1]
-        return other
-
     def __call__(self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Sequence[int] | None = None) -> Probed:
         """`steps` steps of size h (rows,) from every row."""
         whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
@@ -98,7 +90,7 @@ class Probe:
         return Probed(rowed(s), rowed(records), rowed(status)[:, 1])
 
     def _xla(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
-        """Row by row; of an ensemble all members at once, which stand in their order in the rows."""
+        """Row by row; of an ensemble many at once."""
         if self.axes is not None:
             return self._xla_members(rows, h, steps, whose)
         after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
@@ -111,20 +103,26 @@ class Probe:
         return Probed(after, records, codes)
 
     def _xla_members(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
-        """All members at once, as the run does: in their order in the rows, or else one row at a time in all places."""
-        count = self.count
-        together = len(rows) % count == 0 and np.array_equal(whose, np.arange(len(rows)) % count)
-        groups = (
-            np.arange(len(rows)).reshape(-1, count) if together else np.repeat(np.arange(len(rows))[:, None], count, 1)
-        )
-        parts = []
-        for group in groups:
-            given = (self.program, self.parameters, self.layout.unpack(rows[group]), float(h[group[0]]), 1, steps)
-            found = xla.run_ensemble(*given, self.monitors, axes=(self.axes, True))
-            kept = jax.tree.map(lambda leaf: leaf[:, 0], found.records)
-            part = (_rows(found.final, count), _rows(kept, count), np.asarray(found.code))
-            parts.append(part if together else tuple(x[[whose[group[0]]]] for x in part))
-        return Probed(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        """As many rows at once as the run has members, with the parameters of theirs; the last row fills up."""
+        parts, order = [], []
+        for size in np.unique(h):
+            of_this = np.flatnonzero(h == size)
+            for start in range(0, len(of_this), self.count):
+                group = of_this[start : start + self.count]
+                filled = np.resize(group, self.count) if len(group) < self.count else group
+                found = self._xla_group(rows[filled], float(size), steps, whose[filled])
+                parts.append(Probed(*(x[: len(group)] for x in found)))
+                order.append(group)
+        back = np.argsort(np.concatenate(order))
+        return Probed(*(np.concatenate(part)[back] for part in zip(*parts, strict=True)))
+
+    def _xla_group(self, rows: np.ndarray, h: float, steps: int, whose: np.ndarray) -> Probed:
+        flags = jax.tree_util.tree_broadcast(self.axes, self.parameters)
+        theirs = jax.tree.map(lambda leaf, own: np.asarray(leaf)[whose] if own else leaf, self.parameters, flags)
+        states = self.layout.unpack(rows)
+        found = xla.run_ensemble(self.program, theirs, states, h, 1, steps, self.monitors, axes=(self.axes, True))
+        kept = jax.tree.map(lambda leaf: leaf[:, 0], found.records)
+        return Probed(_rows(found.final, len(rows)), _rows(kept, len(rows)), np.asarray(found.code))
 
 
 def _rows(tree: Any, count: int) -> np.ndarray:

@@ -43,8 +43,7 @@ class Doubling:
         constants = plan.constants
         if constants.inputs is not None:
             constants = Constants(constants.system, constants.monitors, HELD)
-        self.probe = Probe(plan.backend, plan.program, plan.constants, state, plan.watches, axes, count)
-        self.probe = self.probe.with_parameters(constants) if constants is not plan.constants else self.probe
+        self.probe = Probe(plan.backend, plan.program, constants, state, plan.watches, axes, count)
         layout = self.probe.layout
         self.places: Any = layout.unpack(np.arange(layout.size))
         system = plan.program.skeleton
@@ -89,14 +88,10 @@ class Doubling:
         by_halves, good_halves = self.over(rows, h, HALVES, members)
         by_uneven, good_uneven = self.over(rows, h, UNEVEN, members)
         good = good & good_halves & good_uneven
-        begun, end, halves, uneven = (self._states(x[good]) for x in (rows, whole, by_halves, by_uneven))
         if not good.any():
             return Errors(np.zeros(0), np.zeros(0), [], good), {}
-        both = [
-            jax.tree.map(lambda x, y: np.concatenate([x, y]), *pair)
-            for pair in ((begun,) * 2, (halves, uneven), (end,) * 2)
-        ]
-        found = differences(*both)
+        begun, one, parts = ((rows, rows), (whole, whole), (by_halves, by_uneven))
+        found = self.compare(*(np.concatenate([x[good], y[good]]) for x, y in (begun, one, parts)))
         own = sizes_of(found) if sizes is None or at_least else {}
         sizes = own if sizes is None else {name: max(size, own.get(name, 0.0)) for name, size in sizes.items()}
         apart, parts = relative(found, sizes)
@@ -107,10 +102,7 @@ class Doubling:
 
     def compare(self, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
         """What separates rows."""
-        return differences(*(self._states(rows) for rows in (begun, other, one)))
-
-    def _states(self, rows: np.ndarray) -> State:
-        return self.probe.layout.unpack(rows)
+        return differences(*(self.probe.layout.unpack(rows) for rows in (begun, other, one)))
 
     def _shrinks(self, parts: Sequence[float]) -> float:
         """1 − Σ part^{p+1}: what the difference to steps of the parts is of the local error, of order p + 1."""

@@ -22,8 +22,6 @@ ROUND_OFF = 1e-9
 def unresolved_time(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any = None) -> float | None:
     """The dt that would resolve what depends on t, with everything else held; None where it is resolved already."""
     native = doubling.plan.backend == "native"
-    if members is not None and not native:
-        return None
     some = np.unique(np.linspace(0, len(rows) - 1, ROWS if native else ROWS_BY_XLA).astype(int))
     rows, step, members = rows[some], np.abs(h[some]), None if members is None else np.asarray(members)[some]
     for _ in range(24):

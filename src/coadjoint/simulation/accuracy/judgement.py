@@ -34,7 +34,7 @@ HALVINGS = 24
 """How often dt is halved at most in search of one that would do."""
 
 STEPS, STEPS_BY_XLA, NODES_OF_MEMBERS, MEMBERS = 20, 6, 5, 8
-"""How many steps are judged: of a run in native code, by XLA, and of how many members of an ensemble."""
+"""How many steps are judged: of a run in native code, by XLA, of each member of an ensemble, and of how many."""
 
 
 @dataclass(frozen=True)
@@ -99,12 +99,10 @@ def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
 
 
 def chosen_members(run: Run | Ensemble) -> np.ndarray | None:
-    """Which members of an ensemble are judged: some in native code, by XLA all, which run together; None of a run."""
+    """Which members of an ensemble are judged, evenly among all; None of a run."""
     members = getattr(run, "members", None)
     if members is None:
         return None
-    if run.plan.backend != "native":
-        return np.arange(members.count)
     return np.unique(np.linspace(0, members.count - 1, MEMBERS).astype(int))
 
 
@@ -122,35 +120,32 @@ def accuracy_warnings(run: Run | Ensemble) -> list[str]:
 def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
     """The accuracy of a run at the records that were kept; None where none were, or no step could be judged."""
     many = sampler.members is not None
-    native = run.plan.backend == "native"
-    limit = (NODES_OF_MEMBERS if many else STEPS) if native else STEPS_BY_XLA
-    kept = sampler.chosen(limit)
+    alone = STEPS if run.plan.backend == "native" else STEPS_BY_XLA
+    kept = sampler.chosen(NODES_OF_MEMBERS if many else alone)
     if kept is None:
         return None
-    records, members, steps = _gathered(kept, sampler.members)
-    records, h = run.method.over_fixed_steps(records, run.plan.h)
-    one = jax.tree.map(lambda leaf: leaf[0], records)
     axes, count = (run.axes, run.members.count) if many else (None, 1)  # pyright: ignore[reportAttributeAccessIssue]
-    doubling = Doubling(run.plan, one, axes, count)
-    rows = doubling.packed(records)
+    doubling = Doubling(run.plan, run.one[1], axes, count)
+    steps, rows, members = _finite(kept, sampler.members, np.ravel(doubling.places.xi))
+    if not len(rows):
+        return None
+    records = doubling.probe.layout.unpack(rows)
+    paced, h = run.method.over_fixed_steps(records, run.plan.h)
+    rows = rows if paced is records else doubling.packed(paced)
     errors, sizes = doubling.errors(rows, h, members)
     if not errors.good.any():
         return None
-    # A member that has failed has no records from there on.
-    seen = errors.good | np.isfinite(records.xi).all(axis=1)
-    records = jax.tree.map(lambda leaf: leaf[seen], records)
-    members = None if members is None else members[seen]
-    errors = errors._replace(good=errors.good[seen])
-    return _judgement(run, doubling, records, rows[seen], h[seen], members, steps[seen], errors, sizes)
+    return _judgement(run, doubling, paced, rows, h, members, steps, errors, sizes)
 
 
-def _gathered(kept: Kept, members: np.ndarray | None) -> tuple[Any, np.ndarray | None, np.ndarray]:
-    """Kept records as one State with one leading axis, whose parameters each has, and their steps; of good steps."""
+def _finite(kept: Kept, members: np.ndarray | None, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Steps, records and members, a row each; a member that has failed has none from there on: its ξ is NaN."""
     if members is None:
-        return kept.records, None, kept.steps
-    count = len(kept.steps) * len(members)
-    flat = jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), kept.records)
-    return flat, np.tile(members, len(kept.steps)), np.repeat(kept.steps, len(members))
+        return *kept, None
+    rows = kept.rows.reshape(-1, kept.rows.shape[-1])
+    seen = np.isfinite(rows[:, xi]).all(axis=1)
+    steps, whose = np.repeat(kept.steps, len(members)), np.tile(members, len(kept.steps))
+    return steps[seen], rows[seen], whose[seen]
 
 
 def _judgement(run, doubling, records, rows, h, members, steps, errors, sizes) -> Accuracy:

@@ -3,38 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.driver import Sink
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.driver import Memory
+    from coadjoint.simulation.store import Store
 
 FIRST, SPREAD = 3, 16
 """How many records of the start are kept, and how many are spread evenly over the whole run; those after 4, 8, 16, …
 saved nodes are kept too, for a run may end early."""
 
-BLOCK = 1024
-"""Chunks of fewer records wait for others."""
-
 CHANGING = ("xi", "nu", "mu", "pi")
 """Of these the record is kept from which to the next one the change is largest."""
 
+BLOCK = 2048
+"""Chunks of fewer records, those of all members counted, wait for others."""
+
+PARTS = 64
+"""How many times records are kept before those that are not wanted any more are dropped."""
+
 
 class Kept(NamedTuple):
-    """Records with a leading axis, and their steps."""
+    """Records as rows of numbers, (k, size) or (k, members, size), and their steps (k,)."""
 
     steps: np.ndarray
-    records: State
+    rows: np.ndarray
 
 
-def joined(parts: list[Kept]) -> Kept:
-    """One after another."""
-    if len(parts) == 1:
-        return parts[0]
-    records = jax.tree.map(lambda *leaves: np.concatenate(leaves), *(part.records for part in parts))
-    return Kept(np.concatenate([part.steps for part in parts]), records)
+class Before(NamedTuple):
+    """The last record that was looked at: its step, its row of numbers, and the fields that may change."""
+
+    step: int
+    row: np.ndarray
+    fields: dict[str, np.ndarray]
 
 
 class Largest(NamedTuple):
@@ -45,96 +51,136 @@ class Largest(NamedTuple):
 
 
 class Sampler:
-    """A sink that keeps a few records on their way to another one.
+    """A sink that keeps a few records on their way to another one; which, does not depend on how they come in chunks.
 
-    steps, save_every: those of the run, of which `done` are done already: what came then is not in the sample of a run
-    that goes on. members: of an ensemble, which of them are kept.
+    steps, save_every: those of the run. members: of an ensemble, which of them are kept.
     """
 
-    def __init__(self, sink: Sink, steps: int, save_every: int, done: int = 0, members: np.ndarray | None = None):
+    def __init__(self, sink: Memory | Store, steps: int, save_every: int, members: np.ndarray | None = None):
         self.sink, self.members = sink, members
         nodes = -(-steps // save_every)
         powers = 2 ** np.arange(2, max(nodes, 4).bit_length())
         even = np.linspace(0, nodes, SPREAD + 1).astype(int)
-        self._wanted = np.unique(np.concatenate([np.arange(FIRST), powers, even]))
+        found = np.unique(np.concatenate([np.arange(FIRST), powers, even]))
+        self._first, self._wanted = save_every * np.arange(FIRST), np.minimum(save_every * found, steps)
         self._kept: list[Kept] = []
-        self._first: list[int] = []
-        self._spread: list[int] = []
         self._largest: dict[str, Largest] = {}
-        self._seen = -(-done // save_every)
-        self._before: Kept | None = None
-        self._waiting: list[Kept] = []
+        self._before: Before | None = None
+        self._waiting: list[tuple[np.ndarray, State]] = []
+        sink.sample = self.numbers
+        if sink.sampled and sink.last is not None:
+            self._go_on(sink.sampled, sink.last)
 
     def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
-        given = Kept(np.asarray(steps), records)
-        if self.members is None and sum(len(kept.steps) for kept in (*self._waiting, given)) < BLOCK:
-            self._waiting.append(given)
-        else:
-            self._flush()
-            self._take(given)
+        if len(steps):
+            self._waiting.append((np.asarray(steps), records))
+            if sum(np.size(records.t) for _, records in self._waiting) >= BLOCK:
+                self._flush()
         self.sink.append(steps, records, monitors)
 
     def _flush(self) -> None:
-        """Take the short chunks that wait."""
-        if self._waiting:
-            self._take(joined(self._waiting))
-            self._waiting = []
+        """Look at what has come since: at a large chunk alone, at those that waited for it as one."""
+        *short, last = self._waiting or [None]
+        self._waiting = []
+        if short:
+            steps = np.concatenate([steps for steps, _ in short])
+            self._take(steps, jax.tree.map(lambda *leaves: np.concatenate(leaves), *(records for _, records in short)))
+        if last is not None:
+            self._take(*last)
 
-    def _take(self, given: Kept) -> None:
-        """Keep what belongs to the sample, which does not depend on how the run comes in chunks."""
-        low, high = np.searchsorted(self._wanted, [self._seen, self._seen + len(given.steps)])
-        nodes = self._wanted[low:high]
-        for node, step in zip(nodes, given.steps[nodes - self._seen], strict=True):
-            (self._first if node < FIRST else self._spread).append(int(step))
-        index = {int(node) for node in nodes - self._seen}
-        for field in CHANGING:
-            index |= self._changing(field, given)
-        inside = sorted(index - {-1})
-        self._kept += [self._at(given, inside)] if inside else []
-        self._kept += [self._at(self._before, [-1])] if -1 in index and self._before is not None else []
-        self._before, self._seen = given, self._seen + len(given.steps)
+    def _take(self, steps: np.ndarray, records: State) -> None:
+        place = np.searchsorted(steps, self._wanted)
+        inside = place < len(steps)
+        place = place[inside]
+        index = {*place[steps[place] == self._wanted[inside]].tolist()}
+        fields = {field: self._values(records, field) for field in CHANGING}
+        for field, values in fields.items():
+            index |= self._changing(field, steps, values)
+        if -1 in index and self._before is not None:
+            self._kept.append(Kept(np.array([self._before.step]), self._before.row))
+        if here := sorted(index - {-1}):
+            self._kept.append(Kept(steps[here], self._packed(records, here)))
+        ends = {field: values[-1:].copy() for field, values in fields.items()}
+        self._before = Before(int(steps[-1]), self._packed(records, [-1]), ends)
+        if len(self._kept) > PARTS:
+            self._drop()
 
-    def _changing(self, field: str, given: Kept) -> set[int]:
+    def _changing(self, field: str, steps: np.ndarray, values: np.ndarray) -> set[int]:
         """The record, if any, after which a field changes more than anywhere before; −1 is the last one before."""
-        values, found = self._values(given, field), set()
         if not values.size:
-            return found
-        pairs = [(0, values[1:], values[:-1])]
+            return set()
+        changes = [(0, values[1:] - values[:-1])]
         if self._before is not None:
-            pairs.insert(0, (-1, values[:1], self._values(self._before, field)[-1:]))
-        for start, later, earlier in pairs:
-            size = np.abs(later - earlier).ravel()
-            i = int(size.argmax()) if size.size else 0
-            if size.size and not np.isfinite(size[i]):
-                i = int((size := np.nan_to_num(size)).argmax())
-            if size.size and (field not in self._largest or size[i] > self._largest[field].change):
-                at = start + i // values[0].size
-                step = (given if at >= 0 or self._before is None else self._before).steps[at]
-                self._largest[field] = Largest(float(size[i]), int(step))
-                found = {at}
+            changes.insert(0, (-1, values[:1] - self._before.fields[field]))
+        found: set[int] = set()
+        for start, change in changes:
+            change = np.abs(change, out=change).ravel()
+            if not change.size:
+                continue
+            if not np.isfinite(change[largest := int(change.argmax())]):
+                largest = int((change := np.nan_to_num(change)).argmax())
+            if field not in self._largest or change[largest] > self._largest[field].change:
+                index = start + largest // values[0].size
+                at = self._before.step if index < 0 and self._before is not None else steps[index]
+                self._largest[field] = Largest(float(change[largest]), int(at))
+                found = {index}
         return found
 
-    def _values(self, given: Kept, field: str) -> np.ndarray:
-        values = np.asarray(getattr(given.records, field))
+    def _values(self, records: State, field: str) -> np.ndarray:
+        values = np.asarray(getattr(records, field))
         return values if self.members is None else values[:, self.members]
 
-    def _at(self, given: Kept, index: list[int]) -> Kept:
+    def _packed(self, records: State, index: list[int]) -> np.ndarray:
+        """Some records as rows of numbers."""
         rows: Any = index if self.members is None else (np.array(index)[:, None], self.members)
-        return Kept(given.steps[index], jax.tree.map(lambda leaf: np.asarray(leaf)[rows], given.records))
+        lead = 1 if self.members is None else 2
+        leaves = [np.asarray(leaf)[rows] for leaf in jax.tree.leaves(records)]
+        return np.concatenate([leaf.reshape(*leaf.shape[:lead], -1) for leaf in leaves], axis=-1, dtype=np.float64)
+
+    def _drop(self) -> None:
+        """Keep each of the records that are wanted once, in their order, as one part."""
+        steps = np.concatenate([kept.steps for kept in self._kept])
+        rows = np.concatenate([kept.rows for kept in self._kept])
+        changing = [largest.step for largest in self._largest.values()]
+        once, index = np.unique(steps, return_index=True)
+        index = index[np.isin(once, np.concatenate([self._wanted, changing]))]
+        self._kept = [Kept(steps[index], rows[index])]
 
     def chosen(self, limit: int) -> Kept | None:
         """About `limit` of the kept records: the first ones, the most changing, the others evenly; None of none."""
         self._flush()
         if not self._kept:
             return None
-        steps, records = joined(self._kept)
-        row = {int(step): i for i, step in enumerate(steps)}
-        found = {*self._first, *(largest.step for largest in self._largest.values())}
-        others = [step for step in self._spread if step not in found]
-        room = min(max(limit - len(found), 0), len(others))
-        found |= {others[i] for i in np.linspace(0, len(others) - 1, room).astype(int)} if room else set()
-        index = [row[step] for step in sorted(found)]
-        return Kept(steps[index], jax.tree.map(lambda leaf: leaf[index], records))
+        self._drop()
+        steps, rows = self._kept[0]
+        changing = [largest.step for largest in self._largest.values()]
+        always = np.isin(steps, np.concatenate([self._first, changing]))
+        others = np.flatnonzero(~always)
+        room = min(max(limit - int(always.sum()), 0), len(others))
+        some = others[np.linspace(0, len(others) - 1, room).astype(int)] if room else others[:0]
+        index = np.sort(np.concatenate([np.flatnonzero(always), some]))
+        return Kept(steps[index], rows[index])
+
+    # A run that was interrupted goes on with the sample that its checkpoint has.
+
+    def numbers(self) -> dict[str, np.ndarray]:
+        """The sample so far, for a checkpoint."""
+        self._flush()
+        if not self._kept or self._before is None:
+            return {}
+        self._drop()
+        largest = [self._largest.get(field, (-1.0, -1)) for field in CHANGING]
+        steps, rows = self._kept[0]
+        return {"steps": steps, "rows": rows, "largest": np.array(largest), "before": np.array(self._before.step)}
+
+    def _go_on(self, numbers: Mapping[str, np.ndarray], last: State) -> None:
+        """Take up the sample of a checkpoint; `last` is the record before it."""
+        self._kept = [Kept(numbers["steps"], numbers["rows"])]
+        found = zip(CHANGING, numbers["largest"], strict=True)
+        self._largest = {field: Largest(float(x), int(step)) for field, (x, step) in found if step >= 0}
+        before = jax.tree.map(lambda leaf: np.asarray(leaf)[None], last)
+        fields = {field: self._values(before, field) for field in CHANGING}
+        self._before = Before(int(numbers["before"]), self._packed(before, [0]), fields)
 
     # What else a sink does is done by the other one.
 
