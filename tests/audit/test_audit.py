@@ -110,13 +110,24 @@ def test_a_step_that_is_not_symplectic_is_found():
 
 
 def test_an_approximate_tangent_of_the_map_breaks_momentum_and_two_form():
-    printed = Shipped("as printed", wrong.AsPrinted)
+    printed = Shipped("as printed", wrong.AsPrinted, wrong.unverified)
+    assert {"symplectic", "momentum"} <= set(findings(printed, co.Exponential()))
     assert not not_shown(findings(printed, co.Exponential()))
     assert {"symplectic", "momentum"} <= not_shown(findings(printed, wrong.Truncated()))
     # Transport of the momentum does not need dτ⁻¹, so that it stays; the two-form does not.
-    transported = not_shown(findings(BY_NAME["LeftRectangle"], wrong.Truncated()))
-    assert "symplectic" in transported
-    assert "momentum" not in transported
+    found = findings(Shipped("LeftRectangle", co.LeftRectangle, wrong.unverified), wrong.Truncated())
+    assert "symplectic" in not_shown(found)
+    assert found["momentum"].shown
+
+
+def test_a_map_with_a_wrong_closed_form_makes_an_audit_fail():
+    """Its system refuses it, and what is refused everywhere is not passed over, whatever the other maps show."""
+    maps = {**CAYLEY, "truncated": wrong.Truncated()}
+    found = audit([BY_NAME["LeftRectangle"]], maps, [TOP], steps=STEPS, progress=False)
+    assert all(cell.shown for cell in found.cells)
+    assert not found.passed
+    (sentence,) = found.failures
+    assert sentence.startswith("truncated has shown nothing") and "`_dtau_inverse_dual`" in sentence
 
 
 def test_what_cannot_be_measured_is_not_shown():

@@ -64,3 +64,10 @@ class Truncated(co.Exponential):
     def _dtau_inverse_dual(self, group: LieGroup, xi, mu):
         turned = jnp.cross(xi, mu)
         return mu + 0.5 * turned + jnp.cross(xi, turned) / 12
+
+
+def unverified(system: co.System) -> co.System:
+    """The system without the comparison of maps with their derivation, which would refuse `Truncated`."""
+    return co.System(
+        system.group, system.lagrangian, advected=system.advected, parameters=system.parameters, verify=False
+    )

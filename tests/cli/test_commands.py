@@ -176,17 +176,14 @@ def test_help_comes_at_once_and_without_jax():
         "try: m.main(['--help'])\n"
         "except SystemExit as end: status = end.code\n"
         "heavy = {'jax', 'numpy', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules)\n"
+        "import time; print(time.process_time())\n"
         "sys.exit(f'{status} {heavy}' if status or heavy else 0)"
     )
-    best = np.inf
-    for _ in range(3):
-        began = time.perf_counter()
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        best = min(best, time.perf_counter() - began)
-        assert done.returncode == 0, done.stderr
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
     for command in ("reproduce", "run", "plot", "info", "models"):
         assert command in done.stdout
-    assert best < 0.5
+    assert float(done.stdout.split()[-1]) < 0.5, "s of processor time, of the interpreter and all"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

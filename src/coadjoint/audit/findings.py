@@ -34,7 +34,7 @@ class Finding:
 class Cell:
     """A method over a map on a system: the order it claims, its findings, and the curves that they come from.
 
-    `refusal`: the sentence of a method that does not take this map or this system. It claims nothing there.
+    `refusal`: the sentence by which this map or this system is not taken. Nothing is claimed there.
     """
 
     method: str
@@ -60,9 +60,8 @@ class Audit:
 
     @property
     def passed(self) -> bool:
-        """Whether every claim was shown, and every method had one to show."""
-        asked = {cell.method for cell in self.cells if not cell.refusal}
-        return bool(asked) and asked == {cell.method for cell in self.cells} and all(c.shown for c in self.cells)
+        """Whether every claim was shown, and every method and every map had one to show."""
+        return bool(self.cells) and not self.failures
 
     @property
     def refusals(self) -> list[str]:
@@ -75,8 +74,13 @@ class Audit:
 
     @property
     def failures(self) -> list[str]:
-        """A sentence for every claim that was not shown."""
-        return [_sentence(cell, found) for cell in self.cells for found in cell.findings if not found.shown]
+        """A sentence for every claim that was not shown, and for every method and map that was refused everywhere."""
+        found = [_sentence(cell, found) for cell in self.cells for found in cell.findings if not found.shown]
+        for name in ("method", "map"):
+            taken = {getattr(cell, name) for cell in self.cells if not cell.refusal}
+            why = {getattr(cell, name): cell.refusal for cell in self.cells if getattr(cell, name) not in taken}
+            found += [f"{what} has shown nothing, as it was refused everywhere: {said}" for what, said in why.items()]
+        return found
 
 
 def _sentence(cell: Cell, found: Finding) -> str:

@@ -51,9 +51,8 @@ def show(found: Audit, out: Path | None, command: str) -> list[Path]:
     terminal.table(COLUMNS, rows(found))
     for failure in found.failures:
         terminal.complain(failure)
-    claims = sum(len(cell.findings) for cell in found.cells)
-    shown = claims - len(found.failures)
-    terminal.line(f"{shown} of {claims} claims shown, in {found.seconds:.0f} s.")
+    claims = [finding.shown for cell in found.cells for finding in cell.findings]
+    terminal.line(f"{sum(claims)} of {len(claims)} claims shown, in {found.seconds:.0f} s.")
     written = [] if out is None else write(found, out, command)
     if written:
         terminal.line("Written: " + ", ".join(map(str, written)) + ".")

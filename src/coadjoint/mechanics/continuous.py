@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import Phase
-from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces.numbers import float64
@@ -81,7 +81,8 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
     """The continuous motion from `start` at the given times, by DOP853: a record with one row a time.
 
     g, n, a, ξ, ν are integrated with relative tolerance `tolerance`; μ, π follow by the Legendre transform.
-    The start of a record takes (ξ, ν) from its momenta, because a record's own are those of a step, off by O(h).
+    The start of a record takes (ξ, ν) from its momenta, because a record's own are those of a step, off by O(h). So
+    does that of a driven system whose ℓ takes inputs: its momenta are those with the start's own inputs.
     Raises ArgumentError for a curved Q, for times out of order and for a system whose internal state has a rule, which
     is applied from step to step; StepError where the integration fails.
     """
@@ -95,6 +96,7 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
             "The reference solution needs a flat space of additional dynamics; compare with small steps."
         )
     times = _in_order(times, float(start.t))
+    start = start if system.inputs is None else with_own_momenta(system.driven(None), start)
     xi, nu = (start.xi, start.nu) if start.from_velocities else _velocities_of(system, start)
     moving = (start.g, start.n, start.a, xi, nu)
     flat, unflatten = _flatten(moving)

@@ -248,6 +248,26 @@ def momentum_start(system: System, state: State) -> State:
     return state.replace(mu=mu, pi=pi, from_velocities=False)
 
 
+def with_own_momenta(system: System, start: State) -> State:
+    """The start with the momenta that it shows, where inputs reach ℓ: those of (ξ, ν) with its own inputs.
+
+    Of members, with the parameters of each. system: without the inputs of a run.
+    """
+    if not start.from_velocities or start.inputs is None or not system.takes("inputs"):
+        return start
+    count, many = count_members(system.parameters), np.ndim(start.t) > 0
+    if count is None and not many:
+        return momentum_start(system, start)
+    parameters, axes = stacked(system.parameters)
+    if count is not None and not many:
+        start = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), start)
+
+    def begun(parameters, state: State) -> State:
+        return momentum_start(replace_parameters(system, parameters), state)
+
+    return evaluate(jax.vmap(begun, in_axes=(axes, 0)), parameters, start)
+
+
 def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None) -> tuple[Any, Any]:
     """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian."""
     if not system.continuous:

@@ -9,10 +9,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.each import Each, count_members, member_of
+from coadjoint.mechanics.each import Each, member_of
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.signals import Signal
-from coadjoint.mechanics.start import momentum_start
+from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 
@@ -20,14 +20,13 @@ from coadjoint.mechanics.system import System, replace_parameters
 def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:
     """The system driven by `inputs`, and the start with what is held over its first step.
 
-    Its momenta stay those that it shows, with its own inputs, unless `by_velocities`, where ξ₀, ν₀ are kept.
-
+    Its momenta stay those that it shows, with its own inputs, whatever drives the run; `by_velocities` ξ₀, ν₀ stay.
     Of an ensemble what is held is that of its first member: every member takes its own when it starts.
     Raises ArgumentError and LagrangianError for what cannot be an input.
     """
     if isinstance(inputs, Each):
         raise ArgumentError("Argument `inputs` must be the same for all members: let it depend on their parameters.")
-    system = system.driven(inputs)
+    own, system = system, system.driven(inputs)
     if system.inputs is None:
         return system, start
     if not (system.forces or system.internal or system.quantities or system.takes("inputs")):
@@ -37,26 +36,14 @@ def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool =
     for source in system.inputs.sources:
         if isinstance(source, Signal):
             _check_signal(source, start)
-    if (
-        system.takes("inputs")
-        and start.inputs is not None
-        and not by_velocities
-        and not traced(start, system.parameters)
-    ):
-        start = _momenta_of(system, start)
+    if not by_velocities:
+        start = with_own_momenta(own, start)
     many = np.ndim(start.t) > 0
     first = jax.tree.map(lambda leaf: leaf[0], start) if many else start
     held = held_at(replace_parameters(system, member_of(system.parameters, 0)), first) if system.inputs.holds else None
     if many:
         held = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(start.t), *np.shape(leaf))), held)
     return system, start.replace(inputs=held)
-
-
-def _momenta_of(system: System, start: State) -> State:
-    """The start with the momenta that it says: those of its velocities with its own inputs, not with the run's."""
-    if not start.from_velocities or count_members(system.parameters) is not None or np.ndim(start.t):
-        return start
-    return momentum_start(system, start)
 
 
 def held_at(system: System, state: State) -> Any:

@@ -20,6 +20,7 @@ from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.mechanical_connection import shape_size
+from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
@@ -142,7 +143,7 @@ def lagrange_poincare(
     l = _reduced_lagrangian(system, method, connection, dt)
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
         raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
-    state = method.begin(system, evaluate(partial(held, system), start), dt)
+    state = _begun(system, start, method, dt)
     at = _Node(-state.mu, state.pi, state)
     advance = tabulate(partial(_advance, l), at)
     shapes, sigmas = [state.n], []
@@ -191,7 +192,7 @@ def lagrange_poincare_residual(
     l = _reduced_lagrangian(system, method, connection, dt)
     x = shapes_of(connection, x)
     sigma = reduced(connection, g, x)
-    state = method.begin(system, evaluate(partial(held, system), start), dt)
+    state = _begun(system, start, method, dt)
     ends = x[:-1], sigma, x[1:]
     xi = evaluate(jax.vmap(partial(l.velocity, state)), *ends)
 
@@ -205,6 +206,13 @@ def lagrange_poincare_residual(
     slopes = evaluate(jax.vmap(l.slopes), states, xi, *ends)
     turning, moving = slopes.carried[1:] - slopes.group[:-1], slopes.first[1:] + slopes.last[:-1]
     return finite(np.concatenate([turning, moving], axis=1), "The reduced Lagrangian")
+
+
+def _begun(system: System, start: State, method: Method, h: float) -> State:
+    """What the method begins at the start, as in co.simulate: with the start's momenta under the first inputs."""
+    if method.start != "velocity":
+        start = with_own_momenta(system.driven(None), start)
+    return method.begin(system, evaluate(partial(held, system), start), h)
 
 
 def _reduced_lagrangian(system: System, method: Method, connection: Any, dt: Any) -> ReducedLagrangian:

@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.methods.method import Method
@@ -45,23 +46,27 @@ class Beginning:
         if state.from_velocities:
             # What is held at the start is that of the stepper.
             held = None if self.held is None else spread(self.held, (count,))
-            return self.begun(whole.replace(inputs=held), parameters)
+            return self.begun(whole, parameters, held)
         whole = whole.replace(ledger=None)
         self._require_like(whole)
         return rows_of(whole, count)
 
-    def begun(self, starts: State, parameters: np.ndarray) -> np.ndarray:
-        """The states (members, size) that the method begins at starts with an axis of members."""
+    def begun(self, starts: State, parameters: np.ndarray, held: Any) -> np.ndarray:
+        """The states (members, size) that the method begins at starts with an axis of members, under held inputs."""
         count = len(starts.t)
         constants = self.constants.unpack(np.broadcast_to(parameters, (count, parameters.shape[1])))
 
-        def begin(constants: Constants, state: State) -> State:
-            return self.method.begin(replace_parameters(self.skeleton, constants.system), state, self.h)
+        def begin(constants: Constants, state: State, held: Any) -> State:
+            system = replace_parameters(self.skeleton, constants.system)
+            if self.method.start != "velocity":
+                state = with_own_momenta(system.driven(None), state)
+            return self.method.begin(system, state.replace(inputs=held), self.h)
 
-        form = layout((constants, starts))
+        given = constants, starts, held
+        form = layout(given)
         if form not in self._tabulated:
-            self._tabulated[form] = tabulate(jax.vmap(begin), constants, starts)
-        states = self._tabulated[form](constants, starts)
+            self._tabulated[form] = tabulate(jax.vmap(begin), *given)
+        states = self._tabulated[form](*given)
         self._require_like(states)
         return rows_of(states, count)
 

@@ -21,6 +21,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.each import Each, stacked
 from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.mechanics.version import version
@@ -99,11 +100,11 @@ class Stepper(Stepping):
             raise ArgumentError(f"A stepper takes steps of dt, but {method.title} chooses its own: take another.")
         h, threads, count = positive(dt, "dt"), whole(threads, "threads"), _members(system, start, members)
         commands = commands_from(inputs)
+        by_velocities = method.start == "velocity"
         if commands.start is not None:
+            start = start if by_velocities else with_own_momenta(system, start)
             start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
-        # The momenta of the start are those under its first commands, as under the first values of a table.
-        kept = commands.start is not None or method.start == "velocity"
-        system, start = with_inputs(system, start, commands.inputs, kept)
+        system, start = with_inputs(system, start, commands.inputs, by_velocities)
         one, first = first_member(system, start)
         doubts = (
             require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
@@ -139,7 +140,7 @@ class Stepper(Stepping):
         self._watch = watched
         engine = self._engine_of(face, constants, begun, backend)
         face = replace(face, compiled_in=()) if isinstance(engine, XlaEngine) else face
-        states = self._beginning.begun(starts, parameters)
+        states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
         super().__init__(face, engine, buffers, buffers.state.copy(), threads)
