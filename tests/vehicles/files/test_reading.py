@@ -209,3 +209,26 @@ def test_what_the_added_mass_says_is_taken_once_from_a_product_written_both_ways
     M = np.diag([2.0, 30.0, 30.0, 0.1, 4.0, 4.0])
     left = _without_added_mass({"Y_ur": 5.0, "Y_ru": 1.0}, {"Y_ur": 1.0, "Y_ru": 1.0}, M)
     assert sum(left.values()) == 5.0 + 1.0 + M[0, 0]  # −(ω × P)_y = −r M_11 u
+
+
+def test_terms_of_the_added_mass_that_no_coefficient_names_are_told() -> None:
+    """A simulator without Munk moments writes no M_uw and N_uv: its vehicle would keep those of the added mass."""
+    form = "matrix = { value = [2, 30, 30, 0.1, 4, 4], unit = 'SI', source = 'S' }"
+    part = """
+[[part]]
+kind = "derivatives"
+name = "manoeuvring"
+with_added_mass = true
+
+[part.coefficients]
+unit = "SI"
+source = "S"
+
+[part.coefficients.value]
+"""
+    rest = "Y_v = -5\nX_wq = -30\nX_vr = 30\nY_ur = -2\nY_wp = 30\nZ_uq = 2\nZ_vp = -30\nM_pr = 3.9\nN_pq = -3.9\n"
+    told = [sentence for sentence in vehicle(form, parts=part + rest).warnings if "with_added_mass" in sentence]
+    assert len(told) == 1 and "names no N_uv, M_uw, so that" in told[0] and "N_uv = -28, M_uw = 28 in SI" in told[0]
+    stated = vehicle(form, parts=part + rest + "M_uw = 0.0\nN_uv = 0.0\n")
+    assert not any("with_added_mass" in sentence for sentence in stated.warnings)
+    assert stated.part("manoeuvring").coefficients == {"Y_v": -5.0, "M_uw": -28.0, "N_uv": 28.0}

@@ -53,6 +53,13 @@ def test_hull_strips_have_the_drag_of_pure_sway_heave_and_turning():
     turning = pushed(hull, [0, 0, 0], [0, 0.3, 0]), pushed(hull, [0, 0, 0], [0, 0, 0.3])
     assert turning[0][4] == pytest.approx(-0.5 * RHO * 0.6 * 0.4 * 2.0**4 / 32 * 0.09, rel=1e-14)
     assert turning[1][5] == pytest.approx(-0.5 * RHO * 0.5 * 0.3 * 2.0**4 / 32 * 0.09, rel=1e-14)
+    # Turning about a pivot at x = p, inside: ∫|x−p|(x−p) dx and ∫|x−p|(x−p)x dx over −1 … 1.
+    for p in (0.0, 0.37, -0.8):
+        force = pushed(hull, [0, -0.3 * p, 0], [0, 0, 0.3])
+        sway = ((1 - p) ** 3 - (1 + p) ** 3) / 3
+        yaw = ((1 - p) ** 4 + (1 + p) ** 4) / 4 + p * sway
+        rest = -0.5 * RHO * 0.5 * 0.3 * 0.09 * np.array([sway, yaw])
+        np.testing.assert_allclose(force[[1, 5]], rest, rtol=1e-13, atol=1e-12)
     # A hull whose middle is ahead of O turns away from the flow that pushes it sideways: N = x_c Y.
     ahead = Hull("hull", **{**hull.parameters(), "center": 0.7})
     force = pushed(ahead, [0, 0.4, 0])
@@ -83,9 +90,41 @@ def test_a_fin_lifts_by_its_slope_stalls_and_is_a_plate_across_the_flow():
     lift, drag = at(1e-3)
     assert lift == pytest.approx(3.12e-3, rel=2e-3) and drag == pytest.approx(0.0, abs=1e-5)
     assert at(0.0, 0.02)[1] == pytest.approx(0.02, rel=1e-4)
-    assert at(np.radians(16))[0] > at(np.radians(30))[0]
+    assert at(np.radians(16))[0] > at(np.radians(21))[0]
     np.testing.assert_allclose(at(np.pi / 2, 0.02), [0, 2], atol=1e-9)
     np.testing.assert_allclose(at(-0.2), np.array(at(0.2)) * [-1, 1], rtol=1e-12)
+
+
+SHELDAHL_KLIMAS = {
+    30: (0.855, 0.57),
+    35: (0.98, 0.745),
+    40: (1.035, 0.92),
+    45: (1.05, 1.075),
+    50: (1.02, 1.215),
+    60: (0.875, 1.47),
+    70: (0.63, 1.665),
+    80: (0.365, 1.78),
+    90: (0.09, 1.80),
+    135: (-0.93, 1.085),
+    150: (-0.77, 0.575),
+}
+"""(C_L, C_D) of NACA 0015 at Re = 3.6e5 by degrees, SAND80-2114, as in SNL-WaterPower/CACTUS at 4ae4faf."""
+
+
+def test_beyond_stall_a_fin_has_the_lift_and_drag_of_published_sections():
+    for degrees, (lift, drag) in SHELDAHL_KLIMAS.items():
+        angle = np.radians(degrees)
+        found = evaluate(lift_and_drag, np.cos(angle), np.sin(angle), 3.12, np.radians(20), 0.0)
+        assert found[0] == pytest.approx(lift, abs=0.1), degrees
+        assert found[1] == pytest.approx(drag, abs=0.2), degrees
+
+
+@pytest.mark.parametrize(("slope", "stall"), [(3.12, 20.0), (4.13, 9.7), (6.0, 15.0), (2.0, 30.0), (np.pi, 8.0)])
+@pytest.mark.parametrize("least", [0.0, 0.02, 0.1])
+def test_the_drag_of_a_fin_grows_through_stall(slope, stall, least):
+    angles = np.radians(np.linspace(0.0, 90.0, 361))
+    drag = jax.vmap(lambda c, n: lift_and_drag(c, n, slope, np.radians(stall), least)[1])
+    assert np.all(np.diff(evaluate(drag, np.cos(angles), np.sin(angles))) > 0)
 
 
 def test_a_fin_and_its_flow_that_are_rolled_together_feel_the_force_rolled():

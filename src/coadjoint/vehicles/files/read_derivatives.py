@@ -13,9 +13,11 @@ from coadjoint.vehicles.files.table import Section
 from coadjoint.vehicles.model.vehicle import Quantity
 from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives
 
-PLAIN = re.compile(r"^([XYZKMN])_([uvwpqr])([uvwpqr])$")
+PLAIN = re.compile(r"^[XYZKMN]_[uvwpqr]{2}$")
 NOTHING = 1e-9
 """Up to this part of a coefficient, what the added mass leaves of it is round-off."""
+SMALL = 0.01
+"""Up to this part of the largest term of its kind, a term of the added mass may go unnamed."""
 
 
 def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[str, Any]) -> Derivatives:
@@ -46,6 +48,16 @@ def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[
         scale = dict.fromkeys(found, 1.0)
         if "length" in values:
             scale = {key: 0.5 * body["fluid_density"] * values["length"] ** _power(key) for key in found}
+        unnamed = _unnamed(found, body["added_mass"])
+        if unnamed:
+            shown = ", ".join(f"{key} = {value:.4g}" for key, value in list(unnamed.items())[:4])
+            section.book.warn(
+                f"{section.title} with_added_mass names no {', '.join(list(unnamed)[:4])}"
+                f"{f' nor {len(unnamed) - 4} more' if len(unnamed) > 4 else ''}, so that the terms of the added mass "
+                f"stay as they are ({shown} in SI): if the source leaves them out, as of a Munk moment that its lift "
+                "holds, name each with its value, 0.0 where there is none; if it states damping only, leave out "
+                "with_added_mass."
+            )
         found = _without_added_mass(found, scale, body["added_mass"])
         if not found:
             raise section.fail("coefficients hold nothing but Coriolis terms of the added mass: leave the part out.")
@@ -81,16 +93,35 @@ def _without_added_mass(found: dict[str, float], scale: dict[str, float], M: np.
     known = added_mass_derivatives(M)
     left: dict[str, float] = {}
     for key, value in found.items():
-        match = PLAIN.match(key)
-        if match is not None:
-            axis, *rates = match.groups()
-            canonical = f"{axis}_{''.join(sorted(rates, key=VELOCITIES.index))}"
-            rest = value - known.pop(canonical, 0.0) / scale[key]
+        if PLAIN.match(key):
+            rest = value - known.pop(_canonical(key), 0.0) / scale[key]
             if abs(rest) <= NOTHING * abs(value):
                 continue
             value = rest
         left[key] = value
     return left
+
+
+def _unnamed(found: dict[str, float], M: np.ndarray) -> dict[str, float]:
+    """Terms of the added mass, SI, that no coefficient names, largest first; without what is 1 % of the others."""
+    named = {_canonical(key) for key in found if PLAIN.match(key)}
+    known = added_mass_derivatives(M)
+    alike: dict[tuple[bool, int], float] = {}
+    for key, value in known.items():
+        kind = (key[0] in "KMN", _power(key))
+        alike[kind] = max(alike.get(kind, 0.0), abs(value))
+    left = {
+        key: value
+        for key, value in known.items()
+        if key not in named and abs(value) > SMALL * alike[key[0] in "KMN", _power(key)]
+    }
+    return dict(sorted(left.items(), key=lambda item: -abs(item[1])))
+
+
+def _canonical(key: str) -> str:
+    """Y_ru as Y_ur."""
+    axis, _, rates = key.partition("_")
+    return f"{axis}_{''.join(sorted(rates, key=VELOCITIES.index))}"
 
 
 def added_mass_derivatives(M: np.ndarray) -> dict[str, float]:
