@@ -30,7 +30,7 @@ def main(what: str) -> dict[str, float]:
     if what == "simulate":
         run = co.simulate(system, start, dt=0.01, steps=1000, method=method)
         return {**found, "co.simulate, set-up": run.set_up_seconds, "co.simulate, whole": lap()}
-    from coadjoint.mechanics.system import replace_parameters
+    from coadjoint.mechanics.copies import replace_parameters
     from coadjoint.methods.program import Constants, StepProgram
 
     state = method.begin(system, start, 0.01)

@@ -12,7 +12,7 @@ from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.one import PAPER, H
 from benchmarks.problems import ready, vehicle
 from coadjoint.kernels.run import gradient
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 
 FORWARD = "native run"
 METHODS = {"left rule": PAPER, "midpoint": co.Midpoint()}

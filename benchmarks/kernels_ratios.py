@@ -17,7 +17,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint.kernels.emit import plan, stepping
 from coadjoint.kernels.run import ensemble, gradient, machine, native, xla
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from kernels_yardstick import run as yardstick
 

@@ -18,7 +18,7 @@ from benchmarks.clock import Contender, interleaved, table_of
 from benchmarks.one import PAPER, H
 from benchmarks.problems import vehicle
 from coadjoint.kernels.run import ensemble, xla
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.ensemble import begin_members
 

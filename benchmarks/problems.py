@@ -13,7 +13,7 @@ import coadjoint as co
 from benchmarks.bodies import Body
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import native
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
 

@@ -13,7 +13,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods import Step
 from coadjoint.methods.program import Constants, StepProgram
 

@@ -84,7 +84,7 @@ _HOMES = {
     "coadjoint.simulation.recording": ("load",),
     "coadjoint.simulation.resume": ("resume",),
     "coadjoint.simulation.simulate": ("simulate",),
-    "coadjoint.simulation.steppers.file": ("load_stepper",),
+    "coadjoint.simulation.steppers.load": ("load_stepper",),
     "coadjoint.simulation.steppers.stepper": ("Stepper",),
     "coadjoint.simulation.trajectory": ("trajectory",),
     "coadjoint.spaces": (
@@ -157,7 +157,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.recording import load as load
     from coadjoint.simulation.resume import resume as resume
     from coadjoint.simulation.simulate import simulate as simulate
-    from coadjoint.simulation.steppers.file import load_stepper as load_stepper
+    from coadjoint.simulation.steppers.load import load_stepper as load_stepper
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import *  # noqa: F403

@@ -8,7 +8,7 @@ import coadjoint as co
 from coadjoint.errors import StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous, inverse_legendre
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 
 
 def velocities(system, state):

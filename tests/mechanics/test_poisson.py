@@ -15,9 +15,9 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.run import xla
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.noether import total_momentum
 from coadjoint.mechanics.poisson import poisson_bracket, vector_field
-from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from stepping import Stepper
 from systems import GROUPS, MAPS, RULES, WORLDS, generator, pairwise_cases, random_system

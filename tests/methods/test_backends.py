@@ -10,7 +10,7 @@ import pytest
 
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from systems import MAPS, RULES, all_cases, pairwise_cases, random_system
 

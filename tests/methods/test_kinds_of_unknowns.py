@@ -11,7 +11,7 @@ from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 
 H, STEPS = 0.1, 20

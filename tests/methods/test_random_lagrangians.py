@@ -6,7 +6,7 @@ from test_backends import STEPS, H, assert_same, by_numpy
 
 import coadjoint as co
 from coadjoint.kernels.run import native
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from systems import MAPS, RULES, WORLDS, system_on
 

@@ -12,7 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
 from coadjoint.simulation.driver import Driver

@@ -9,7 +9,7 @@ from coadjoint.kernels.run import native
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.kernels.trace.numeric import NUMERIC
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import catalogue
 

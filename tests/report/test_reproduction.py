@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.report.reproduction import FIGURES, Reproduction, compute, reproduce
+from coadjoint.report.reproduce import reproduce
+from coadjoint.report.reproduction import FIGURES, Reproduction, compute
 from coadjoint.report.text import report
 from coadjoint.simulation.recording import load
 

@@ -11,7 +11,7 @@ import coadjoint as co
 from coadjoint import theory
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from systems import element, generator, random_system
 
 J, M, ARM = np.array([1.0, 1.7, 2.3]), np.diag([1.5, 1.8, 2.2]), np.array([0.1, 0.05, 0.4])

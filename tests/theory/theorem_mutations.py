@@ -26,8 +26,9 @@ from theorem_row import Row
 from coadjoint import theory
 from coadjoint.groups import LieGroup
 from coadjoint.kernels.run import driven, gradient, native
+from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
-from coadjoint.mechanics.system import System, _replaced
+from coadjoint.mechanics.system import System
 from coadjoint.report.reproduction import Reproduction
 
 TESTS = str(Path(__file__).parents[1])
@@ -92,7 +93,7 @@ class Patch:
         """A function, system, Lagrangian, connection or run whose own values are mutated; None for plain values."""
         if isinstance(value, System):
             own = [name for name in ("lagrangian", "group_lagrangian") if getattr(value, name) is not None]
-            return _replaced(value, **{name: self.wrap(getattr(value, name)) for name in own})
+            return replaced(value, **{name: self.wrap(getattr(value, name)) for name in own})
         if isinstance(value, theory.UnreducedLagrangian):
             group, Q, V = value.places
             spaces = {"additional": Q, "advected": V, "parameters": value.reduced.parameters}

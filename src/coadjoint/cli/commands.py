@@ -31,7 +31,7 @@ class Reproduce:
     """Repeat a reproduction that the folder holds already."""
 
     def __call__(self) -> int:
-        from coadjoint.report.reproduction import reproduce
+        from coadjoint.report.reproduce import reproduce
         from coadjoint.report.summary import to_json
 
         found = reproduce(self.out, overwrite=self.overwrite, progress=False if self.json else None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from coadjoint.identification.channels import Channels
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import StepProgram, StepStage
 
 

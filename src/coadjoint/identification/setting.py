@@ -17,9 +17,9 @@ from coadjoint.identification.sampling import Between, samples
 from coadjoint.identification.shooting import Reference, Shooting, followed, require_inputs
 from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Unknowns
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import replace_parameters
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import StepProgram

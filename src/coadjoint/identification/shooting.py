@@ -23,10 +23,10 @@ from coadjoint.kernels.run import driven
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants
 from coadjoint.spaces.named import Named
 

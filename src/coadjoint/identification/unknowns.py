@@ -86,7 +86,7 @@ class Unknowns:
     def replaced(self, coordinates: np.ndarray) -> System:
         """The system with the values of these coordinates."""
         from coadjoint.kernels.packing import pack
-        from coadjoint.mechanics.system import replace_parameters
+        from coadjoint.mechanics.copies import replace_parameters
 
         layout, _ = pack(self.system.parameters)
         return replace_parameters(self.system, layout.unpack(self.filled(coordinates)))

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
 from coadjoint.mechanics.reading import in_words, require_float64, require_scalar
-from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-13
 """The smallest |eigenvalue| of the scaled mass matrix that round-off cannot explain."""

@@ -7,17 +7,17 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import Phase
 from coadjoint.mechanics.start import legendre, with_own_momenta
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.spaces.numbers import float64
 
 
@@ -128,6 +128,8 @@ def _integrate(rate: Any, first: float, y: np.ndarray, times: np.ndarray, tolera
     """y at the times, a row each; the start itself where there is no way to go."""
     if times[-1] == first:
         return y[None]
+    from scipy.integrate import solve_ivp  # a fifth of what co.simulate takes to load
+
     found = solve_ivp(
         rate, (first, float(times[-1])), y, method="DOP853", t_eval=times, rtol=max(tolerance, 2.3e-14), atol=tolerance
     )

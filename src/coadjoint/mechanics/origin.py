@@ -9,8 +9,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.continuous import velocities
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import Origin, State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.parameters import Parameters
@@ -48,8 +50,6 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
 
 
 def _velocities(system: System, state: State) -> tuple[Any, Any]:
-    from coadjoint.mechanics.continuous import velocities
-
     return evaluate(lambda s, p: velocities(replace_parameters(system, p), s), state, system.parameters)
 
 

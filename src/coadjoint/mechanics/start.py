@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,16 +15,19 @@ from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, count_members, member_of, stacked
 from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.reading import in_words, require_scalar
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
 from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
 
 ON_GROUP = 1e-9
 """How far outside its group an element may be by round-off."""

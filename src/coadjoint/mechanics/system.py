@@ -14,11 +14,14 @@ from coadjoint.errors import ArgumentError, GroupError, LagrangianError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import legendre
+from coadjoint.mechanics.check import check
+from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Inputs, inputs_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only, require_signature
+from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, Motion, Places, State
 from coadjoint.spaces import Several, Space, Trivial
 from coadjoint.spaces.axioms import require_own_forms
@@ -170,12 +173,12 @@ class System:
 
     def driven(self, inputs: Any) -> System:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
-        return _replaced(self, inputs=inputs_from(inputs))
+        return replaced(self, inputs=inputs_from(inputs))
 
     @property
     def unforced(self) -> System:
         """A copy without its forces."""
-        return _replaced(self, forces=None)
+        return replaced(self, forces=None)
 
     def inputs_at(self, t, held) -> Any:
         """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
@@ -183,7 +186,7 @@ class System:
 
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs observe more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
-        return _replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
+        return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
 
     @property
     def continuous(self) -> bool:
@@ -306,8 +309,6 @@ class System:
         Raises ArgumentError for wrong shapes, for values that are not finite, for g outside G, for velocities beside
         momenta, and for velocities that belong to several momenta of ℋ.
         """
-        from coadjoint.mechanics.start import starting_state
-
         if (mu is None and pi is None) or not (xi is None and qdot is None):
             if mu is not None or pi is not None:
                 raise ArgumentError(
@@ -321,8 +322,6 @@ class System:
 
         regular: whether the method needs an invertible Legendre transform.
         """
-        from coadjoint.mechanics.check import check
-
         return check(self, start, regular)
 
     def _check_signatures(self) -> None:
@@ -348,25 +347,12 @@ class System:
             require_signature(self.internal, "The rule `internal`", own)
 
 
-def replace_parameters(system: System, parameters: Parameters | None) -> System:
-    """A copy of the system with these parameters; with None, its static skeleton."""
-    return _replaced(system, parameters=parameters)
-
-
 # Rebuilt without being checked again; what is static is the skeleton.
 jax.tree_util.register_pytree_node(
     System,
     lambda system: ((system.parameters,), replace_parameters(system, None)),
     lambda skeleton, leaves: replace_parameters(skeleton, *leaves),
 )
-
-
-def _replaced(system: System, **values: Any) -> System:
-    leaves = {name: getattr(system, name) for name in System.__dataclass_fields__}
-    made = object.__new__(System)
-    for name, value in {**leaves, **values}.items():
-        object.__setattr__(made, name, value)
-    return made
 
 
 def _space(space: Space | Mapping[str, Space] | None, name: str) -> Space:

@@ -8,10 +8,11 @@ from typing import Any
 from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal import applied
 from coadjoint.mechanics.reading import IMPURE, in_words
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 
 _UNREAD = {
     "forces": "The forces",

@@ -12,21 +12,16 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method
 from coadjoint.methods.variational import Slopes, Variational
 
 
 @dataclass(frozen=True)
-class AdjointVariational(Variational):
+class AdjointVariational(Variational, adjoint_of=Variational):
     """Φ*_h = Φ₋ₕ⁻¹ of `Variational`: Λ*(ξ, n, s, a; h) = −Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h).
 
     Λ is that of `System(discrete_lagrangian=…)`. Its forces stand where those of Φ₋ₕ do, at the right node: T⁺ = hT,
     φ⁺ = hf at (ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h).
     """
-
-    @property
-    def adjoint(self) -> Method:
-        return Variational(self.difference_map, self.start)
 
     def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
         s = record.n + h * record.nu

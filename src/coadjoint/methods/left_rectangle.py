@@ -26,12 +26,6 @@ class LeftRectangle(Method, Step):
         return 1
 
     @property
-    def adjoint(self) -> Method:
-        from coadjoint.methods.right_rectangle import RightRectangle
-
-        return RightRectangle(self.difference_map, self.start)
-
-    @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,12 +17,13 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.program import FLOOR
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 
 Start = Literal["momentum", "velocity"]
 Energy = Literal["bounded", "exact", "quadratic", "discrete"]
@@ -217,6 +218,10 @@ def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _S
     return sizes(0), sizes(1)
 
 
+_ADJOINTS: dict[type[Method], type[Method]] = {}
+"""Methods and their adjoints, each way."""
+
+
 @dataclass(frozen=True)
 class Method(ABC):
     """A one-step method over a group difference map.
@@ -230,6 +235,12 @@ class Method(ABC):
 
     difference_map: DifferenceMap = field(default_factory=Cayley)
     start: Start = "momentum"
+
+    def __init_subclass__(cls, adjoint_of: type[Method] | None = None, **more: Any):
+        """adjoint_of: the method of which Φ*_h = Φ₋ₕ⁻¹ this one is; that one is then its adjoint, too."""
+        super().__init_subclass__(**more)
+        if adjoint_of is not None:
+            _ADJOINTS.update({cls: adjoint_of, adjoint_of: cls})
 
     def __post_init__(self):
         if not isinstance(self.difference_map, DifferenceMap):
@@ -283,6 +294,9 @@ class Method(ABC):
         """Φ*_h = Φ₋ₕ⁻¹, the method itself where it is symmetric; raises ArgumentError where it is not known."""
         if self.symmetric:
             return self
+        kind = next((_ADJOINTS[kind] for kind in type(self).__mro__ if kind in _ADJOINTS), None)
+        if kind is not None:
+            return kind(self.difference_map, self.start)
         raise ArgumentError(f"The adjoint of {self.title} is not known: use a symmetric method.")
 
     @property

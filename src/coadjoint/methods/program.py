@@ -10,11 +10,12 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.internal import advanced
 from coadjoint.mechanics.ledger import entered, with_jump
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step
 
 EVENTS = "values of events"

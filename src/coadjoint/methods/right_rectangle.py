@@ -10,11 +10,12 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Method, Step
 
 
 @dataclass(frozen=True)
-class RightRectangle(Method, Step):
+class RightRectangle(Method, Step, adjoint_of=LeftRectangle):
     """Λ = hℓ(ξ, F⁻¹s, F⁻¹(s − n)/h, F⁻¹a), order 1.
 
     At the node n⁺ = F⁻¹n + hν⁺, a⁺ = F⁻¹a: solve μ_k = (dτ⁻¹_{hξ})*∂_ξℓ, F*π_k = ∂_νℓ; then
@@ -24,10 +25,6 @@ class RightRectangle(Method, Step):
     @property
     def order(self) -> int:
         return 1
-
-    @property
-    def adjoint(self) -> Method:
-        from coadjoint.methods.left_rectangle import LeftRectangle
 
         return LeftRectangle(self.difference_map, self.start)
 

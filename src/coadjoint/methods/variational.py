@@ -45,12 +45,6 @@ class Variational(Method, Step):
         return 1
 
     @property
-    def adjoint(self) -> Method:
-        from coadjoint.methods.adjoint_variational import AdjointVariational
-
-        return AdjointVariational(self.difference_map, self.start)
-
-    @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 

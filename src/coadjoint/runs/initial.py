@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si
 
 KINDS = {
-    "t": "time",
-    "position": "length",
-    "velocity": "speed",
-    "speed": "speed",
-    "euler_zxz": "angle",
-    "euler_zyx": "angle",
-    "yaw": "angle",
-    "pitch": "angle",
-    "roll": "angle",
-    "angular_velocity": "angular velocity",
-    "euler_rates": "angular velocity",
+    "t": u.TIME,
+    "position": u.LENGTH,
+    "velocity": u.SPEED,
+    "speed": u.SPEED,
+    "euler_zxz": u.ANGLE,
+    "euler_zyx": u.ANGLE,
+    "yaw": u.ANGLE,
+    "pitch": u.ANGLE,
+    "roll": u.ANGLE,
+    "angular_velocity": u.ANGULAR_VELOCITY,
+    "euler_rates": u.ANGULAR_VELOCITY,
 }
 """What initial values measure."""
 

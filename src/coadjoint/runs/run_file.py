@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.extensions import Registry, located
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection, section
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.runs.units import NO_UNIT, in_si, unknown, without_unit
+from coadjoint.runs.units import in_si, unknown, without_unit
 
 if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
@@ -184,13 +185,16 @@ def _of_model(model: str, free: dict[str, dict[str, Any]]) -> dict[str, dict[str
 
 
 MEASURES = {
-    "mass": "mass",
-    "buoyancy": "force",
-    "center_of_mass": "length",
-    "center_of_buoyancy": "length",
-    "semi_axes": "length",
-    **dict.fromkeys(("inertia", "added_mass", "gravity", "fluid_density", "volume"), NO_UNIT),
-    "inertia_about": "nothing",
+    "mass": u.MASS,
+    "buoyancy": u.FORCE,
+    "center_of_mass": u.LENGTH,
+    "center_of_buoyancy": u.LENGTH,
+    "semi_axes": u.LENGTH,
+    "gravity": u.ACCELERATION,
+    "fluid_density": u.DENSITY,
+    "volume": u.VOLUME,
+    "inertia": u.INERTIA,
+    **dict.fromkeys(("added_mass", "inertia_about")),
 }
 """What the parameters of the catalogue's models measure."""
 

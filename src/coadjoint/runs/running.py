@@ -43,9 +43,9 @@ def check(file: Runnable, folder: Path, overwrite: bool) -> None:
 def require_fit(file: Runnable, made: Setup) -> None:
     """Raise ArgumentError where the method does not fit the system and its start; nothing is compiled."""
     from coadjoint.runs.methods import method
-    from coadjoint.simulation import simulate as simulation
+    from coadjoint.simulation import preparing
 
-    simulation.require_fit(made.system, made.start, method(file.method), file.run.dt, made.inputs, made.until)
+    preparing.require_fit(made.system, made.start, method(file.method), file.run.dt, made.inputs, made.until)
 
 
 def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:

@@ -9,6 +9,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si
+from coadjoint.units import TIME
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class MethodSection:
 class RunSection:
     """The grid: dt in s, and either `duration` in s or `steps`; every save_every-th node is kept."""
 
-    dt: float = field(default=-math.inf, metadata={"kind": "time"})
-    duration: float | None = field(default=None, metadata={"kind": "time"})
+    dt: float = field(default=-math.inf, metadata={"dimension": TIME})
+    duration: float | None = field(default=None, metadata={"dimension": TIME})
     steps: int | None = None
     save_every: int = 1
 
@@ -111,7 +112,7 @@ def section(kind: type, title: str, given: Any) -> Any:
     """The dataclass `kind` filled from a table of a run file; raises ArgumentError for what does not fit."""
     if not isinstance(given, dict):
         raise ArgumentError(f"[{title}] must be a section of a run file, but is {given!r}.")
-    kinds = {f.name: f.metadata["kind"] for f in fields(kind) if "kind" in f.metadata}
+    kinds = {f.name: f.metadata["dimension"] for f in fields(kind) if "dimension" in f.metadata}
     values = in_si(title, given, [f.name for f in fields(kind)], kinds)
     types = get_type_hints(kind)
     return kind(**{name: _typed(f"[{title}] {name}", value, types[name]) for name, value in values.items()})

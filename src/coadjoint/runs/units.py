@@ -4,74 +4,49 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from difflib import get_close_matches
-from math import pi
 from typing import Any
 
 from coadjoint.errors import ArgumentError
-
-REVOLUTIONS = "revolutions in a second"
-
-UNITS: dict[str, tuple[str, float]] = {
-    "s": ("time", 1.0), "ms": ("time", 1e-3), "min": ("time", 60.0), "h": ("time", 3600.0), "days": ("time", 86400.0),
-    "m": ("length", 1.0), "mm": ("length", 1e-3), "cm": ("length", 1e-2), "km": ("length", 1e3),
-    "nmi": ("length", 1852.0),
-    "m_per_s": ("speed", 1.0), "m_s": ("speed", 1.0), "cm_per_s": ("speed", 1e-2), "km_per_h": ("speed", 1 / 3.6),
-    "knots": ("speed", 1852.0 / 3600.0),
-    "rad": ("angle", 1.0), "deg": ("angle", pi / 180),
-    "rad_per_s": ("angular velocity", 1.0), "deg_per_s": ("angular velocity", pi / 180),
-    "rad_s": ("angular velocity", 1.0), "deg_s": ("angular velocity", pi / 180),
-    "rpm": ("angular velocity", pi / 30), "per_s": (REVOLUTIONS, 1.0),
-    "kg": ("mass", 1.0), "g": ("mass", 1e-3), "t": ("mass", 1e3),
-    "N": ("force", 1.0), "kN": ("force", 1e3),
-}  # fmt: skip
-"""The endings of key names, with what they measure and how many SI units they are."""
-
-NO_UNIT = "what no unit here measures"
-"""What a kind says of numbers that are in SI units only."""
-
-_LONGEST_FIRST = sorted(UNITS, key=len, reverse=True)
+from coadjoint.units import Dimension, dimension_of, factor_to, split_name, times
 
 
-def in_si(section: str, given: Mapping[str, Any], known: Collection[str], kinds: Mapping[str, str]) -> dict[str, Any]:
+def in_si(
+    section: str, given: Mapping[str, Any], known: Collection[str], kinds: Mapping[str, Dimension | None]
+) -> dict[str, Any]:
     """The values of a section under their known names, in SI units.
 
-    `known`: the names of the section; `kinds`: what those measure of which it is known. Raises ArgumentError for an
-    unknown key, naming the nearest known one, for a unit of another kind, and for a value given twice.
+    `known`: the names of the section; `kinds`: what those measure of which it is known, None for what has SI units
+    only. Raises ArgumentError for an unknown key, naming the nearest known one, for a unit of another kind, and for a
+    value given twice.
     """
     found: dict[str, Any] = {}
     for key, value in given.items():
-        name, unit = _split(section, key, known)
+        name, unit = split_name(key, known)
+        if name not in known:
+            raise ArgumentError(unknown(f"key `{key}`", f"Section [{section}]", key, known))
         if name in found:
             raise ArgumentError(f"Section [{section}] gives `{name}` twice: once as `{key}`, once in another unit.")
-        if unit is None:
-            found[name] = value
-            continue
-        measures, factor = UNITS[unit]
-        if unit == "rpm" and kinds.get(name) == REVOLUTIONS:
-            measures, factor = REVOLUTIONS, 1 / 60
-        if kinds.get(name, measures) != measures:
-            raise ArgumentError(
-                f"Key `{key}` of section [{section}] ends in a unit of {measures}, but `{name}` measures {kinds[name]}."
-            )
-        found[name] = _times(f"[{section}] {key}", value, factor)
+        found[name] = value if not unit else _converted(section, key, value, unit, name, kinds)
     return found
 
 
-def _split(section: str, key: str, known: Collection[str]) -> tuple[str, str | None]:
-    """The known name in a key, and its unit."""
-    if key in known:
-        return key, None
-    for unit in _LONGEST_FIRST:
-        name = key.removesuffix(f"_{unit}")
-        if name != key and name in known:
-            return name, unit
-    raise ArgumentError(unknown(f"key `{key}`", f"Section [{section}]", key, known))
+def _converted(section: str, key: str, value: Any, unit: str, name: str, kinds: Mapping[str, Dimension | None]) -> Any:
+    wanted = kinds.get(name, dimension_of(unit))
+    _require_numbers(f"[{section}] {key}", value)
+    try:
+        if wanted is not None:
+            return times(value, factor_to(wanted, unit, key))
+    except ArgumentError:
+        pass
+    raise ArgumentError(
+        f"Key `{key}` of section [{section}] ends in a unit of {dimension_of(unit).word}, but `{name}` measures "
+        f"{wanted.word if wanted else 'what is in SI units only'}."
+    )
 
 
 def without_unit(key: str) -> str:
     """A key name without the unit that it ends in."""
-    unit = next((unit for unit in _LONGEST_FIRST if key.endswith(f"_{unit}")), None)
-    return key if unit is None else key.removesuffix(f"_{unit}")
+    return split_name(key)[0]
 
 
 def unknown(what: str, where: str, given: str, known: Collection[str]) -> str:
@@ -89,9 +64,9 @@ def letters(name: str) -> str:
     return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
-def _times(what: str, value: Any, factor: float) -> Any:
+def _require_numbers(what: str, value: Any) -> None:
     if isinstance(value, list):
-        return [_times(what, inner, factor) for inner in value]
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        for inner in value:
+            _require_numbers(what, inner)
+    elif isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ArgumentError(f"{what} must hold numbers, because its name ends in a unit, but holds {value!r}.")
-    return value * factor

@@ -8,8 +8,9 @@ from jax import numpy as jnp
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 
 SAFE = 1.0

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray
+
+if TYPE_CHECKING:
+    import xarray
+
+from coadjoint.csv_tables import csv_text
 
 
 def csv_table(dataset: xarray.Dataset) -> str:
@@ -23,11 +29,4 @@ def csv_table(dataset: xarray.Dataset) -> str:
         rows = values.reshape(count, -1)
         for column, index in enumerate(np.ndindex(*values.shape[len(leading) :])):
             columns["_".join([str(name), *map(str, index)])] = rows[:, column]
-    lines = [",".join(columns)]
-    lines += [",".join(map(_text, row)) for row in zip(*columns.values(), strict=True)]
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: np.generic) -> str:
-    number = value.item()
-    return "" if number != number else repr(number)
+    return csv_text(columns, repr)

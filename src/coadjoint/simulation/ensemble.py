@@ -13,11 +13,12 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members, member_of, stacked
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import isotropy_algebras
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.accuracy.judgement import Accuracy

@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 
 import jax
 import numpy as np
-from scipy.optimize import root_scalar
 
 from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.kernels.chunk import Chunk
@@ -17,6 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
+from coadjoint.simulation.crossings import brent
 from coadjoint.simulation.driver import Plan
 
 Direction = Literal["rising", "falling", "both"]
@@ -147,7 +147,7 @@ def crossing(plan: Plan, state: State) -> float:
 
     if start * along(1.0) >= 0:
         return 1.0
-    return root_scalar(along, bracket=(0.0, 1.0), method="brentq", xtol=1e-15, rtol=1e-14).root
+    return brent(along, (0.0, 1.0), rtol=1e-14)
 
 
 class DenseStep:

@@ -17,12 +17,14 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.judgement import accuracy_from
+from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.configuration import method_form, method_from, start_form, start_from, versions
 from coadjoint.simulation.dataset import attributes, ensemble_attributes
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.fingerprint import fingerprint
 from coadjoint.simulation.folder import create, require_free
 from coadjoint.simulation.lock import Lock
+from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.reading import read_checkpoint, read_configuration
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
@@ -112,8 +114,6 @@ def resume(
     Raises ArgumentError where the system or a function is not that of the run; FileError for a folder that holds no
     run, is damaged, or is in use; StepError as `co.simulate` does.
     """
-    from coadjoint.simulation.simulate import carry_on, prepare
-
     began = time.perf_counter()
     place = Path(folder).absolute()
     header, numbers = read_configuration(place)

@@ -16,13 +16,14 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.internal import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.origin import Keep, continued
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint

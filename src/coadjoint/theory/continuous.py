@@ -14,10 +14,11 @@ import numpy as np
 from coadjoint.errors import LagrangianError
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Places
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.reduction import defect_of, flat, point_of, require_invariant

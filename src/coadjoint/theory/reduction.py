@@ -13,8 +13,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import Places
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.theory.euler_poincare import Link
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.unreduced import KEYWORDS, Configuration, UnreducedLagrangian, has_points, link_of, with_keywords

@@ -15,7 +15,7 @@ from coadjoint.identification.observed import Observed
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import driven, gradient
 from coadjoint.kernels.run.function import NativeFunction
-from coadjoint.mechanics.system import replace_parameters
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.version import version
 from coadjoint.methods.program import Constants, StepProgram
 

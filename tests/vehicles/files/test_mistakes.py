@@ -11,9 +11,9 @@ import pytest
 
 from coadjoint import vehicles
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.units import unit_of
 from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.files.shelf import vehicle_text
-from coadjoint.vehicles.files.units import unit_of
 
 REMUS, NPS, REXROV, LRAUV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov", "lrauv_raanan"))
 MASS = 'mass = { value = 31.029384975800244, unit = "kg", source = "PVS"'

@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.files import units as u
 from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, PILOTS, part_class, pilot_class
 from coadjoint.vehicles.files.read_derivatives import _without_added_mass

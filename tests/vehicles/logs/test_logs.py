@@ -13,7 +13,7 @@ from coadjoint.identification import synthetic_log
 from coadjoint.vehicles import axes
 from coadjoint.vehicles.logs import inputs_from_csv, read_log
 from coadjoint.vehicles.logs.csv_file import read_csv
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 from coadjoint.vehicles.remus import remus_100, remus_start
 
 LEGS = [0.0, 5.0]
@@ -116,17 +116,17 @@ def test_units_at_the_end_of_a_column_become_si(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "is empty"),
-        ("time_s,depth_m\n", "no rows"),
+        ("", "at least one line of numbers"),
+        ("time_s,depth_m\n", "at least one line of numbers"),
         ("0,1\n1,2\n", "line 1: the first line must name"),
         ("depth_m,speed_m_s\n0,1\n", "a column `time_s`"),
-        ("time_s;depth_m\n0;1\n", "separated by commas"),
+        ("time_s;depth_m\n0;0,1\n", "line 2, column `depth_m`: '0,1' is no number"),
         ("time_s,depth_m,\n0,1,2\n", "column 3 has no name"),
         ("time_s,depth_m,depth_km\n0,1,2\n", "`depth` comes twice, as `depth_m` and `depth_km`"),
-        ("time_s,depth_m\n0,1\n1,deep\n", "line 3, column `depth_m`: there must be a number, but there is 'deep'"),
-        ("time_s,depth_m\n0,1\n\n1,\n", "line 4, column `depth_m`: .* there is nothing"),
+        ("time_s,depth_m\n0,1\n1,deep\n", "line 3, column `depth_m`: 'deep' is no number"),
+        ("time_s,depth_m\n0,1\n\n1,\n", "line 4, column `depth_m`: there is no number"),
         ("time_s,depth_m\n0,1\n1,nan\n", "line 3, column `depth_m`"),
-        ("time_s,depth_m\n0,1\n1\n", "line 3: there must be 2 numbers"),
+        ("time_s,depth_m\n0,1\n1\n", "line 3: there are 1 cells for 2 columns"),
         ("time_s,depth_m\n0,1\n2,1\n2,3\n", "line 4, column `time_s`: times must grow, but 2 s comes after 2 s"),
     ],
 )
@@ -176,7 +176,7 @@ def test_what_is_no_vehicle_has_no_log(tmp_path):
 
 
 def test_speed_through_the_water_leaves_the_current_out(run):
-    log = Log(run.dataset)
+    log = VehicleRecords(run.dataset)
     rotation = np.asarray(run.dataset.R)
     expected = np.asarray(run.dataset.node_nu) - np.einsum("kji,j->ki", rotation, [0.1, 0.2, 0.0])
     assert np.allclose(log.through_water, expected, atol=1e-12)

@@ -109,17 +109,17 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "holds no log"),
-        ("time_s,u_m_s\n0,1\n", "holds no log"),
+        ("", "at least one line of numbers"),
+        ("time_s,u_m_s\n0,1\n", "at least two samples"),
         ("u_m_s,w_m_s\n0,1\n1,2\n", "no column `time_s`"),
         (GOOD.replace("u_m_s", "u_parsec"), "line 1: column `u_parsec` has no known unit"),
         (GOOD.replace("u_m_s", "u_deg"), "`u` is measured in m/s"),
         (GOOD.replace("roll_deg", "roll"), "`roll` has no known unit at its end: give one, as in `roll_"),
         (GOOD.replace("rudder_rad", "rudder (furlong)"), "`rudder (furlong)` has no known unit"),
         (GOOD.replace("rudder_rad", "u_cm_s"), "`u` is given twice"),
-        (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: 3 cells, but there are 4 headers"),
+        (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: there are 3 cells for 4 columns"),
         (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),
-        (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not finite"),
+        (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not a finite number"),
         (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4: time goes from 1 s to 1 s"),
         (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time`: the time is missing"),
         (GOOD.replace("0,1,1,0", "0,1,1,"), "line 2, column `rudder_rad`: the first value"),
@@ -138,7 +138,7 @@ def test_a_mistake_in_a_file_is_told_with_its_place(tmp_path, text, told):
 
 
 def test_files_that_are_not_there_and_unknown_axes(tmp_path):
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="There is no file"):
         read_log(tmp_path / "none.csv")
     with pytest.raises(ArgumentError, match="NED/FRD"):
         read_log(written(tmp_path, GOOD), axes="NWU")  # pyright: ignore[reportArgumentType]

@@ -11,9 +11,10 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.packing import Layout, layout
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.steppers.trees import rows_of, spread

@@ -11,9 +11,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import inverse_legendre
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import replace_parameters
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.trees import rows_of

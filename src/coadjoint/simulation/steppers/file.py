@@ -16,7 +16,7 @@ import secrets
 import zipfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,30 +26,12 @@ from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
-from coadjoint.simulation.steppers.stepping import Stepping
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.steppers.stepping import Stepping
 
 FORMAT, VERSION = "coadjoint stepper", 1
 _FIELDS = ("parameters", "state", "commands", "observations")
-
-
-def load_stepper(path: str | os.PathLike[str]) -> Stepping:
-    """The stepper that `stepper.save(path)` wrote: it stands where that one stood. JAX is not imported.
-
-        stepper = co.load_stepper("remus.step")
-
-    It steps to the bit like the one that was saved, on the same processor; `state`, `reset` and `restore` speak of
-    numbers by their names, `change` keeps momenta, and an event stops it at the node before.
-    The file holds machine code that is run: load only what you would run as a program.
-    Raises FileError for what is no such file, and for one of a newer version.
-    """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
-    try:
-        return from_bytes(content)
-    except FileError as error:
-        raise FileError(f"The file {path} {error}") from None
 
 
 def save(stepper: Any, path: str | os.PathLike[str], overwrite: bool) -> Path:
@@ -90,7 +72,7 @@ def to_bytes(stepper: Any) -> bytes:
     return kept.getvalue()
 
 
-def from_bytes(content: bytes) -> Stepping:
+def from_bytes(content: bytes, kind: type[Stepping]) -> Stepping:
     """The stepper of a file's content; raises FileError with what follows the file's name in a sentence."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -99,12 +81,12 @@ def from_bytes(content: bytes) -> Stepping:
                 raise FileError("holds no stepper: give one that stepper.save(path) wrote.")
             if header["version"] > VERSION:
                 raise FileError(f"is of version {header['version']}, but this library reads {VERSION}: update it.")
-            return _opened(archive, header)
+            return _opened(archive, header, kind)
     except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError) as error:
         raise FileError("holds no stepper, or is damaged: give one that stepper.save(path) wrote.") from error
 
 
-def _opened(archive: zipfile.ZipFile, header: dict[str, Any]) -> Stepping:
+def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Stepping]) -> Stepping:
     face = dict(header["face"])
     for name in _FIELDS:
         face[name] = Fields.of({key: tuple(shape) for key, shape in face[name]})
@@ -121,7 +103,7 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any]) -> Stepping:
         engine = NativeEngine(archive.read("step.ll").decode(), header["lanes"], code)
     except RuntimeError as error:
         raise FileError(f"cannot be compiled here by LLVM ({str(error).splitlines()[0]}).") from None
-    made = object.__new__(Stepping)
+    made = object.__new__(kind)
     origin = arrays.pop("origin")
     made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"])
     made.event = header["event"]

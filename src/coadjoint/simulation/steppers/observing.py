@@ -11,10 +11,11 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from, value
 from coadjoint.mechanics.reading import require_float64
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.methods.program import Constants
 
 Observe = Mapping[str, Callable[..., Any]]

@@ -19,11 +19,12 @@ from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, stacked
 from coadjoint.mechanics.internal import require_internal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
-from coadjoint.mechanics.system import System, replace_parameters
+from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
@@ -34,7 +35,7 @@ from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import count_of, first_member
 from coadjoint.simulation.events import crossing, part_of_step, require_until, without_event
 from coadjoint.simulation.inputs import inputs_held, with_inputs
-from coadjoint.simulation.simulate import require_chart
+from coadjoint.simulation.preparing import require_chart
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.by_xla import XlaEngine

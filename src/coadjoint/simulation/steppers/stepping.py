@@ -15,6 +15,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.simulation.steppers.buffers import by_member, put
+from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
 from coadjoint.simulation.steppers.numbers import whole, write
 from coadjoint.simulation.steppers.standing import BUSY, Standing
 
@@ -75,14 +76,10 @@ class Stepping(Standing):
 
         Raises FileError rather than replace a file, ArgumentError for one that runs by XLA.
         """
-        from coadjoint.simulation.steppers.file import save
-
         return save(self, path, overwrite)
 
     def __reduce__(self) -> Any:
-        from coadjoint.simulation.steppers.file import from_bytes, to_bytes
-
-        return from_bytes, (to_bytes(self),)
+        return opened, (to_bytes(self),)
 
     # Parameters.
 
@@ -151,6 +148,11 @@ class Stepping(Standing):
         rows = by_member(self._buffers.parameters)
         own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
         return rows[: self.face.count] if own else rows[:1]
+
+
+def opened(content: bytes) -> Stepping:
+    """The stepper whose file has this content."""
+    return from_bytes(content, Stepping)
 
 
 def _numbers(place: slice) -> range:

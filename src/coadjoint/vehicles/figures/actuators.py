@@ -13,7 +13,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.style import COLUMN, WANTED, canvas
 from coadjoint.vehicles.figures.motions import draw_components, finish, key
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 _LIMIT: dict[str, Any] = {"color": "#bb0000", "linestyle": (0, (1, 2)), "linewidth": 0.8, "zorder": 1.2}
 _SHOWN = {"rad": (180 / np.pi, "°"), "m³": (1e3, "L")}
@@ -37,14 +37,14 @@ def actuators(runs: Sequence[Entry]) -> Figure:
 
 def names_of(runs: Sequence[Entry]) -> list[str]:
     """The names of the actuators of all runs."""
-    return list(dict.fromkeys(name for run in runs for name in Log(run.dataset).actuators))
+    return list(dict.fromkeys(name for run in runs for name in VehicleRecords(run.dataset).actuators))
 
 
 def by_unit(runs: Sequence[Entry]) -> list[list[str]]:
     """The names of the actuators, those of one unit together."""
     found: dict[str, list[str]] = {}
     for run in runs[:1]:
-        for name, actuator in Log(run.dataset).actuators.items():
+        for name, actuator in VehicleRecords(run.dataset).actuators.items():
             found.setdefault(actuator.unit, []).append(name)
     return list(found.values())
 
@@ -56,7 +56,7 @@ def draw_actuators(axes: Axes, runs: Sequence[Entry], names: Sequence[str]) -> N
     for run in runs:
         labels, first = [], 0
         for name in names:
-            actuator = Log(run.dataset).actuators.get(name)
+            actuator = VehicleRecords(run.dataset).actuators.get(name)
             if actuator is None:
                 continue
             factor, unit = _SHOWN.get(actuator.unit, (1.0, actuator.unit))

@@ -20,7 +20,7 @@ from coadjoint.plotting.style import COLOURS, canvas, style
 from coadjoint.plotting.whole_file import whole_file, write_text
 from coadjoint.vehicles.figures.navigation import draw_depth, draw_track
 from coadjoint.vehicles.figures.tracks import track
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 FRAMES, PER_SECOND = 150, 15
 """Of a GIF: ten seconds."""
@@ -42,7 +42,7 @@ def animation(runs: Sequence[Entry], path: str | os.PathLike[str], frames: int =
             raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")
     if target.suffix.lower() == ".html":
         tracks = [track(run, POINTS // len(shown), alone=len(shown) == 1) for run in shown]
-        return write_text(target, page(tracks, Log(shown[0].dataset).way_points))
+        return write_text(target, page(tracks, VehicleRecords(shown[0].dataset).way_points))
     return _gif(shown, target, frames)
 
 
@@ -90,7 +90,7 @@ class _Vehicle:
     """A vehicle in both panels: an arrow along its heading and along its pitch, with its path so far."""
 
     def __init__(self, figure: Figure, run: Entry, number: int):
-        self.figure, self.log, self.time, self.number = figure, Log(run.dataset), run.time, number
+        self.figure, self.log, self.time, self.number = figure, VehicleRecords(run.dataset), run.time, number
         self.panels = figure.axes[:2]
         self.label = run.label if number else ""
         look: dict[str, Any] = {"color": COLOURS[run.place % len(COLOURS)]}

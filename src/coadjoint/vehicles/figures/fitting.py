@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from coadjoint.vehicles.logs.log import Log, is_vehicle
+from coadjoint.vehicles.logs.records import VehicleRecords, is_vehicle
 
 
 def of_vehicle(dataset: Any) -> bool:
@@ -22,5 +22,5 @@ def of_current(dataset: Any) -> bool:
     return is_vehicle(dataset) and _log(dataset).current is not None
 
 
-def _log(dataset: Any) -> Log:
-    return Log(dataset.isel(member=0) if "member" in dataset.dims else dataset)
+def _log(dataset: Any) -> VehicleRecords:
+    return VehicleRecords(dataset.isel(member=0) if "member" in dataset.dims else dataset)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from coadjoint.plotting.entries import Entry, tell_apart
 from coadjoint.plotting.style import COLOURS, PAGE, canvas, time_axis
 from coadjoint.vehicles.figures import actuators, motions, navigation
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 _PANEL = 1.55
 
@@ -23,9 +23,9 @@ def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figu
     """The whole run on a page."""
     left: list[Draw] = [motions.draw_speeds, motions.draw_rates]
     right: list[Draw] = [navigation.draw_depth, motions.draw_angles]
-    left += [motions.draw_current] if any(Log(run.dataset).current is not None for run in runs) else []
+    left += [motions.draw_current] if any(VehicleRecords(run.dataset).current is not None for run in runs) else []
     right += [_actuators(names) for names in actuators.by_unit(runs)]
-    for draw in [draw_energy] if Log(runs[0].dataset).work else []:
+    for draw in [draw_energy] if VehicleRecords(runs[0].dataset).work else []:
         (left if len(left) + 2 <= len(right) else right).append(draw)
     rows = max(len(left) + 2, len(right))
     figure = canvas(PAGE, _PANEL * rows + 0.5)
@@ -49,11 +49,13 @@ def mission(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figu
 
 def draw_energy(axes: Axes, runs: Sequence[Entry]) -> None:
     """The energy that each part has put in since the start, in kJ where it is much."""
-    largest = max((np.max(np.abs(work)) for run in runs for work in Log(run.dataset).work.values()), default=0.0)
+    largest = max(
+        (np.max(np.abs(work)) for run in runs for work in VehicleRecords(run.dataset).work.values()), default=0.0
+    )
     factor, unit = (1e-3, "kJ") if largest > 5000 else (1.0, "J")
-    names = list(dict.fromkeys(name for run in runs for name in Log(run.dataset).work))
+    names = list(dict.fromkeys(name for run in runs for name in VehicleRecords(run.dataset).work))
     for run in runs:
-        work = Log(run.dataset).work
+        work = VehicleRecords(run.dataset).work
         for number, name in enumerate(names):
             if name in work:
                 kept = run.thin(work[name])

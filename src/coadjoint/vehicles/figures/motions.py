@@ -15,7 +15,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry, tell_apart
 from coadjoint.plotting.style import COLOURS, COLUMN, DASHES, canvas, time_axis
 from coadjoint.vehicles.figures.navigation import draw_wanted
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 _LETTERS, _HANDLE, _ROOM = 7.5, 22.5, 208.0
 """Of a key, in points: the size of its letters, what a line and the gaps beside it take, the width of a panel."""
@@ -34,7 +34,7 @@ def speeds(runs: Sequence[Entry]) -> Figure:
 def current(runs: Sequence[Entry]) -> Figure:
     """The velocity of the water where the vehicle is, north, east and down."""
     for run in runs:
-        if Log(run.dataset).current is None:
+        if VehicleRecords(run.dataset).current is None:
             raise ArgumentError(f"There is no current to draw: the run of {run.label} is in still water.")
     figure = canvas(COLUMN, 2.3)
     axes = figure.subplots()
@@ -46,11 +46,11 @@ def current(runs: Sequence[Entry]) -> Figure:
 def draw_speeds(axes: Axes, runs: Sequence[Entry]) -> None:
     """Surge, sway and heave through the water on these axes."""
     for run in runs:
-        log = Log(run.dataset)
+        log = VehicleRecords(run.dataset)
         if run is runs[0]:
             draw_wanted(axes, run, log, "speed")
         draw_components(axes, run, log.through_water)
-    has_current = any(Log(run.dataset).current is not None for run in runs)
+    has_current = any(VehicleRecords(run.dataset).current is not None for run in runs)
     axes.set_ylabel("speed through\nthe water (m/s)" if has_current else "speed (m/s)")
     key(axes, ("surge $u$", "sway $v$", "heave $w$"))
 
@@ -58,7 +58,7 @@ def draw_speeds(axes: Axes, runs: Sequence[Entry]) -> None:
 def draw_rates(axes: Axes, runs: Sequence[Entry]) -> None:
     """The rates of roll, pitch and yaw, body axes, in °/s."""
     for run in runs:
-        draw_components(axes, run, np.degrees(Log(run.dataset).rates))
+        draw_components(axes, run, np.degrees(VehicleRecords(run.dataset).rates))
     axes.set_ylabel("rate (°/s)")
     key(axes, ("roll $p$", "pitch $q$", "yaw $r$"))
 
@@ -66,7 +66,7 @@ def draw_rates(axes: Axes, runs: Sequence[Entry]) -> None:
 def draw_angles(axes: Axes, runs: Sequence[Entry]) -> None:
     """Roll, pitch and heading in degrees, the heading counted on through full turns, with its set point."""
     for run in runs:
-        log = Log(run.dataset)
+        log = VehicleRecords(run.dataset)
         angles = np.degrees(np.column_stack([log.attitude[:, :2], np.unwrap(log.attitude[:, 2])]))
         if run is runs[0]:
             draw_wanted(axes, run, log, "heading", 180 / np.pi, angles[:, 2])
@@ -78,7 +78,7 @@ def draw_angles(axes: Axes, runs: Sequence[Entry]) -> None:
 def draw_current(axes: Axes, runs: Sequence[Entry]) -> None:
     """The velocity of the water in space."""
     for run in runs:
-        water = Log(run.dataset).current
+        water = VehicleRecords(run.dataset).current
         if water is not None:
             draw_components(axes, run, water)
     axes.set_ylabel("current (m/s)")

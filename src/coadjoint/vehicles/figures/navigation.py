@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from coadjoint.plotting.entries import Entry, fewest
 from coadjoint.plotting.style import COLUMN, WANTED, canvas, legend, time_axis
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 
 def track(runs: Sequence[Entry], way_points: np.ndarray | None = None) -> Figure:
@@ -36,7 +36,7 @@ def depth(runs: Sequence[Entry]) -> Figure:
 
 def draw_track(axes: Axes, runs: Sequence[Entry], way_points: np.ndarray | None = None) -> None:
     """The path on these axes; `way_points` (k, 2) or (k, 3), north, east, …, m, by default those of the runs."""
-    logs = [Log(run.dataset) for run in runs]
+    logs = [VehicleRecords(run.dataset) for run in runs]
     points = logs[0].way_points if way_points is None else np.asarray(way_points, dtype=float)
     if len(points):
         start = logs[0].position[:1, :2]
@@ -61,7 +61,7 @@ def draw_track(axes: Axes, runs: Sequence[Entry], way_points: np.ndarray | None 
 def draw_depth(axes: Axes, runs: Sequence[Entry]) -> None:
     """The depth on these axes, and the set point `depth` where there is one."""
     for run in runs:
-        log = Log(run.dataset)
+        log = VehicleRecords(run.dataset)
         if run is runs[0]:
             draw_wanted(axes, run, log, "depth")
         kept = run.thin(log.depth)
@@ -75,7 +75,7 @@ def _label(runs: Sequence[Entry], run: Entry, alone: str) -> str:
 
 
 def draw_wanted(
-    axes: Axes, run: Entry, log: Log, name: str, factor: float = 1.0, near: np.ndarray | None = None
+    axes: Axes, run: Entry, log: VehicleRecords, name: str, factor: float = 1.0, near: np.ndarray | None = None
 ) -> None:
     """The set point `name` as steps, where the run has one of one number; of angles by full turns (°) to `near`."""
     if name not in log.set_points or log.set_points[name][0].ndim != 1:

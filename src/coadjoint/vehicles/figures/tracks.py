@@ -8,12 +8,12 @@ from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.player import Track
 from coadjoint.plotting.style import COLOURS
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 
 def track(run: Entry, capacity: int, alone: bool) -> Track:
     """Times, places, what points forward and to starboard, and speeds of a run, `capacity` of each at most."""
-    log = Log(run.dataset)
+    log = VehicleRecords(run.dataset)
     kept = thin(log.position, log.attitude, capacity=capacity)
     wanted = log.set_points.get("depth")
     return Track(

@@ -10,9 +10,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.files import units as u
 from coadjoint.vehicles.files.added_masses import read_added_mass
 from coadjoint.vehicles.files.checks import check
 from coadjoint.vehicles.files.read_parts import read_part, read_pilot

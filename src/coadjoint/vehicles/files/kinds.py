@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import units as u
+from coadjoint.units import Dimension
 from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.files import units as u
-from coadjoint.vehicles.files.units import Dimension
 
 Turn = Callable[[Any, Any], Any]
 

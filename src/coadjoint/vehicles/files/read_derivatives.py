@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.files import units as u
 from coadjoint.vehicles.files.table import Section
 from coadjoint.vehicles.model.vehicle import Quantity
 from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.files import units as u
 from coadjoint.vehicles.files.kinds import (
     PARTS,
     PILOT_FIELDS,
@@ -24,8 +24,6 @@ from coadjoint.vehicles.files.table import Section, axes_of
 from coadjoint.vehicles.model.vehicle import Quantity
 from coadjoint.vehicles.parts.part import Part
 
-ELECTRIC = ("V", "A")
-"""Units of commands that no number in a file has."""
 CURVES = ("linear", "quadratic", "polynomial", "table")
 
 
@@ -143,14 +141,12 @@ def _thrusters(section: Section, name: str, axes: border.Axes) -> Part:
 
 
 def _command_unit(section: Section, unit: str) -> tuple[float, u.Dimension]:
-    """A command's unit in SI, and what it measures: volts and amperes are units of their own."""
-    if unit in ELECTRIC:
-        return 1.0, u.Dimension((0, 0, 0, 0), unit)
+    """A command's unit in SI, and what it measures."""
     try:
         size, powers = u.unit_of(unit, f"{section.title} command_unit")
     except ArgumentError as error:
         raise section.book.fail(str(error)) from error
-    return size, u.Dimension(powers, unit, turns=powers == u.REVOLUTIONS.powers)
+    return size, u.Dimension(powers, unit, unit)
 
 
 def _columns(value: Any, axes: border.Axes) -> Any:

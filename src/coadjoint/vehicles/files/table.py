@@ -8,8 +8,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from coadjoint.errors import ArgumentError
+from coadjoint.units import NUMBER, Dimension, in_si
 from coadjoint.vehicles.axes import Axes
-from coadjoint.vehicles.files.units import NUMBER, Dimension, in_si
 from coadjoint.vehicles.model.vehicle import Quantity
 
 BODY_AXES: dict[str, Axes] = {"FRD": "NED/FRD", "FLU": "ENU/FLU"}

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.vehicles.files import units as u
+from coadjoint import units as u
+from coadjoint.units import Dimension
 from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, kind_of
-from coadjoint.vehicles.files.units import Dimension
 from coadjoint.vehicles.model.loads import held_mass, held_volume
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint.vehicles.parts.derivatives import Derivatives

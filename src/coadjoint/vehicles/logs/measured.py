@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 from collections.abc import Collection
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from coadjoint.csv_tables import csv_text, read_sheet
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY
 from coadjoint.identification.log import Log
+from coadjoint.plotting.whole_file import write_text
 from coadjoint.vehicles.axes import Axes, body_axes, rotation, space_axes
-from coadjoint.vehicles.logs.headers import NAMES, Column, column, ending
+from coadjoint.vehicles.logs.columns import written
+from coadjoint.vehicles.logs.headers import NAMES, Column, column
 
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
@@ -44,7 +46,8 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     """
     space_axes(axes)
     file = str(path)
-    header_line, headers, rows, step = _rows(path)
+    sheet = read_sheet(path)
+    header_line, headers = sheet.line, sheet.names
     where = f"{file}, line {header_line}: column"
     known = [None if name in ignore else column(name, where) for name in headers]
     names = {made.name for made in known if made is not None}
@@ -56,106 +59,56 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
             continue
         if made.name in found:
             raise FileError(f"{file}, line {header_line}: `{made.name}` is given twice, as `{made.header}` too.")
-        found[made.name] = made, _cells(file, rows, place, made)
+        found[made.name] = made, sheet.numbers(place, _EMPTY) * made.factor
     if "time" not in found:
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
-    time = _time(file, rows, found.pop("time")[1])
+    time = _time(file, sheet.lines, found.pop("time")[1])
     columns = _vehicle(file, found, axes)
     driving, did = _driving(file, found)
-    inputs, units, notes = _inputs(file, rows, driving)
-    actual, *_ = _inputs(file, rows, did)
+    inputs, units, notes = _inputs(file, sheet.lines, driving)
+    actual, *_ = _inputs(file, sheet.lines, did)
     notes += [
         f"{int(gaps)} of {len(time)} values of {name} are missing."
         for name, values in columns.items()
         if (gaps := np.isnan(values).sum())
     ]
     gaps = np.diff(time)
-    if gaps.max() > IRREGULAR * np.median(gaps):
+    if len(gaps) and gaps.max() > IRREGULAR * np.median(gaps):
         notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
     try:
-        return Log(time, columns, inputs, units, tuple(notes), step, actual)
+        return Log(time, columns, inputs, units, tuple(notes), _step(path, sheet.comments), actual)
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
 
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     """The log as a CSV file that `read_log` reads: angles in degrees, inputs as `command_…`, missing cells empty."""
-    columns: list[tuple[str, np.ndarray]] = [("time_s", log.time)]
-    plain = {name: (name, values) for name, values in {**log.columns, **log.actual}.items()}
-    inputs = {f"command_{name}": (name, values) for name, values in log.inputs.items()}
-    for header, (name, values) in {**plain, **inputs}.items():
-        unit = log.units.get(name, "1")
-        shown, end = np.degrees(values) if unit == "rad" else values, ending(unit)
-        parts = [("", shown)] if shown.ndim == 1 else [(f"[{i + 1}]", shown[:, i]) for i in range(shown.shape[1])]
-        columns += [(f"{header}{part}{end}", numbers) for part, numbers in parts]
-    try:
-        with Path(path).open("w", newline="", encoding="utf-8") as stream:
-            if log.step is not None:
-                stream.write(f"{_STEP}{log.step:.12g}\n")
-            writer = csv.writer(stream)
-            writer.writerow([name for name, _ in columns])
-            for row in zip(*(values for _, values in columns), strict=True):
-                writer.writerow(["" if np.isnan(x) else f"{x:.12g}" for x in row])
-    except OSError as error:
-        raise FileError(f"{path} cannot be written: {error.strerror}.") from error
+    columns = {"time_s": log.time}
+    for prefix, part in (("", log.columns), ("", log.actual), ("command_", log.inputs)):
+        for name, values in part.items():
+            columns |= written(f"{prefix}{name}", values, log.units.get(name, "1"))
+    text = csv_text(columns)
+    write_text(path, text if log.step is None else f"{_STEP}{log.step:.12g}\n{text}")
 
 
-def _rows(path: Any) -> tuple[int, list[str], list[tuple[int, list[str]]], float | None]:
-    """The line of the headers, the headers, every other line with its number, and the step of a simulated log."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise FileError(f"{path} cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"{path} is no text file in UTF-8.") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if len(lines) < 3:
-        raise FileError(f"{path} holds no log: a line of headers and at least two of numbers are needed.")
-    first = lines[0][1]
-    mark = max((",", ";", "\t"), key=first.count)
-    rows = [(i, next(csv.reader([line], delimiter=mark))) for i, line in lines]
-    (header_line, headers), *rest = rows
-    for line, cells in rest:
-        if len(cells) != len(headers):
-            raise FileError(f"{path}, line {line}: {len(cells)} cells, but there are {len(headers)} headers.")
-    told = [line.removeprefix(_STEP) for line in text.splitlines() if line.startswith(_STEP)]
-    return header_line, [name.strip() for name in headers], rest, _step(path, told[0]) if told else None
+def _step(path: Any, comments: list[str]) -> float | None:
+    """The step that a log tells, None where it tells none; raises FileError."""
+    told = [line.removeprefix(_STEP) for line in comments if line.startswith(_STEP)]
+    if not told:
+        return None
+    with suppress(ValueError):
+        if np.isfinite(step := float(told[0])) and step > 0:
+            return step
+    raise FileError(f"{path}: the line `{_STEP}{told[0]}` must tell a positive number, in s.")
 
 
-def _step(path: Any, text: str) -> float:
-    """The step that a log tells; raises FileError."""
-    try:
-        step = float(text)
-    except ValueError:
-        step = np.nan
-    if not (np.isfinite(step) and step > 0):
-        raise FileError(f"{path}: the line `{_STEP}{text}` must tell a positive number, in s.")
-    return step
-
-
-def _cells(file: str, rows: list[tuple[int, list[str]]], place: int, made: Column) -> np.ndarray:
-    """The numbers of a column, in the unit inside; NaN where it is empty."""
-    found = np.full(len(rows), np.nan)
-    for i, (line, cells) in enumerate(rows):
-        text = cells[place].strip()
-        if text.lower() in _EMPTY:
-            continue
-        try:
-            found[i] = float(text) * made.factor
-        except ValueError:
-            raise FileError(f"{file}, line {line}, column `{made.header}`: {text!r} is no number.") from None
-        if not np.isfinite(found[i]):
-            raise FileError(f"{file}, line {line}, column `{made.header}`: {text!r} is not finite.")
-    return found
-
-
-def _time(file: str, rows: list[tuple[int, list[str]]], time: np.ndarray) -> np.ndarray:
+def _time(file: str, lines: list[int], time: np.ndarray) -> np.ndarray:
     bad = np.flatnonzero(np.isnan(time))
     if len(bad):
-        raise FileError(f"{file}, line {rows[bad[0]][0]}, column `time`: the time is missing.")
+        raise FileError(f"{file}, line {lines[bad[0]]}, column `time`: the time is missing.")
     bad = np.flatnonzero(np.diff(time) <= 0)
     if len(bad):
-        line = rows[bad[0] + 1][0]
+        line = lines[bad[0] + 1]
         raise FileError(
             f"{file}, line {line}: time goes from {time[bad[0]]:g} s to {time[bad[0] + 1]:g} s, but must grow: sort "
             "the lines and give each time once."
@@ -246,7 +199,7 @@ def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:
 
 
 def _inputs(
-    file: str, rows: list[tuple[int, list[str]]], found: dict[str, tuple[Column, np.ndarray]]
+    file: str, lines: list[int], found: dict[str, tuple[Column, np.ndarray]]
 ) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
     """What drives the vehicle, without gaps, its units, and notes: a missing value is the last one before it."""
     notes: list[str] = []
@@ -254,7 +207,7 @@ def _inputs(
     for name, (made, values) in found.items():
         gaps = np.isnan(values)
         if gaps[0]:
-            where = f"{file}, line {rows[0][0]}, column `{made.header}`"
+            where = f"{file}, line {lines[0]}, column `{made.header}`"
             raise FileError(f"{where}: the first value of an input is missing.")
         last = np.maximum.accumulate(np.where(gaps, 0, np.arange(len(values))))
         filled[name] = values[last]

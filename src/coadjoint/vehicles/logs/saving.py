@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from coadjoint.csv_tables import csv_text
 from coadjoint.vehicles.logs.columns import columns
-from coadjoint.vehicles.logs.csv_file import csv_text
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 if TYPE_CHECKING:
     import xarray
@@ -17,4 +17,4 @@ def log_text(dataset: xarray.Dataset, axes: str = "NED/FRD") -> str:
 
     Raises ArgumentError for a run of what is no vehicle.
     """
-    return csv_text(columns(Log(dataset), axes))
+    return csv_text(columns(VehicleRecords(dataset), axes))

@@ -12,7 +12,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.setup import Setup
 from coadjoint.runs.units import in_si, unknown
-from coadjoint.vehicles.logs.columns import split
+from coadjoint.units import split_name
+from coadjoint.vehicles.logs.headers import inside
 from coadjoint.vehicles.missions import legs
 from coadjoint.vehicles.missions.measures import measures, pilot_measures
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
@@ -119,13 +120,13 @@ def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
         raise ArgumentError(f"[initial] actuators must be a table, as in {{ propeller_rpm = 900 }}, but is {given!r}.")
     found = {}
     for key, value in given.items():
-        name, unit, factor = (key, "", 1.0) if key in units else split(key)
-        if unit and unit != units.get(name, unit):
-            raise ArgumentError(f"[initial] actuators: `{name}` measures {units[name]}, but `{key}` is in {unit}.")
+        name, unit = split_name(key, units)
+        if unit:
+            legs.require_unit("[initial] actuators:", key, name, unit, units[name])
         if name in found:
             raise ArgumentError(f"[initial] actuators give `{name}` twice: once as `{key}`, once in another unit.")
         try:
-            found[name] = factor * np.asarray(value, dtype=float)
+            found[name] = (inside(unit)[1] if unit else 1.0) * np.asarray(value, dtype=float)
         except (TypeError, ValueError):
             raise ArgumentError(f"[initial] actuators must hold numbers, but {key} is {value!r}.") from None
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from coadjoint.runs.toml_text import to_toml
-from coadjoint.vehicles.logs.columns import WRITTEN
+from coadjoint.units import ending
 
 _SET_POINTS: dict[str, Any] = {
     "depth": [0.5, 5.0, 0.5],
@@ -62,7 +62,7 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
         wanted = dict(own.inputs)
     for name, unit in wanted.items():
         values = _SET_POINTS.get(name, [0.0, 0.0, 0.0] if name != "speed" else speed or 0.5)
-        lines.append(f"{name}_{WRITTEN[unit]} = {values}" if unit in WRITTEN else f"{name} = {values}")
+        lines.append(f"{name}{ending(unit)} = {values}")
     if own is None:
         lines.append('ends = "surface"  # or ["surface", "bottom"] with bottom_m = 40')
     else:

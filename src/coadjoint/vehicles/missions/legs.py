@@ -9,7 +9,8 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import unknown
-from coadjoint.vehicles.logs.columns import split
+from coadjoint.units import dimension_of, factor_to, split_name
+from coadjoint.vehicles.logs.headers import inside, loose
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -64,16 +65,25 @@ def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
 def _require_units(file: MissionFile, units: Mapping[str, str]) -> None:
     """Raise ArgumentError where the unit of a key is not one of what it measures."""
     for key in file.mission:
-        name, unit, _ = (key, "", 1.0) if key in OTHERS else split(key)
-        if unit and name in units and unit != units[name]:
-            raise ArgumentError(f"[mission] `{name}` measures {units[name]}, but `{key}` is in {unit}.")
+        name, unit = (key, "") if key in OTHERS else split_name(key)
+        if unit and name in units:
+            require_unit("[mission]", key, name, unit, units[name])
+
+
+def require_unit(where: str, key: str, name: str, unit: str, wanted: str) -> None:
+    """Raise ArgumentError unless numbers in a unit are of what is wanted."""
+    try:
+        if inside(unit)[0] != wanted:
+            factor_to(dimension_of(wanted), unit, key)
+    except ArgumentError:
+        raise ArgumentError(f"{where} `{name}` measures {wanted}, but `{key}` is in {inside(unit)[0]}.") from None
 
 
 def _plain(file: MissionFile) -> dict[str, Any]:
     """[mission] under names without their units, in SI units and rad."""
     found: dict[str, Any] = {}
     for key, value in file.mission.items():
-        name, _, factor = (key, "", 1.0) if key in OTHERS else split(key)
+        _, name, _, factor = (key, key, "", 1.0) if key in OTHERS else loose(key)
         name = name.removesuffix("_radius")
         if name in found:
             raise ArgumentError(f"Section [mission] gives `{name}` twice: once as `{key}`, once in another unit.")

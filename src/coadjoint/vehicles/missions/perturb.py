@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si
+from coadjoint.units import Dimension
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 SYMMETRIC = ("inertia", "added_mass")
 
 
-def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, str]) -> Any:
+def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, Dimension | None]) -> Any:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has

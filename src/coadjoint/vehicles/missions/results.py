@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.plotting.whole_file import write_text
@@ -84,11 +85,7 @@ def members(file: MissionFile, folder: Path, fleet: Any) -> dict[str, Any]:
     columns |= {name: values[done] for name, values in _varied(fleet).items()}
     columns |= {name: np.array([rows[k].get(name, np.nan) for k in done]) for name in names}
     if file.output.csv:
-        lines = [
-            ",".join(columns),
-            *(",".join(f"{v:.12g}" for v in row) for row in np.column_stack([*columns.values()])),
-        ]
-        write_text(folder / MEMBERS, "\n".join(lines) + "\n")
+        write_text(folder / MEMBERS, csv_text(columns))
     if file.output.animation:
         shown = Plots(dataset.isel(member=done[:MOST_ANIMATED]))
         shown.animation(path=folder / f"animation.{file.output.animation}")

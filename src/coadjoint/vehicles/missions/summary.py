@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.vehicles.logs.log import Log
+from coadjoint.vehicles.logs.records import VehicleRecords
 
 
 def mission_summary(dataset: Any) -> dict[str, Any]:
@@ -17,7 +17,7 @@ def mission_summary(dataset: Any) -> dict[str, Any]:
     that put some in. A tracking error is set point less what was reached, headings within half a turn: its root mean
     square, and what it was at the end.
     """
-    log = Log(dataset)
+    log = VehicleRecords(dataset)
     steps = np.linalg.norm(np.diff(log.position, axis=0), axis=1)
     work = {name: float(values[-1]) for name, values in log.work.items()}
     seconds = float(dataset.attrs.get("seconds", 0.0))
@@ -36,7 +36,7 @@ def mission_summary(dataset: Any) -> dict[str, Any]:
     }
 
 
-def tracking(log: Log) -> dict[str, dict[str, float]]:
+def tracking(log: VehicleRecords) -> dict[str, dict[str, float]]:
     """Root mean square and last value of the error of each set point that is a coordinate or a speed."""
     roll, pitch, heading = log.attitude.T
     reached = {
@@ -59,7 +59,7 @@ def tracking(log: Log) -> dict[str, dict[str, float]]:
     return found
 
 
-def across(log: Log) -> dict[str, dict[str, float]]:
+def across(log: VehicleRecords) -> dict[str, dict[str, float]]:
     """The distance over ground from the legs between way points: root mean square, and the last value."""
     if not len(log.way_points):
         return {}
@@ -76,7 +76,7 @@ def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndar
     return np.linalg.norm(points - start - part[:, None] * way, axis=1)
 
 
-def saturation(log: Log) -> dict[str, float]:
+def saturation(log: VehicleRecords) -> dict[str, float]:
     """The part of the saved nodes at which each actuator stands at one of its limits."""
     found = {}
     for name, actuator in log.actuators.items():

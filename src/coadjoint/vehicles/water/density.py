@@ -117,17 +117,9 @@ class DensityTable(Density):
         """The table of a CSV file with the columns depth (m) and density (kg/m³); raises as `CurrentTable.from_csv`."""
         table = read(path, ("depth", "density"))
         depth, density = table.values["depth"], table.values["density"]
-        for row in range(len(depth)):
-            if density[row] <= 0:
-                raise table.refuse(row, "density", f"{density[row]:g} kg/m³ is not positive.")
-            if depth[row] < 0:
-                raise table.refuse(row, "depth", f"{depth[row]:g} m is above the surface: {DOWN}.")
-            if row and depth[row] == depth[row - 1]:
-                raise table.refuse(row, "depth", f"{depth[row]:g} is there twice, in line {table.lines[row - 1]}, too.")
-            if row and depth[row] < depth[row - 1]:
-                raise table.refuse(
-                    row, "depth", f"{depth[row]:g} comes after {depth[row - 1]:g}: sort the rows by depth."
-                )
+        if len(low := np.flatnonzero(density <= 0)):
+            raise table.refuse(int(low[0]), "density", f"{density[low[0]]:g} kg/m³ is not positive.")
+        table.require_growth(["depth"])
         return cls(depth, density)
 
     @staticmethod

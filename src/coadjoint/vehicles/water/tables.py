@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.signals import Linear
@@ -69,18 +69,15 @@ class CurrentTable(Water):
     def from_csv(cls, path: Any) -> CurrentTable:
         """The table of a CSV file with the columns time (s) and depth (m), one or both, north, east [and down] (m/s).
 
-        Rows are sorted by time, then by depth; each time has the same depths. Raises ArgumentError with file, line and
+        Rows are sorted by time, then by depth; each time has the same depths. Raises FileError with file, line and
         column for what is missing, not a number, out of order or there twice.
         """
         table = read(path, ("north", "east"), (*AXES, "down"))
         axes = [name for name in AXES if name in table.values]
         if not axes:
-            raise ArgumentError(f"File {table.path}: column `time` or `depth` is missing: a table needs one, or both.")
-        if "depth" in axes and np.any(above := table.values["depth"] < 0):
-            row = int(np.flatnonzero(above)[0])
-            raise table.refuse(row, "depth", f"{table.values['depth'][row]:g} m is above the surface: {DOWN}.")
-        _require_order(table, axes)
-        down = table.values.get("down", np.zeros(len(table.lines)))
+            raise FileError(f"{path}: column `time` or `depth` is missing: a table needs one, or both.")
+        table.require_growth(axes)
+        down = table.values.get("down", np.zeros(len(table.values["north"])))
         rows = np.stack([table.values["north"], table.values["east"], down], axis=-1)
         if len(axes) == 1:
             return cls(rows, **{f"{axes[0]}s": table.values[axes[0]]})
@@ -93,20 +90,6 @@ class CurrentTable(Water):
         if self.times is not None:
             rows = Linear(own.times, rows)(t)
         return rows if self.depths is None else Linear(own.depths, jnp.asarray(rows))(position[2])
-
-
-def _require_order(table: Columns, axes: list[str]) -> None:
-    """Raise unless rows grow, by time and then by depth."""
-    places = list(zip(*(table.values[name] for name in axes), strict=True))
-    for row in range(1, len(places)):
-        before, here = places[row - 1], places[row]
-        if here == before:
-            raise table.refuse(row, axes[-1], f"{here[-1]:g} is there twice, in line {table.lines[row - 1]}, too.")
-        if here < before:
-            column = next(name for name, a, b in zip(axes, before, here, strict=True) if b < a)
-            order = "by time, then by depth" if len(axes) > 1 else f"by {axes[0]}"
-            value, last = table.values[column][row], table.values[column][row - 1]
-            raise table.refuse(row, column, f"{value:g} comes after {last:g}: sort the rows {order}.")
 
 
 def _require_grid(table: Columns, times: np.ndarray) -> np.ndarray:

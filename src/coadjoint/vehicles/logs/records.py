@@ -29,7 +29,7 @@ class Actuator:
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class VehicleRecords:
     """The records of one run of a vehicle, north, east, down and forward, starboard, down; SI units and rad.
 
     With d and b the directions of down and north in the body frame, the vehicle is at (n·b, n·(d × b), n·d), its pitch

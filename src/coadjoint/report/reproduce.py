@@ -1,0 +1,59 @@
+"""The reproduction of the paper's section 5 as a folder: figures, trajectories, numbers and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
+from coadjoint.plotting.plots import Plots
+from coadjoint.plotting.style import save
+from coadjoint.plotting.whole_file import write_text
+from coadjoint.report.folder import SUMMARY, begin_results, claimed
+from coadjoint.report.reproduction import FIGURES, LABELS, Reproduction, compute
+from coadjoint.report.summary import to_json
+from coadjoint.report.text import report
+
+
+def reproduce(
+    out: str | Path = "reproduction",
+    *,
+    dt: float = PAPER_STEP,
+    duration: float = PAPER_DURATION,
+    overwrite: bool = False,
+    progress: bool | None = None,
+) -> Reproduction:
+    """Compute the reproduction and write it to the folder `out`: figures, trajectories, summary.json and report.md.
+
+    dt, duration: s, by default the paper's. Raises FileError where `out` holds a run already or cannot be written.
+    """
+    configuration = f"[reproduce]\ndt = {dt!r}\nduration = {duration!r}\n"
+    with claimed(Path(out), configuration, overwrite) as folder:
+        found = compute(dt, duration, progress)
+        begin_results(folder)
+        for name in ("cayley", "exponential", "midpoint"):
+            found.runs[name].save(folder / f"{name}.nc", overwrite=overwrite)
+        draw(found, folder)
+        write_text(folder / "report.md", report(found))
+        write_text(folder / SUMMARY, to_json(found.summary()))
+    return found
+
+
+def draw(found: Reproduction, folder: Path) -> None:
+    """The paper's figures 1–3, and one that explains the growth of the energy."""
+    first, second = (found.runs[name] for name in LABELS)
+    labels = list(LABELS.values())
+    plots = Plots(first.dataset)
+    plots.energy(second, labels=labels, path=folder / FIGURES["energy"])
+    plots.kelvin_noether(second, labels=labels, path=folder / FIGURES["kelvin_noether"])
+    figure = plots.trajectory(second, labels=labels)
+    space, *_, last = figure.axes
+    space.set(zlabel="$z$, down (m)")
+    last.set_ylabel("$z$, down (m)")
+    save(figure, folder / FIGURES["trajectory"])
+    half, midpoint = found.runs["cayley_half_step"], found.runs["midpoint"]
+    plots.energy(
+        half,
+        midpoint,
+        labels=[f"left, h = {first.dt:g} s", f"left, h = {half.dt:g} s", f"midpoint, h = {midpoint.dt:g} s"],
+        path=folder / FIGURES["explained"],
+    )

@@ -1,0 +1,160 @@
+"""A run that is checked and set up but has not begun."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.run import backend as kernels
+from coadjoint.kernels.run.backend import Backend
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.ledger import with_ledger
+from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
+from coadjoint.mechanics.quantities import value
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.mechanics.version import version
+from coadjoint.methods.method import Method
+from coadjoint.methods.program import RENEWED, Constants, StepProgram
+from coadjoint.simulation import monitors as observe
+from coadjoint.simulation.arguments import require_kinds, require_quantities
+from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.driver import Memory, Plan, Position
+from coadjoint.simulation.ensemble import (
+    Ensemble,
+    begin_members,
+    count_of,
+    first_member,
+    member_constants,
+    with_own_directions,
+)
+from coadjoint.simulation.ensemble_driver import MembersPosition
+from coadjoint.simulation.events import Event, as_event, named_events, require_event
+from coadjoint.simulation.inputs import inputs_held, with_inputs
+from coadjoint.simulation.run import Run
+
+
+def prepare(
+    system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
+    kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None, events: Any = None,
+) -> Any:  # fmt: skip
+    """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun."""
+    if (count := count_of(system, start)) is not None:
+        whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events)
+        return _prepare_members(system, start, method, *whole)
+    system, start = with_inputs(system, start, inputs, method.start == "velocity")
+    warnings = (
+        require_internal(system, start, h)
+        + system.check(start, method.regular)
+        + require_forward(system, method, start, h)
+    )
+    state = with_ledger(system, method.begin(system, start, h), monitors)
+    require_chart(system, method, state, h)
+    watched = require_events(method, state, until, events)
+    program, constants = _program(system, method, state, kelvin_noether, monitors, watched)
+    chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
+    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
+    crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
+    return Run(system, method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
+
+
+def require_events(method: Method, state: State, until: Any, events: Any) -> tuple[tuple[str, Event], ...]:
+    """The events to monitor by their names, `until` first; raises ArgumentError and LagrangianError."""
+    end = as_event(until)
+    found = ((("until", end),) if end is not None else ()) + tuple(named_events(events).items())
+    for name, event in found:
+        require_event(event, name, state)
+        if method.variable:
+            raise ArgumentError(
+                f"An event, `{name}`, is located by parts of a step, but {method.title} chooses its own: leave it out."
+            )
+    return found
+
+
+def require_fit(system: System, start: State, method: Method, h: float, inputs: Any = None, until: Any = None) -> None:
+    """Raise what `simulate` raises for a method that does not fit the system or its start; nothing is compiled."""
+    require_kinds(system, start, method)
+    together = count_of(system, start) is not None
+    system, start = with_inputs(system, start, inputs, method.start == "velocity")
+    system, start = first_member(system, start) if together else (system, start)
+    require_internal(system, start, h)
+    require_forward(system, method, start, h)
+    state = method.begin(system, start, h)
+    require_chart(system, method, state, h)
+    require_events(method, state, until, None)
+
+
+def _program(system, method, state, kelvin_noether, monitors, events=()) -> tuple[StepProgram, Constants]:
+    observed, watching = (), {}
+    chosen = _quantities(kelvin_noether)
+    if monitors:
+        for quantity in chosen:
+            quantity.require_equivariant(system, state)
+        if chosen:
+            noether = observe.chosen(chosen)
+        else:
+            watching["c0"] = isotropy_algebra(system, state)
+            noether = observe.kelvin_noether if len(watching["c0"]) else None
+        if system.quantities:
+            require_quantities(system, state)
+        observed = observe.watching(system, method, state, noether)
+    functions = [partial(quantity.quantity, system) for quantity in chosen]
+    functions += [partial(value, system, function) for _, function in system.quantities if monitors]
+    if system.inputs is not None:
+        functions.append(partial(inputs_held, system))
+    crossing = tuple(event.function for _, event in events)
+    functions += crossing
+    digest = version(system, state, *functions)
+    program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
+    holds = system.inputs is not None and system.inputs.holds
+    return program, Constants(system.parameters, watching, RENEWED if holds else None)
+
+
+def _quantities(given: Any) -> list[KelvinNoether]:
+    """The argument `kelvin_noether`: one, several or None; raises ArgumentError."""
+    chosen = given if isinstance(given, (list, tuple)) else [] if given is None else [given]
+    if not all(isinstance(quantity, KelvinNoether) for quantity in chosen):
+        raise ArgumentError(
+            f"Argument `kelvin_noether` must be co.KelvinNoether(c0), or a list of several, but is {shown(given)}."
+        )
+    return list(chosen)
+
+
+def _prepare_members(
+    system, start, method, count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events
+) -> Ensemble:
+    """`prepare` for an ensemble: what is the same for all members is checked on the first."""
+    if method.variable:
+        raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
+    system, start = with_inputs(system, start, inputs, method.start == "velocity")
+    one, first = first_member(system, start)
+    warnings = (
+        require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
+    )
+    members = begin_members(system, start, method, h, count, monitors)
+    first, state = first_member(system, members.states)
+    require_chart(first, method, state, h)
+    watched = require_events(method, state, until, events)
+    program, constants = _program(first, method, state, kelvin_noether, monitors, watched)
+    program, constants, axes = with_own_directions(program, constants, members, warnings)
+    chosen = kernels.choose(program, member_constants(constants, axes), state, monitors or bool(watched), backend)
+    plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
+    position = MembersPosition.at_start(members.states, count)
+    crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}
+    return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings, crossed=crossed)
+
+
+def require_chart(system: System, method: Method, state: State, h: float) -> None:
+    """Raise where already the first step leaves the chart of the difference map."""
+    for step, fraction in method.stages:
+        reach = float(evaluate(lambda s, step=step, f=fraction: step.chart(system, s, np.float64(h) * f), state))
+        if reach >= 1:
+            raise ArgumentError(
+                f"Argument `dt` = {h:g} is too large: the first step would leave the chart of {step.difference_map!r} "
+                f"by a factor {reach:.3g}; take dt < {h / reach:.3g}."
+            )
