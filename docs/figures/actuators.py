@@ -13,7 +13,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.plotting import style
 from coadjoint.vehicles import Craft
 from coadjoint.vehicles.parts import T200, Thrusters
-from coadjoint.vehicles.trim.gliding import trim
+from coadjoint.vehicles.trim import SteadyFlight, trim
 
 HERE = Path(__file__).parent
 
@@ -43,7 +43,7 @@ def glider() -> None:
     start = craft.start(position=(0, 0, 4), velocity=(0.1, 0, 0))
     depths = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}
     made = co.simulate(craft.system, start, dt=0.05, duration=3600, inputs=depths, save_every=20).dataset
-    glide, _ = trim(vehicle, np.radians(-25), 0.3)
+    glide = trim(vehicle, SteadyFlight(vehicle, climb=np.radians(-25)).at(0.3))
     figure = style.canvas(style.PAGE, 3.6)
     (track, angle), (mass, volume) = figure.subplots(2, 2)
     minutes = made.time.values / 60

@@ -112,9 +112,9 @@ def _row(name: str, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _total(vehicle: Vehicle) -> float:
-    from coadjoint.vehicles.model.loads import total_mass
+    from coadjoint.vehicles.model.loads import loads
 
-    return total_mass(vehicle)
+    return loads(vehicle).mass
 
 
 def _cited(vehicle: Vehicle) -> str:

@@ -14,8 +14,8 @@ from coadjoint import vehicles
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.controllers import Sawtooth
 from coadjoint.vehicles.parts import Ballast, Damping, Hull, MovingMass
-from coadjoint.vehicles.trim.gliding import trim
 from coadjoint.vehicles.water import UniformWater
+from gliding import trim
 
 DEPTHS: dict[str, Any] = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}
 GLIDER = vehicles.load("slocum_graver")

@@ -15,7 +15,7 @@ from coadjoint.vehicles import Craft
 from coadjoint.vehicles.controllers import Hover, Manoeuvre
 from coadjoint.vehicles.controllers.thrusting import accelerations
 from coadjoint.vehicles.parts import Thrusters
-from coadjoint.vehicles.trim.under_way import mass_matrix
+from coadjoint.vehicles.trim.under_way import Level
 from coadjoint.vehicles.water import UniformWater
 
 CURRENT = (0.2, -0.1, 0.0)
@@ -48,7 +48,7 @@ def test_net_weight_that_is_fed_forward_is_no_error_of_depth_at_first():
         run = fly(vehicle, Hover(weigh=weigh, **gains), 60.0, stay, current=(0, 0, 0))
         depths.append(float(run.dataset.q.values[-1, 2]))
     net = vehicle.mass * vehicle.gravity - vehicle.buoyancy
-    assert depths[0] == pytest.approx(float(net / mass_matrix(vehicle)[2, 2]), rel=1e-3)
+    assert depths[0] == pytest.approx(float(net / Level(vehicle).mass[2, 2]), rel=1e-3)
     assert abs(depths[1]) < 1e-4
 
 
@@ -86,7 +86,7 @@ def test_the_largest_accelerations_are_those_at_which_a_thruster_is_at_its_limit
     vehicle = rov()
     part = vehicle.part("thrusters")
     assert isinstance(part, Thrusters)
-    most, M = accelerations(part, mass_matrix(vehicle)), mass_matrix(vehicle)
+    most, M = accelerations(part, Level(vehicle).mass), Level(vehicle).mass
     # Four thrusters at 45°, two of them astern: the astern limit of 32 N comes first.
     assert most[0] * M[0, 0] == pytest.approx(4 * 0.707 * 32.0, rel=1e-9)
     assert most[2] * M[2, 2] == pytest.approx(4 * 32.0, rel=1e-9)

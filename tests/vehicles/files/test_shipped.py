@@ -136,9 +136,9 @@ def test_the_ellipsoid_has_lambs_added_mass_and_weighs_what_it_displaces() -> No
 
 
 def test_gliders_are_in_balance_with_what_moves_in_them() -> None:
-    from coadjoint.vehicles.model.loads import total_mass, total_volume
+    from coadjoint.vehicles.model.loads import loads
 
     for name, mass in (("slocum_graver", 50.0), ("lrauv_tethys", 148.3571)):
         vehicle = vehicles.load(name)
-        assert total_mass(vehicle) == pytest.approx(mass)
-        assert total_volume(vehicle) * vehicle.fluid_density == pytest.approx(mass, rel=1e-12)
+        assert loads(vehicle).mass == pytest.approx(mass)
+        assert loads(vehicle).volume * vehicle.fluid_density == pytest.approx(mass, rel=1e-12)

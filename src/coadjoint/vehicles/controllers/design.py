@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.vehicles.controllers.mixing import Mixing, mixing, propulsion
-from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way, weight
+from coadjoint.vehicles.model.loads import loads
+from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way
 
 DAMPING_RATIO = 0.9
 LENGTHS = 1.5
@@ -44,7 +45,7 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     pitch = given["pitch_gains"] if pilot.pitch_gains is None else pilot.pitch_gains
     for axis in ("pitch", "heading"):
         gains = given[f"{axis}_gains"] if getattr(pilot, f"{axis}_gains") is None else getattr(pilot, f"{axis}_gains")
-        given[f"{axis}_reach"] = reach(vehicle, motion, mixed, axis, gains, fin)
+        given[f"{axis}_reach"] = reach(motion, mixed, axis, gains, fin)
     thrust = motion.limits[screws].min()
     given |= {
         "depth_gains": diving(motion, mixed, pitch, late),
@@ -70,13 +71,14 @@ class TurningModel(NamedTuple):
     rolls: np.ndarray
 
 
-def turning_model(motion: UnderWay, mixed: Mixing, net_weight: float, fin: float) -> TurningModel:
+def turning_model(motion: UnderWay, mixed: Mixing, fin: float) -> TurningModel:
     """How a vehicle turns near straight motion, by fins up to `fin` (rad); axes that they do not master count as 0."""
     M = np.linalg.inv(motion.mass)
-    s = motion.righting
+    all_of = loads(motion.level.vehicle)
+    s = all_of.righting
     torque = np.array([[0.0, -s[2], s[1]], [s[2], 0.0, -s[0]], [-s[1], s[0], 0.0]])
     ahead = mixed.matrix[:, 3]
-    weight = (M @ np.vstack([net_weight * np.eye(3), torque]))[3:]
+    weight = (M @ np.vstack([all_of.net_weight * np.eye(3), torque]))[3:]
     turns = (M @ motion.effects)[3:] * (1 - ahead) * np.any(mixed.matrix[:, :3] != 0, axis=0)[:, None]
     rolls = fin * np.abs(turns[0]).sum() > 1.5 * np.abs(weight[0]).max()
     turns[0] = turns[0] * rolls
@@ -97,7 +99,7 @@ def propose_attitude(pilot: Any, vehicle: Any) -> Any:
         "fin_limit": fin,
         "thrust_limit": motion.limits[screws].min(),
     }
-    model = turning_model(motion, mixed, weight(vehicle)[0], fin)
+    model = turning_model(motion, mixed, fin)
     chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
     return replace(pilot, mixing=mixed, model=model, **chosen)
 
@@ -130,13 +132,13 @@ def plane(motion: UnderWay, mixed: Mixing, axis: str) -> np.ndarray:
     """d(slip, rate)/dt = A (slip, rate, angle, δ), A of shape (2, 4): slip is v or w, δ the mixed angle of the fins."""
     column, row, across = PLANES[axis]
     both = [across, row]
-    righting = [0.0, 0.0 if axis == "heading" else -motion.righting[2]]
+    righting = [0.0, 0.0 if axis == "heading" else -loads(motion.level.vehicle).righting[2]]
     effect = motion.effects[both] @ mixed.matrix[:, column]
     pushes = np.column_stack([motion.damping[np.ix_(both, both)], righting, effect])
     return np.linalg.solve(motion.mass[np.ix_(both, both)], pushes)
 
 
-def reach(vehicle: Any, motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: float) -> float:
+def reach(motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: float) -> float:
     """The error, rad, that asks for the fastest turn that a part of the fins holds: e = (δ + k_d rate)/k_p.
 
     Half a turn where k_p is 0, and no error asks for anything.
@@ -144,7 +146,7 @@ def reach(vehicle: Any, motion: UnderWay, mixed: Mixing, axis: str, gains: np.nd
     if gains[0] == 0:
         return np.pi
     column, row, across = PLANES[axis]
-    rate, angle = steady(vehicle, motion, across, row, mixed.matrix[:, column], TURNING * fin)
+    rate, angle = steady(motion, across, row, mixed.matrix[:, column], TURNING * fin)
     return max((angle + gains[2] * rate) / gains[0], 0.02)
 
 

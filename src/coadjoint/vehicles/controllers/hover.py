@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles.controllers.attitude import attitude_of, level
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid
 from coadjoint.vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint.vehicles.model.pilot import Sight
-from coadjoint.vehicles.trim.under_way import wrench
+from coadjoint.vehicles.trim.under_way import Level
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,7 +119,8 @@ class Manoeuvre(Thrusting):
         found = super().fitted(vehicle)
         if found.drag is not None:
             return found
-        slow, fast = (-resistance(vehicle, speed) for speed in (0.5, 1.0))
+        level = Level(vehicle)
+        slow, fast = (-level.surge(speed) for speed in (0.5, 1.0))
         return replace(found, drag=np.array([4 * slow - fast, 2 * fast - 4 * slow]))
 
     def proposed(self, most: np.ndarray, late: float) -> dict[str, Any]:
@@ -146,12 +146,6 @@ class Manoeuvre(Thrusting):
         acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * sight.down
         commands = self.commands(acceleration, turn, sight, own, vehicle)
         return commands, {"depth": of_depth, "speed": of_speed, "attitude": of_attitude}
-
-
-def resistance(vehicle: Any, speed: float) -> float:
-    """X of all parts with their actuators at rest, N, going straight ahead (m/s)."""
-    ahead = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return float(evaluate(lambda nu: wrench(vehicle, nu)[0], ahead))
 
 
 def heading_near(sight: Sight) -> Any:

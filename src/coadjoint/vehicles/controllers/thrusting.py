@@ -12,10 +12,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import number
 from coadjoint.vehicles.controllers.attitude import attitude_error, attitude_of
+from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.pilot import Pilot, Sight
 from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
 from coadjoint.vehicles.parts.thrusters import Thrusters
-from coadjoint.vehicles.trim.under_way import coriolis, mass_matrix, weight
+from coadjoint.vehicles.trim.under_way import Level, coadjoint
 
 DAMPING_RATIO = 0.9
 LARGEST_ACCELERATION = 5.0
@@ -30,11 +31,12 @@ LARGEST_TURN = 1.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Thrusting(Pilot):
-    """A pilot that asks its thrusters for accelerations: w = M (a, α) − (0, π × ω + p × v) − weigh · W.
+    """A pilot that asks its thrusters for accelerations: w = M (a, α) − (0, T) − weigh · W.
 
-    W is net weight and righting torque, and (p, π) = M (v, ω): the Munk moment, which would turn the vehicle across
-    the flow, is fed forward. M = M_RB + M_A, the model that the pilot has, is the parameter `pilot_mass`. The wrench w
-    is shared out by `Thrusters.allocate`, which keeps its direction where a thruster is at its limit.
+    W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
+    turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the pilot has, is the parameter
+    `pilot_mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a thruster is at
+    its limit.
     """
 
     thrusters: str | None = None
@@ -66,8 +68,7 @@ class Thrusting(Pilot):
         if self.mass is not None:
             return self
         part = self._part(vehicle)
-        M = mass_matrix(vehicle)
-        net_weight, righting = weight(vehicle)
+        M, all_of = Level(vehicle).mass, loads(vehicle)
         late = 0.5 * self.period + self.delay + float(part.parameters().get("lag", 0.0))
         most = accelerations(part, M)
         lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
@@ -81,8 +82,8 @@ class Thrusting(Pilot):
             self,
             thrusters=part.name,
             mass=M,
-            net_weight=net_weight,
-            righting=righting,
+            net_weight=all_of.net_weight,
+            righting=all_of.righting,
             **{key: value for key, value in given.items() if getattr(self, key) is None},
         )
 
@@ -106,7 +107,7 @@ class Thrusting(Pilot):
     def commands(self, acceleration: Array, turn: Array, sight: Sight, own: Any, vehicle: Any) -> dict[str, Any]:
         """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
         weight = jnp.concatenate([own.net_weight * sight.down, jnp.cross(own.righting, sight.down)])
-        turning = coriolis(own.mass, jnp.concatenate([sight.velocity, sight.omega])) * MOMENTS
+        turning = coadjoint(own.mass, jnp.concatenate([sight.velocity, sight.omega])) * MOMENTS
         wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
         part = self._part(vehicle)
         return {part.name: part.allocate(wrench)}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from coadjoint.vehicles.files.check_parts import doubtful_parts
-from coadjoint.vehicles.model.loads import center_of_all_mass, total_mass, total_volume
+from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -29,7 +29,8 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _balance(vehicle: Vehicle) -> Iterator[str]:
-    W, B = total_mass(vehicle) * vehicle.gravity, total_volume(vehicle) * vehicle.fluid_density * vehicle.gravity
+    all_of = loads(vehicle)
+    W, B = all_of.mass * all_of.gravity, all_of.volume * all_of.density * all_of.gravity
     if W > 0 and abs(W - B) > UNBALANCED * W:
         word = "sinks" if W > B else "floats up"
         yield (
@@ -39,7 +40,7 @@ def _balance(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _righting(vehicle: Vehicle) -> Iterator[str]:
-    above = center_of_all_mass(vehicle)[2] - vehicle.center_of_buoyancy[2]  # down is positive
+    above = loads(vehicle).center_of_mass[2] - vehicle.center_of_buoyancy[2]  # down is positive
     if vehicle.gravity == 0:
         return
     if above < -1e-9:
@@ -52,7 +53,7 @@ def _righting(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _trim(vehicle: Vehicle) -> Iterator[str]:
-    arm = center_of_all_mass(vehicle) - np.asarray(vehicle.center_of_buoyancy)
+    arm = loads(vehicle).center_of_mass - np.asarray(vehicle.center_of_buoyancy)
     if vehicle.gravity == 0 or arm[2] <= 1e-9:
         return
     for offset, what in ((arm[0], "trim"), (arm[1], "heel")):

@@ -17,7 +17,7 @@ from coadjoint.vehicles.files.added_masses import read_added_mass
 from coadjoint.vehicles.files.checks import check
 from coadjoint.vehicles.files.read_parts import read_part, read_pilot
 from coadjoint.vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
-from coadjoint.vehicles.model.loads import held_mass, held_volume
+from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 VOLUMES = ("volume", "buoyancy", "neutral")
@@ -153,7 +153,8 @@ def _volume(body: Section, made: dict[str, Any], parts: list[Any]) -> float:
     density, gravity = made["fluid_density"], made["gravity"]
     given = [key for key in VOLUMES if key in body and (key != "neutral" or body.flag("neutral"))]
     if given == ["neutral"]:
-        return (made["mass"] + held_mass(parts)[0]) / density - held_volume(parts)[0]
+        mass, _, volume, _ = held(parts)
+        return (made["mass"] + mass) / density - volume
     if len(given) != 1:
         found = " and ".join(f"`{key}`" for key in given) or "none of them"
         raise body.fail(f"needs one of `volume`, `buoyancy` and `neutral = true`, but has {found}.")

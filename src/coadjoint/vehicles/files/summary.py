@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.vehicles.model.loads import center_of_all_mass, total_mass, total_volume
+from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.parts.propeller import Propeller
 from coadjoint.vehicles.parts.thrusters import Thrusters
-from coadjoint.vehicles.trim.under_way import own, wrench
+from coadjoint.vehicles.trim.under_way import Level
 
 FASTEST = 50.0
 """m/s: no vehicle under water is faster."""
@@ -37,10 +35,9 @@ class Summary(NamedTuple):
 
 def summary(vehicle: Vehicle) -> Summary:
     """What follows from the numbers of a vehicle with its parts as they start."""
-    mass, displaced = total_mass(vehicle), total_volume(vehicle) * float(vehicle.fluid_density)
-    height = float(center_of_all_mass(vehicle)[2] - vehicle.center_of_buoyancy[2])
-    net = (mass - displaced) * float(vehicle.gravity)
-    return Summary(mass, displaced, net, height, terminal_speed(vehicle))
+    all_of = loads(vehicle)
+    height = float(all_of.center_of_mass[2] - vehicle.center_of_buoyancy[2])
+    return Summary(all_of.mass, all_of.density * all_of.volume, all_of.net_weight, height, terminal_speed(vehicle))
 
 
 def terminal_speed(vehicle: Vehicle) -> float | None:
@@ -67,10 +64,8 @@ def without_terminal_speed(vehicle: Vehicle) -> str:
 def _surge(vehicle: Vehicle) -> Callable[[float], float]:
     """u ↦ X(u), N, straight and level, with everything that pushes ahead at its limit."""
     commands = np.concatenate([np.zeros(0), *(_ahead(part) for part in vehicle.commanded)])
-    surge = tabulate(
-        lambda u: wrench(vehicle, jnp.stack([u, *jnp.zeros(5)]), jnp.asarray(commands))[0], np.float64(1.0)
-    )
-    return lambda u: float(surge(np.float64(u)))
+    level = Level(vehicle)
+    return lambda u: level.surge(u, commands)
 
 
 def _ahead(part: Part) -> np.ndarray:
@@ -81,7 +76,7 @@ def _ahead(part: Part) -> np.ndarray:
     if isinstance(part, Propeller):
         return np.array([part.limit * np.sign(part.axis[0] * part.thrust[0])], dtype=float)
     if isinstance(part, Thrusters) and part.limit is not None:
-        row = np.asarray(evaluate(part.matrix, own(part)))[0]
+        row = np.asarray(part.nominal_matrix)[0]
         low, high = (np.full(command.shape, limit) for limit in part.limit)
         return np.where(row > 1e-9, high, np.where(row < -1e-9, low, start))
     return np.ravel(start)

@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.units import Dimension
 from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, kind_of
-from coadjoint.vehicles.model.loads import held_mass, held_volume
+from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint.vehicles.parts.derivatives import Derivatives
 from coadjoint.vehicles.parts.force_curves import Linear, Polynomial, Quadratic
@@ -63,7 +63,8 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
         yield "\n[sources]"
         yield from (f"{_key(key)} = {_text(citation)}" for key, citation in vehicle.sources.items())
     yield "\n[body]"
-    neutral = (vehicle.mass + held_mass(vehicle.parts)[0]) / vehicle.fluid_density - held_volume(vehicle.parts)[0]
+    held_mass, _, held_volume, _ = held(vehicle.parts)
+    neutral = (vehicle.mass + held_mass) / vehicle.fluid_density - held_volume
     for key, dimension in BODY.items():
         given = told.get(f"body.{key}", told.get("body.buoyancy") if key == "volume" else None)
         if key == "volume" and given is None and vehicle.volume == neutral:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,35 +12,57 @@ from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 
 
-def held_mass(parts: Iterable[Part]) -> tuple[float, np.ndarray]:
-    """(Σ m, Σ m r) of the masses that parts hold, kg and kg m."""
-    return _summed((lump[0], lump[1]) for part in parts if part.holds_mass for lump in part.lumps(*_start(part)))
+class Loads(NamedTuple):
+    """Masses (kg) and volumes (m³), and their first moments about O, (3,) kg m and m⁴; gravity g and density ρ."""
+
+    mass: float
+    mass_moment: np.ndarray
+    volume: float
+    volume_moment: np.ndarray
+    gravity: float
+    density: float
+
+    @property
+    def net_weight(self) -> float:
+        """W − B, N, positive where it sinks."""
+        return (self.mass - self.density * self.volume) * self.gravity
+
+    @property
+    def righting(self) -> np.ndarray:
+        """Σ m g r_g − Σ ρ V g r_b, (3,) N m: its cross product with the direction of down is the torque of both."""
+        return (self.mass_moment - self.density * self.volume_moment) * self.gravity
+
+    @property
+    def center_of_mass(self) -> np.ndarray:
+        """(3,) m."""
+        return self.mass_moment / self.mass
 
 
-def held_volume(parts: Iterable[Part]) -> tuple[float, np.ndarray]:
-    """(Σ V, Σ V r) of what parts displace beyond the body, m³ and m⁴."""
-    return _summed(held for part in parts if part.holds_mass for held in part.displaced(*_start(part)))
+def loads(vehicle: Vehicle) -> Loads:
+    """Those of the body and of what its parts hold."""
+    mass, mass_moment, volume, volume_moment = held(vehicle.parts)
+    m, V = float(vehicle.mass), float(vehicle.volume)
+    return Loads(
+        m + mass,
+        m * np.asarray(vehicle.center_of_mass) + mass_moment,
+        V + volume,
+        V * np.asarray(vehicle.center_of_buoyancy) + volume_moment,
+        float(vehicle.gravity),
+        float(vehicle.fluid_density),
+    )
 
 
-def total_mass(vehicle: Vehicle) -> float:
-    """The mass of the body and of what its parts hold, kg."""
-    return float(vehicle.mass) + held_mass(vehicle.parts)[0]
+def held(parts: Iterable[Part]) -> tuple[float, np.ndarray, float, np.ndarray]:
+    """(Σ m, Σ m r, Σ V, Σ V r) of what parts hold and displace beyond the body, kg, kg m, m³ and m⁴."""
+    holding = [(part, *_start(part)) for part in parts if part.holds_mass]
+    masses = [(m, r) for part, *at in holding for m, r, _ in part.lumps(*at)]
+    volumes = [one for part, *at in holding for one in part.displaced(*at)]
+    return (*_summed(masses), *_summed(volumes))
 
 
-def total_volume(vehicle: Vehicle) -> float:
-    """The volume of the body and of what its parts displace, m³."""
-    return float(vehicle.volume) + held_volume(vehicle.parts)[0]
-
-
-def center_of_all_mass(vehicle: Vehicle) -> np.ndarray:
-    """(3,) m."""
-    mass, moment = held_mass(vehicle.parts)
-    return (vehicle.mass * np.asarray(vehicle.center_of_mass) + moment) / (vehicle.mass + mass)
-
-
-def _summed(held: Iterable[tuple[Any, Any]]) -> tuple[float, np.ndarray]:
+def _summed(of: Iterable[tuple[Any, Any]]) -> tuple[float, np.ndarray]:
     total, moment = 0.0, np.zeros(3)
-    for amount, position in held:
+    for amount, position in of:
         total, moment = total + float(amount), moment + float(amount) * np.asarray(position, dtype=float)
     return total, moment
 

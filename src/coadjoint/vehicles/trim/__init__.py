@@ -10,8 +10,5 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.trim.flight import SteadyFlight as SteadyFlight
     from coadjoint.vehicles.trim.flight import Trim as Trim
     from coadjoint.vehicles.trim.flight import trim as trim
-    from coadjoint.vehicles.trim.gliding import Glide as Glide
-    from coadjoint.vehicles.trim.gliding import flattest_glides as flattest_glides
-    from coadjoint.vehicles.trim.gliding import steady_glide as steady_glide
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -17,7 +17,7 @@ from coadjoint.models.quantities import number
 from coadjoint.spaces.named import Named
 from coadjoint.stability.steady import Search, SteadyMotion
 from coadjoint.vehicles.model.craft import Craft
-from coadjoint.vehicles.model.loads import total_mass, total_volume
+from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.thrusters import Thrusters
 
@@ -77,8 +77,7 @@ class SteadyFlight:
         try:
             return self._found(speed)
         except ArgumentError as error:
-            displaced = total_volume(self.vehicle) * self.vehicle.fluid_density
-            extra = (total_mass(self.vehicle) - displaced) * self.vehicle.gravity
+            extra = loads(self.vehicle).net_weight
             if abs(extra) < 1e-6 * self.vehicle.buoyancy:
                 raise
             raise ArgumentError(f"{error} Its weight is its buoyancy {extra:+.3g} N.") from error
