@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, StepError
+from coadjoint.simulation.steppers.stepping import opened
 
 STEPS = 25
 TOP = co.System(
@@ -155,6 +156,44 @@ def test_an_event_stops_a_saved_one_at_the_node_before(tmp_path):
     loaded.step(n=20)
     assert loaded.ended
     assert loaded.event == pytest.approx(0.4)
+
+
+def test_one_that_was_saved_at_its_event_stays_there():
+    body = made(until=lambda state: state.t - 0.42)
+    body.step(n=20)
+    for other in (pickle.loads(pickle.dumps(body)), pickle.loads(pickle.dumps(body.clone()))):
+        assert other.event == body.event == pytest.approx(0.42)
+        with pytest.raises(StepError, match="came at t ="):
+            other.step()
+        assert np.array_equal(other.state["mu"], body.state.mu)
+        other.reset()
+        assert other.event is None
+
+
+def test_a_damaged_file_is_refused_in_one_sentence_or_is_the_same_stepper(saved):
+    """200 files with a bit flipped or the end cut off: the checksums find all that matters."""
+    path, body = saved
+    whole, random, refused = path.read_bytes(), np.random.default_rng(14), 0
+    ours = body.clone()
+    ours.step(n=2)
+    directory = whole.rindex(b"PK\x01\x02", 0, whole.index(b"PK\x01\x02") + 4)
+    for mutation in range(200):
+        damaged = bytearray(whole)
+        if mutation % 4 == 0:
+            damaged = damaged[: random.integers(len(whole))]
+        else:
+            first = directory if mutation % 4 == 1 else 0
+            damaged[random.integers(first, len(whole))] ^= 1 << int(random.integers(8))
+        try:
+            other = opened(bytes(damaged))
+        except FileError as error:
+            refused += 1
+            assert str(error).count("\n") == 0
+            assert "damaged" in str(error) or "version" in str(error)
+        else:
+            other.step(n=2)
+            assert np.array_equal(other.observation["mu"], ours.observation["mu"])
+    assert refused > 150
 
 
 def test_files_that_are_none_are_refused(saved, tmp_path, top):

@@ -2,58 +2,14 @@
 
 from __future__ import annotations
 
-import threading
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, LagrangianError, StepError
-
-H, STEPS, SEED = 0.02, 40, 15
-
-
-def _lagrangian(xi, p, *, inputs):
-    return 0.5 * p.inertia @ xi**2 + 0.3 * inputs.spin * xi[2] + 0.1 * inputs.spin * jnp.cos(xi[0])
-
-
-def _motor(motion, p):
-    return co.Force(torque=p.power * motion.inputs.torque - motion.internal.brake * motion.xi)
-
-
-def _rule(motion, h, p):
-    """A brake that follows the spin with a lag, and a random number generator's worth of memory."""
-    lag = jnp.exp(-h / p.lag)
-    return {"brake": lag * motion.internal.brake + (1 - lag) * jnp.abs(motion.inputs.spin)}
-
-
-BODY = co.System(
-    co.SO3(),
-    _lagrangian,
-    parameters=co.Parameters(inertia=[1.0, 1.5, 2.0], power=1.3, lag=0.3),
-    forces=_motor,
-    internal=_rule,
-    name="driven body",
-)
-REST = {"spin": 0.1, "torque": np.zeros(3)}
-START = BODY.state(xi=[0.3, -0.4, 1.0], inputs=REST, internal={"brake": 0.1})
-OBSERVE = {"xi": lambda s: s.xi, "energy": lambda s, p: 0.5 * p.inertia @ s.xi**2, "t": lambda s: s.t}
-
-
-def commands(count: int = STEPS) -> list[dict]:
-    random = np.random.default_rng(SEED)
-    return [{"spin": random.normal(), "torque": random.normal(size=3)} for _ in range(count)]
-
-
-def tables(given: list[dict]) -> dict:
-    times = H * np.arange(len(given))
-    return {name: co.Held(times, [command[name] for command in given]) for name in REST}
-
-
-def stepper(**options) -> co.Stepper:
-    return co.Stepper(BODY, START, **{"dt": H, "inputs": REST, "observe": OBSERVE, **options})
+from coadjoint.errors import StepError
+from driven_body import BODY, OBSERVE, REST, SEED, START, STEPS, H, commands, same, stepper, tables
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +22,6 @@ def many() -> co.Stepper:
     spins = np.random.default_rng(SEED).normal(size=(11, 3))
     start = BODY.state(xi=co.each(spins), inputs=REST, internal={"brake": 0.1})
     return co.Stepper(BODY, start, dt=H, inputs=REST, observe=OBSERVE)
-
-
-def same(state: co.State, other: co.State) -> bool:
-    names = ("t", "g", "mu", "t_rest")
-    held = np.array_equal(state.internal.brake, other.internal.brake)
-    return held and all(np.array_equal(getattr(state, name), getattr(other, name)) for name in names)
 
 
 @pytest.mark.parametrize(
@@ -289,27 +239,6 @@ def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run
     assert np.array_equal(state.internal.brake, brakes[place, members])
 
 
-def test_threads_do_not_change_a_bit_and_eight_threads_step_clones_at_once(many):
-    random, count = np.random.default_rng(SEED), many.face.count
-    spins = random.normal(size=(200, count))
-    many.reset()
-    clones = [many.clone() for _ in range(8)]
-
-    def go(body):
-        for spin in spins:
-            body.step({"spin": spin})
-
-    workers = [threading.Thread(target=go, args=(body,)) for body in clones]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    many.threads = 3
-    go(many)
-    many.threads = 1
-    assert all(same(body.state, many.state) for body in clones)
-
-
 def test_a_failed_member_stays_is_told_and_is_not_started_again_unasked(many):
     many, count = many.clone(), many.face.count
     many.reset()
@@ -432,53 +361,3 @@ def test_memory_stays(single):
     for _ in range(20_000):
         single.step({"spin": 0.01, "torque": [0.0, 0.0, 0.0]}, 5)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # kB
-
-
-MISUSES = [
-    ({"dt": -0.1}, "Argument `dt` must be positive"),
-    ({"inputs": ("spin", "spin")}, "name each command once"),
-    ({"inputs": {"spin": "fast"}}, "`spin` is 'fast'"),
-    ({"inputs": {"spin": np.nan}}, "must be finite"),
-    ({"observe": {"xi": 3}}, "must be a function of the state"),
-    ({"observe": ["xi"]}, "must be a dictionary of names"),
-    ({"observe": {"bad name": lambda s: s.t}}, "must have a name"),
-    ({"observe": {"x": lambda s: s.t / (s.t - s.t)}}, "must be finite at the start"),
-    ({"members": 0}, "whole number of at least 1"),
-    ({"threads": 0}, "whole number of at least 1"),
-    ({"backend": "gpu"}, "Argument `backend`"),
-    ({"until": 3.0}, "must be a function of the state"),
-    ({"method": co.VariableStep()}, "takes steps of dt"),
-    ({"method": "rk4"}, "must be a method"),
-]
-
-
-@pytest.mark.parametrize(("options", "sentence"), MISUSES, ids=[sentence for _, sentence in MISUSES])
-def test_what_cannot_be_stepped_is_refused_with_a_sentence(options, sentence):
-    with pytest.raises((ArgumentError, LagrangianError), match=sentence):
-        stepper(**options)
-
-
-def test_wrong_calls_get_a_sentence_and_change_nothing(single, many):
-    single.reset()
-    single.step()
-    kept = single.state
-    wrong = [
-        (lambda: single.step({"spni": 1.0}), "There is no command `spni`; there is: spin, torque"),
-        (lambda: single.step({"torque": 1.0}), r"Command `torque` must have shape \(3,\)"),
-        (lambda: single.step([1.0, 2.0]), r"must have shape \(4,\), but has shape \(2,\)"),
-        (lambda: single.step({"spin": "full"}), "must be a number"),
-        (lambda: single.step({"spin": 1j}), "must be a number"),
-        (lambda: single.step(n=0), "Argument `n` must be a whole number"),
-        (lambda: single.step(n=1.5), "Argument `n` must be a whole number"),
-        (lambda: single.reset(mask=[True]), "single one: leave it out"),
-        (lambda: single.restore(3.0), "must be what `stepper.state` showed"),
-        (lambda: single.restore({"speed": 3.0}), "There is no state `speed`"),
-        (lambda: single.restore(many.state), "must be of 1 members"),
-        (lambda: single.restore(many), "clone of it"),
-        (lambda: many.reset(mask=[1, 0]), "must be truth values"),
-        (lambda: many.step({"spin": np.zeros(3)}), r"must have shape \(11,\)"),
-    ]
-    for call, sentence in wrong:
-        with pytest.raises(ArgumentError, match=sentence):
-            call()
-    assert same(single.state, kept)

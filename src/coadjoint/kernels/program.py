@@ -42,6 +42,15 @@ class Code(enum.IntEnum):
     BEYOND_CHART = 3
     STOPPED = 4
     """The step is good, but an event happens in it: it is not taken."""
+    ABSENT = -1
+    """Of a lane without a member: no step is taken."""
+
+
+class Told(enum.IntFlag):
+    """What is wrong after a stepper's call: some member has stopped; some observation is not finite."""
+
+    FAILED = 1
+    NOT_FINITE = 2
 
 
 class Stage(Protocol):
@@ -117,5 +126,5 @@ class Program(Protocol):
         ...
 
     def stop(self, parameters: Parameters, before: State, after: State) -> Scalar:
-        """Positive where an event between two nodes ends the run at the first of them."""
+        """Positive where an event between two nodes ends the run at the first of them; not finite: the step fails."""
         ...

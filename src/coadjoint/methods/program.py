@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -75,6 +75,8 @@ class StepProgram:
     """Functions of a record whose zeros are located."""
     until: Callable[[State], Any] | None = None
     """A function of a state whose change of sign stops a stepper at the node before."""
+    direction: Literal["rising", "falling", "both"] = "both"
+    """Which changes of its sign do so."""
     holding: bool = False
     """Whether steps take the inputs and the internal state that the state holds, instead of new ones."""
 
@@ -110,11 +112,13 @@ class StepProgram:
         return self.until is not None
 
     def stop(self, parameters: Constants, before: State, after: State) -> Array:
-        """1 where `until` changes its sign or comes to zero; it may start from zero."""
+        """1 where `until` changes its sign or comes to zero; it may start from zero. Itself where it is not finite."""
         assert self.until is not None
         here, there = self.until(before), self.until(after)
         crossed = (here != 0) & (jnp.sign(here) != jnp.sign(there))
-        return jnp.where(crossed, 1.0, 0.0)
+        if self.direction != "both":
+            crossed &= there > here if self.direction == "rising" else there < here
+        return jnp.where(jnp.abs(there) < jnp.inf, jnp.where(crossed, 1.0, 0.0), there)
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
-from coadjoint.simulation.crossings import brent
 from coadjoint.simulation.driver import Plan
 
 Direction = Literal["rising", "falling", "both"]
@@ -85,12 +84,6 @@ def require_event(event: Event, what: str, state: State) -> None:
         raise LagrangianError(f"The function `{what}` must be finite at the start, but is {value}.")
 
 
-def require_until(until: Callable[[State], Any] | None, state: State) -> None:
-    """Raise LagrangianError unless `until` is such a function, or None."""
-    if (event := as_event(until)) is not None:
-        require_event(event, "until", state)
-
-
 def not_finite(plan: Plan, state: State) -> str | None:
     """Which event has no value at a state, in a sentence; None where all have one."""
     for name, event in plan.events:
@@ -123,31 +116,6 @@ def as_held(plan: Plan) -> Plan:
 def holding(plan: Plan) -> Plan:
     """The plan of steps that take inputs and internal state as they are."""
     return replace(plan, program=replace(plan.program, holding=True))
-
-
-def without_event(plan: Plan) -> Plan:
-    """The plan of the same steps, which no event stops."""
-    return replace(plan, program=replace(plan.program, until=None))
-
-
-def crossing(plan: Plan, state: State) -> float:
-    """The part of the step from `state` after which a stepper's `until` is zero: a root of until(Φ_{θh}(state)).
-
-    Raises StepError where such a step cannot be solved.
-    """
-    until, free = plan.program.until, without_event(plan)
-    assert until is not None
-    value = tabulate(until, state)
-    start = float(value(state))
-
-    def along(fraction: float) -> float:
-        if fraction == 0.0:
-            return start
-        return float(value(sound(part_of_step(free, state, fraction)).final))
-
-    if start * along(1.0) >= 0:
-        return 1.0
-    return brent(along, (0.0, 1.0), rtol=1e-14)
 
 
 class DenseStep:

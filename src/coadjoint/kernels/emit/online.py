@@ -2,13 +2,13 @@
 
     int64 online(context, first, last, steps)
 
-does so for the groups of lanes first ≤ group < last, and returns `FAILED` where a lane has failed, `NOT_FINITE` where
-an observation is not finite. `context` are seven addresses and counts, `CONTEXT`. Parameters and states have axes
-(group, number, lane); `status` is (steps, code, iterations, iterations_max) of each lane, int64, and goes on from call
-to call: a lane whose code is not 0 waits, and its commands with it; a negative one is that of a lane without a member.
-Commands and observations have axes (member, number), where member = group · lanes + lane. The steps are those of
-`kernels.emit.stepping`, instruction by instruction, and come to the same numbers; elementary functions of lanes
-are those of `kernels.emit.lanes`, which agree to round-off.
+does so for the groups of lanes first ≤ group < last, and returns what `Told` says of them. `context` are seven
+addresses and counts, `CONTEXT`. Parameters and states have axes (group, number, lane); `status` is (steps, code,
+iterations, iterations_max) of each lane, int64, and goes on from call to call: a lane whose code is not 0 waits, and
+its commands with it; `Code.ABSENT` is that of a lane without a member. Commands and observations have axes (member,
+number), where member = group · lanes + lane. The steps are those of `kernels.emit.stepping`, instruction by
+instruction, so that they come to the same numbers; elementary functions of lanes are those of `kernels.emit.lanes`,
+which agree to round-off.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from coadjoint.kernels.emit.newton_loop import finite
 from coadjoint.kernels.emit.plan import Plan
 from coadjoint.kernels.emit.stepping import POINTER, StepFunction
 from coadjoint.kernels.expressions.expression import Node
+from coadjoint.kernels.program import Told
 from coadjoint.kernels.trace.tracer import Tracer, flat
 
 NAME = "online"
 CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands", "observations")
 """What `context` points to: addresses, and how many numbers lie between the parameters of two groups, 0 if shared."""
-
-FAILED, NOT_FINITE = 1, 2
 
 
 class Observed(NamedTuple):
@@ -112,7 +111,7 @@ class _Online(StepFunction):
             for lane in range(self.width):
                 self._number(out, lane * len(values) + i).store(_lane(b, value, lane, self.width))
         bad = b.xor(finite(emit, values), emit.bit(True))
-        b.ret(b.select(emit.any(bad), WHOLE(NOT_FINITE), WHOLE(0)))
+        b.ret(b.select(emit.any(bad), WHOLE(Told.NOT_FINITE), WHOLE(0)))
         return function
 
     def _entry(self, observe: ir.Function, parameters: int, numbers: int, observations: int) -> None:
@@ -137,7 +136,7 @@ class _Online(StepFunction):
         b.call(self.step, [p, array["h"], s, WHOLE(1), steps, nowhere, nowhere, nowhere, status])
         seen = b.call(observe, [p, s, out])
         failed = b.icmp_signed(">", self.load(status, 1, self.emit.counter), self.emit.counts(0))
-        told = b.select(self.emit.any(failed), WHOLE(FAILED), WHOLE(0))
+        told = b.select(self.emit.any(failed), WHOLE(Told.FAILED), WHOLE(0))
         now, following = b.or_(summary, b.or_(seen, told)), b.add(group, WHOLE(1))
         back = b.block
         b.cbranch(b.icmp_signed("<", following, last), head, end)

@@ -157,13 +157,14 @@ class StepFunction:
             done = substeps(self.emit, plan, plan.inner, kept, self._stages, idle)
         code, well = done.code, done.well
         observed = done.monitors()
-        if watched := [*observed, *done.certificates]:
+        stop = [] if plan.stop is None else self.emit.values([plan.stop])
+        if watched := [*observed, *done.certificates, *stop]:
             # What is observed is a result too: it never is NaN.
             seen = finite(self.emit, watched)
             code = b.select(b.and_(well, b.xor(seen, self.emit.bit(True))), self.emit.counts(Code.NOT_FINITE), code)
             well = b.and_(well, seen)
-        if plan.stop is not None:
-            event = b.fcmp_ordered(">", self.emit.values([plan.stop])[0], self.emit.constant(0.0))
+        for value in stop:
+            event = b.fcmp_ordered(">", value, self.emit.constant(0.0))
             code = b.select(b.and_(well, event), self.emit.counts(Code.STOPPED), code)
             well = b.and_(well, b.xor(event, self.emit.bit(True)))
         well = b.and_(b.load(self.alive), well)

@@ -102,12 +102,12 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         result = step(program, parameters, state, h, monitored)
         seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}
         # What is observed is a result too: it never is NaN.
-        watched = [*seen.values(), *result.certificates.values()]
+        stop = [program.stop(parameters, state, result.after)] if program.stops else []
+        watched = [*seen.values(), *result.certificates.values(), *stop]
         finite = jnp.asarray([jnp.all(jnp.isfinite(value)) for value in watched], bool).all()
         code = jnp.where((result.code == 0) & ~finite, int(Code.NOT_FINITE), result.code)
-        if program.stops:
-            event = program.stop(parameters, state, result.after) > 0
-            code = jnp.where((code == 0) & event, int(Code.STOPPED), code)
+        for event in stop:
+            code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
         after = jax.tree.map(lambda new, old: jnp.where(code == 0, new, old), result.after, state)
         return result._replace(after=after, code=code), seen
 

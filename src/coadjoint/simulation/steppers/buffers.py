@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-CONVERGED, ABSENT = 0, -1
-"""Codes in `status`: of a lane that goes on, and of one without a member."""
+from coadjoint.kernels.program import Code
 
 
 class Buffers(NamedTuple):
@@ -31,7 +30,7 @@ class Buffers(NamedTuple):
         members = len(state)
         groups = -(-members // lanes)
         status, idle = np.zeros((groups, 4, lanes), np.int64), np.arange(members, groups * lanes)
-        status[idle // lanes, 1, idle % lanes] = ABSENT
+        status[idle // lanes, 1, idle % lanes] = Code.ABSENT
         return cls(
             parameters=_grouped(parameters, 1 if len(parameters) == 1 else groups, lanes),
             h=np.full(lanes, float(h)),

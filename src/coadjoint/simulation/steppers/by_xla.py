@@ -11,10 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.kernels.packing import Layout
-from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.program import Code, Program, Told
 from coadjoint.kernels.run import xla
 from coadjoint.simulation.steppers.buffers import Buffers
-from coadjoint.simulation.steppers.face import FAILED, NOT_FINITE
 
 
 class XlaEngine:
@@ -35,8 +34,8 @@ class XlaEngine:
         with jax.enable_x64(True):
             found = jax.tree.map(np.asarray, self._advance(*rows, buffers.h[0], steps))
         buffers.state[..., 0], buffers.status[..., 0], buffers.observations[...] = found
-        failed = FAILED if np.any(buffers.status[:, 1] > 0) else 0
-        return failed | (0 if np.all(np.isfinite(buffers.observations)) else NOT_FINITE)
+        failed = Told.FAILED if np.any(buffers.status[:, 1] > 0) else 0
+        return failed | (0 if np.all(np.isfinite(buffers.observations)) else Told.NOT_FINITE)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))
@@ -64,8 +63,9 @@ def _step(program: Program, constants: Any, h: Any, carry: Any) -> Any:
     result = xla.step(program, constants, state, h, certify=False)
     code = result.code
     if program.stops:
-        event = program.stop(constants, state, result.after) > 0
-        code = jnp.where((code == 0) & event, int(Code.STOPPED), code)
+        event = program.stop(constants, state, result.after)
+        code = jnp.where((code == 0) & ~jnp.isfinite(event), int(Code.NOT_FINITE), code)
+        code = jnp.where((code == 0) & (event > 0), int(Code.STOPPED), code)
     good = code == 0
     after = jax.tree.map(lambda new, old: jnp.where(good, new, old), result.after, state)
     iterations = jnp.where(good, result.iterations, 0)

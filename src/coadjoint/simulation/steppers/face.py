@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.fields import Fields
-
-FAILED, NOT_FINITE = 1, 2
-"""What an engine returns: some member has stopped; some observation is not finite."""
-STOPPED = 4
-"""The code of a member that an event has stopped; lower ones, but 0, are failures."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +31,10 @@ class Face:
     compiled_in: tuple[tuple[int, float], ...] = ()
     """Places and values of parameters that are 0 or 1 in the machine code itself."""
 
+    def compiled_out(self, parameters: np.ndarray) -> list[int]:
+        """The places where parameters (members, size) are not what is compiled in."""
+        return [place for place, value in self.compiled_in if np.any(parameters[:, place] != value)]
+
     @property
     def count(self) -> int:
         """How many members there are."""
@@ -46,5 +47,5 @@ class Engine(Protocol):
     lanes: int
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
-        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (FAILED, NOT_FINITE)."""
+        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (`Told`)."""
         ...

@@ -26,6 +26,7 @@ from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
+from coadjoint.simulation.steppers.numbers import named_file
 
 if TYPE_CHECKING:
     from coadjoint.simulation.steppers.stepping import Stepping
@@ -36,7 +37,7 @@ _FIELDS = ("parameters", "state", "commands", "observations")
 
 def save(stepper: Any, path: str | os.PathLike[str], overwrite: bool) -> Path:
     """Write a stepper, whole or not at all; raises FileError rather than replace a file."""
-    target = Path(path)
+    target = named_file(path)
     if target.exists() and not overwrite:
         raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
     if not target.parent.is_dir():
@@ -55,12 +56,16 @@ def save(stepper: Any, path: str | os.PathLike[str], overwrite: bool) -> Path:
 
 def to_bytes(stepper: Any) -> bytes:
     """A stepper as the content of a file."""
-    engine = stepper._engine
+    with stepper._turn.reading():
+        return _content(stepper, stepper._engine)
+
+
+def _content(stepper: Any, engine: Any) -> bytes:
     if not isinstance(engine, NativeEngine):
         raise ArgumentError("A stepper that runs by XLA cannot be saved: only native code can leave the process.")
     face = {**asdict(stepper.face), **{name: getattr(stepper.face, name).shapes for name in _FIELDS}}
     header = {"format": FORMAT, "version": VERSION, "lanes": engine.lanes, "threads": stepper.threads,
-              "event": stepper.event, "processor": processor(), "face": face}  # fmt: skip
+              "event": stepper.event, "kin": stepper._kin, "processor": processor(), "face": face}  # fmt: skip
     kept = io.BytesIO()
     with zipfile.ZipFile(kept, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr("stepper.json", json.dumps(header, indent=1))
@@ -82,7 +87,9 @@ def from_bytes(content: bytes, kind: type[Stepping]) -> Stepping:
             if header["version"] > VERSION:
                 raise FileError(f"is of version {header['version']}, but this library reads {VERSION}: update it.")
             return _opened(archive, header, kind)
-    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError) as error:
+    except FileError:
+        raise
+    except Exception as error:  # zipfile, zlib, json and NumPy have many words for a file that is damaged
         raise FileError("holds no stepper, or is damaged: give one that stepper.save(path) wrote.") from error
 
 
@@ -105,7 +112,7 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
         raise FileError(f"cannot be compiled here by LLVM ({str(error).splitlines()[0]}).") from None
     made = object.__new__(kind)
     origin = arrays.pop("origin")
-    made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"])
+    made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
     return made
 

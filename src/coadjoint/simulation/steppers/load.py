@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 from coadjoint.errors import FileError
+from coadjoint.simulation.steppers.numbers import named_file
 from coadjoint.simulation.steppers.stepping import Stepping, opened
 
 
@@ -19,8 +19,9 @@ def load_stepper(path: str | os.PathLike[str]) -> Stepping:
     The file holds machine code that is run: load only what you would run as a program.
     Raises FileError for what is no such file, and for one of a newer version.
     """
+    path = named_file(path)
     try:
-        content = Path(path).read_bytes()
+        content = path.read_bytes()
     except OSError as error:
         raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
     try:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
+import os
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from coadjoint.kernels.run.machine import Machine, compiled
@@ -16,6 +16,8 @@ ENTRY = "online"
 class NativeEngine:
     """Machine code of `kernels.emit.online`, from LLVM assembly or from `code`, where that was compiled here before."""
 
+    _threads: tuple[int, ThreadPoolExecutor] | None = None
+
     def __init__(self, assembly: str, lanes: int, code: bytes | None = None):
         self.assembly, self.lanes = assembly, lanes
         self.code = compiled(assembly) if code is None else code
@@ -23,9 +25,11 @@ class NativeEngine:
         whole = ctypes.c_int64
         self._function = self._machine.function(ENTRY, ctypes.c_void_p, whole, whole, whole, result=whole)
 
-    @cached_property
     def _pool(self) -> ThreadPoolExecutor:
-        return ThreadPoolExecutor()
+        """The threads of this process: those of a parent do not live in its fork."""
+        if self._threads is None or self._threads[0] != os.getpid():
+            self._threads = os.getpid(), ThreadPoolExecutor()
+        return self._threads[1]
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
         """All groups by one call of the machine, which lets other threads run; or a share of them on each thread."""
@@ -39,11 +43,28 @@ class NativeEngine:
         def run(part: int) -> int:
             return self._function(context, borders[part], borders[part + 1], steps)
 
-        waiting = [self._pool.submit(run, part) for part in range(1, threads)]
-        told = run(0)
+        pool, waiting = self._pool(), []
+        try:
+            waiting += [pool.submit(run, part) for part in range(1, threads)]
+            told = run(0)
+        finally:
+            # Also after an interrupt nobody goes on before all threads have left the memory.
+            _finished(waiting)
         for future in waiting:
             told |= future.result()
         return told
 
     def __reduce__(self) -> Any:
         raise TypeError("An engine is saved by its stepper.")
+
+
+def _finished(waiting: list[Future[int]]) -> None:
+    """Wait for all, and raise an interrupt that came meanwhile at the end."""
+    interrupt = None
+    while not all(future.done() for future in waiting):
+        try:
+            wait(waiting)
+        except KeyboardInterrupt as raised:
+            interrupt = raised
+    if interrupt is not None:
+        raise interrupt

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-NOT_CONVERGED, BEYOND_CHART = 1, 3
-"""Codes of `kernels.program.Code`."""
+from coadjoint.kernels.program import Code
 
 
 def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], commands: Mapping[str, np.ndarray]) -> str:
@@ -16,8 +15,8 @@ def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], com
     if bad := [name for name, value in commands.items() if not np.all(np.isfinite(value))]:
         return f"{where} could not be taken: the command `{bad[0]}` is not finite."
     again = "then reset or restore the stepper"
-    if code == NOT_CONVERGED:
+    if code == Code.NOT_CONVERGED:
         return f"{where} did not converge with dt = {dt:g}; {unsolved}, {again}."
-    if code == BEYOND_CHART:
+    if code == Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}, {again}."
-    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."
+    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian, forces and `until` there."

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
+import secrets
 import struct
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
+from coadjoint.kernels.program import Code, Told
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
-from coadjoint.simulation.steppers.face import NOT_FINITE, STOPPED, Engine, Face
+from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.numbers import real, seeds
 from coadjoint.simulation.steppers.sentences import failed_step
-
-BUSY = "Another thread is stepping this stepper: give each thread a clone() of its own."
+from coadjoint.simulation.steppers.turn import Turn
 
 
 class Standing:
@@ -29,12 +28,13 @@ class Standing:
     """
 
     def __init__(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int):
-        self._stand(face, engine, buffers, origin, threads)
+        self._stand(face, engine, buffers, origin, threads, secrets.token_hex(8))
         self.reset()
 
-    def _stand(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int) -> None:
-        self.face, self._engine, self.threads = face, engine, threads
-        self._free, self._origin = threading.Lock(), origin
+    def _stand(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int, kin: str) -> None:
+        """kin: what clones and saved steppers have in common with the one they are of."""
+        self.face, self._engine, self.threads, self._kin = face, engine, threads, kin
+        self._turn, self._origin = Turn(), origin
         """The state that `reset` goes back to, (groups, size, lanes)."""
         self._take_memory(buffers)
 
@@ -79,12 +79,12 @@ class Standing:
     def failed(self) -> Any:
         """Whether a step failed."""
         code = self.status
-        return (code != 0) & (code != STOPPED)
+        return (code != 0) & (code != Code.STOPPED)
 
     @property
     def ended(self) -> Any:
         """Whether the event `until` has stopped it."""
-        return self.status == STOPPED
+        return self.status == Code.STOPPED
 
     @property
     def failures(self) -> dict[int, str]:
@@ -107,25 +107,46 @@ class Standing:
         by default.
         """
         which = self._which(mask)
-        rows = by_member(self._origin)[which]
-        rows = rows if state is None else self._rows(rows, state, which)
-        return self._go(which, rows if seed is None else self._seeded(rows, seeds(seed, self.face.members, which)))
+        with self._turn.alone():
+            rows = by_member(self._origin)[which]
+            rows = rows if state is None else self._rows(rows, state, which)
+            return self._go(which, rows if seed is None else self._seeded(rows, seeds(seed, self.face.members, which)))
 
     def _seeded(self, rows: np.ndarray, seeds: np.ndarray) -> np.ndarray:
         """States (k, size) with random numbers of these seeds (k,)."""
         raise ArgumentError("A saved stepper begins with the random numbers of its start: leave out `seed`.")
 
     def restore(self, state: Any, *, mask: Any = None) -> dict[str, np.ndarray]:
-        """Go on from what `state` showed before, or from where a clone stands, with its commands, to the bit."""
+        """Go on from what `state` showed before, or as a clone would, to the bit, and return what is observed there.
+
+        state: a state holds the commands, but no parameters, which stay as they are now. A clone, given in its place,
+        has its own parameters, start and count of steps, and has failed or ended or not: all this is taken over.
+        mask: (members,) truth values, which members; all by default.
+        """
         which = self._which(mask)
-        if isinstance(state, Standing):
-            if state.face.state != self.face.state or state.face.count != self.face.count:
-                raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
-            rows = by_member(state._buffers.state)[which]
-            found = self._go(which, rows)
-            put(self._buffers.status, which, by_member(state._buffers.status)[which])
-            return found
-        return self._go(which, self._rows(by_member(self._buffers.state)[which], state, which))
+        # Copied before this one's turn: two that are restored to each other must not wait for each other.
+        other = state.clone() if isinstance(state, Standing) else None
+        with self._turn.alone():
+            if other is not None:
+                return self._follow(other, which)
+            return self._go(which, self._rows(by_member(self._buffers.state)[which], state, which))
+
+    def _follow(self, other: Standing, which: np.ndarray) -> dict[str, np.ndarray]:
+        """Go on as these members of a clone would."""
+        if other._kin != self._kin:
+            raise ArgumentError("A stepper can be restored to where a clone of it stands, but this is another one.")
+        status = by_member(other._buffers.status)[which]
+        if other._origin is not self._origin:
+            self._origin = self._origin.copy()
+            put(self._origin, which, by_member(other._origin)[which])
+        self._take_parameters(other, which)
+        found = self._go(which, by_member(other._buffers.state)[which])
+        put(self._buffers.status, which, status)
+        self.event = other.event
+        return found
+
+    def _take_parameters(self, other: Any, which: np.ndarray) -> None:
+        """Have the parameters of these members of a clone."""
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
         """States (k, size) of these members from a state that was given, with `rows` for what it does not name."""
@@ -157,61 +178,64 @@ class Standing:
     def _go(self, which: np.ndarray, rows: np.ndarray) -> dict[str, np.ndarray]:
         """Stand at these states, with no step done."""
         buffers, count = self._buffers, self.face.count
-        with self._alone():
-            self.event = None
-            put(buffers.state, which, rows)
-            put(buffers.status, which, np.zeros((len(which), 4), np.int64))
-            buffers.commands[which] = rows[:, list(self.face.commanded)]
-            if len(which) and which[-1] == count - 1 and len(buffers.commands) > count:
-                idle = np.arange(count, len(buffers.commands))
-                put(buffers.state, idle, np.broadcast_to(rows[-1], (len(idle), rows.shape[1])))
-            told = self._engine.advance(buffers, self._address, self._groups, 0, 1)
-        if told & NOT_FINITE:
-            self._judge(NOT_FINITE)
+        self.event = None
+        put(buffers.state, which, rows)
+        put(buffers.status, which, np.zeros((len(which), 4), np.int64))
+        buffers.commands[which] = rows[:, list(self.face.commanded)]
+        if len(which) and which[-1] == count - 1 and len(buffers.commands) > count:
+            idle = np.arange(count, len(buffers.commands))
+            put(buffers.state, idle, np.broadcast_to(rows[-1], (len(idle), rows.shape[1])))
+        self._look()
         return self.observation
+
+    def _look(self) -> None:
+        """Observe where it stands; raises StepError where an observation is not finite."""
+        told = self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
+        self._judge(told & Told.NOT_FINITE)
 
     @property
     def state(self) -> Any:
         """All numbers of where it stands, copied, by their names: what `restore` takes."""
-        return self.face.state.views(self._of_members(by_member(self._buffers.state)))
+        with self._turn.reading():
+            return self.face.state.views(self._of_members(by_member(self._buffers.state)))
 
     def clone(self) -> Self:
         """Another stepper that stands where this one does; both go their own ways from there."""
-        made = object.__new__(type(self))
-        made.__dict__.update(self.__dict__)
-        made._free = threading.Lock()
-        made._take_memory(self._buffers.copy())
-        return made
+        with self._turn.reading():
+            made = object.__new__(type(self))
+            made.__dict__.update(self.__dict__)
+            made._turn = Turn()
+            made._take_memory(self._buffers.copy())
+            return made
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Raise StepError where another thread is stepping."""
-        if not self._free.acquire(False):
-            raise StepError(BUSY)
-        try:
-            yield
-        finally:
-            self._free.release()
+    def __copy__(self) -> Self:
+        return self.clone()
+
+    def __deepcopy__(self, memo: Any) -> Self:
+        return self.clone()
 
     # What goes wrong.
 
-    def _judge(self, told: int) -> None:
-        """Raise where an observation is not finite, and where a single one has failed or has ended."""
-        if told & NOT_FINITE:
+    def _judge(self, told: int, n: int = 0) -> None:
+        """Raise where an observation is not finite, and where a single one has failed or has ended; n: steps asked for.
+
+        A single one that has just come to its event goes there.
+        """
+        if told & Told.NOT_FINITE:
             bad = [name for name, view in self.observation.items() if not np.all(np.isfinite(view))]
             if bad:
                 raise StepError(f"Observation `{bad[0]}` is not finite{self._when(0)}: look for a division by zero.")
-        if self.face.members is not None or self.status == 0:
+        if not told & Told.FAILED or self.face.members is not None:
             return
-        if self.status != STOPPED:
+        if self.status != Code.STOPPED:
             raise StepError(self._sentence(0))
         if self.event is not None:
             raise StepError(f"The event `until` came at t = {self.event:.6g} s: reset or restore the stepper.")
-        self.event = self._end()
+        self._end(n)
 
-    def _end(self) -> float:
-        """Go to the event that stopped a single one, as far as one can, and return the time."""
-        return float(self.t)
+    def _end(self, n: int) -> None:
+        """Go to the event that stopped a single one within n steps, as far as one can."""
+        self.event = float(self.t)
 
     def _when(self, member: int) -> str:
         return f" at t = {float(np.atleast_1d(self.t)[member]):.6g} s"
@@ -236,7 +260,10 @@ class Standing:
             return np.arange(self.face.count)
         if self.face.members is None:
             raise ArgumentError("Argument `mask` is for many members, but this stepper has a single one: leave it out.")
-        mask = np.asarray(mask)
+        try:
+            mask = np.asarray(mask)
+        except ValueError:
+            mask = np.asarray(None)
         if mask.dtype != bool or mask.shape != (self.face.count,):
             raise ArgumentError(
                 f"Argument `mask` must be truth values of shape ({self.face.count},), one for each member, but has "

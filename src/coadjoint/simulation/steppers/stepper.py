@@ -11,10 +11,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit import online
 from coadjoint.kernels.emit.plan import plan, specialised
 from coadjoint.kernels.packing import layout
+from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
 from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -33,7 +34,7 @@ from coadjoint.simulation.arguments import positive, require_kinds, whole
 from coadjoint.simulation.backwards import require_forward
 from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import count_of, first_member
-from coadjoint.simulation.events import crossing, part_of_step, require_until, without_event
+from coadjoint.simulation.events import Event, as_event, require_event
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.preparing import require_chart
 from coadjoint.simulation.steppers.beginning import Beginning
@@ -41,6 +42,7 @@ from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.by_xla import XlaEngine
 from coadjoint.simulation.steppers.changes import carried
 from coadjoint.simulation.steppers.commands import commands_from, places_of
+from coadjoint.simulation.steppers.ending import ending
 from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
@@ -62,13 +64,17 @@ class Stepper(Stepping):
     `co.Held` table and the method's nodes lie inside the step; many members agree with that to round-off.
 
     Arguments:
-        system, start, method, until: those of `co.simulate`; a method of variable steps is refused.
+        system, start, method: those of `co.simulate`; a method of variable steps is refused.
         dt: h, the length of a step, s; positive.
         inputs: the names of commands that are numbers and start at 0, by default none; or name → where the command
             starts, a number or an array. A signal, or a function of the motion, in the place of a start is no command,
             but what it is for `co.simulate`. A command is held over its steps.
         observe: name → function of the state, or of the state and the parameters, to a number or an array; by default
             none.
+        until: a function of the state to a number, or a `co.Event` with a direction: a single one stops where it
+            crosses zero, and `stepper.event` is that time in s; of many, each stops at the node before. By default
+            none. It reads what `stepper.state` shows: ξ and ν are those of the step that ended there, where
+            `co.simulate` reads those of the step that starts there. Two zeros within one step are not seen.
         changing: names of parameters that `change` may set to any value without compiling: those that are 0 or 1 are
             otherwise compiled in. By default none.
         members: how many are stepped at once; by default as many as `co.each` gives to parameters or start, otherwise
@@ -88,7 +94,7 @@ class Stepper(Stepping):
         inputs: Any = (),
         observe: Observe | None = None,
         method: Method | None = None,
-        until: Callable[[State], Any] | None = None,
+        until: Event | Callable[[State], Any] | None = None,
         changing: Sequence[str] = (),
         members: int | None = None,
         threads: int = 1,
@@ -114,11 +120,17 @@ class Stepper(Stepping):
             warnings.warn(sentence, stacklevel=2)
         begun, constants = method.begin(one, first, h), Constants(one.parameters, None)
         require_chart(one, method, begun, h)
-        require_until(until, begun)
+        event = as_event(until)
+        if event is not None:
+            require_event(event, "until", begun)
         watched, seen = watch(one, observe, begun)
-        functions = [*([partial(inputs_held, one)] if one.inputs is not None else []), *([until] if until else [])]
+        functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
+        stopping: dict[str, Any] = {}
+        if event is not None:
+            functions.append(event.function)
+            stopping = {"until": event.function, "direction": event.direction}
         skeleton = replace_parameters(system, None)
-        self._program = StepProgram(skeleton, method, version=version(one, first, *functions), until=until)
+        self._program = StepProgram(skeleton, method, version=version(one, first, *functions), **stopping)
         self._beginning = Beginning(skeleton, method, h, count, begun, constants)
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
@@ -201,21 +213,27 @@ class Stepper(Stepping):
             raise ArgumentError("The members have parameters of their own: give those meant as `parameters`.")
         return self._beginning.constants.unpack(rows[0]) if parameters is None else Constants(parameters, None)
 
-    def _end(self) -> float:
-        """Take the part of a step that leads to the event, as `co.simulate` takes it."""
+    def _end(self, n: int) -> None:
+        """Take the part of a step that leads to the event, as `co.simulate` takes it; or go on from a start at one."""
+        until, direction = self._program.until, self._program.direction
+        assert until is not None
         backend: Backend = "native" if isinstance(self._engine, NativeEngine) else "xla"
         constants = self._beginning.constants.unpack(self._parameter_rows()[0])
         run = Plan(backend, self._program, constants, self.face.dt, 1, 1, False)
-        state = self.state
-        chunk = part_of_step(without_event(run), state, crossing(run, state))
-        put(self._buffers.state, np.zeros(1, int), rows_of(spread(chunk.final, (1,)), 1))
-        self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
-        return float(self.t)
+        state, happens = ending(run, Event(until, direction), self.state, self.steps == 0)
+        put(self._buffers.state, np.zeros(1, int), rows_of(spread(state, (1,)), 1))
+        if happens:
+            self.event = float(state.t)
+            self._look()
+            return
+        self._buffers.status[0, :2, 0] = 1, Code.CONVERGED
+        self._judge(self._engine.advance(self._buffers, self._address, self._groups, n - 1, 1), n - 1)
 
     @property
     def state(self) -> State:
         """Where it stands, copied: what `restore` takes, and what `co.simulate` and `co.trajectory` start from."""
-        return self._beginning.state.unpack(self._of_members(by_member(self._buffers.state)))
+        with self._turn.reading():
+            return self._beginning.state.unpack(self._of_members(by_member(self._buffers.state)))
 
     def _rows(self, rows: np.ndarray, state: Any, which: np.ndarray) -> np.ndarray:
         if not isinstance(state, State):
@@ -249,7 +267,7 @@ class Stepper(Stepping):
         warnings.warn(
             f"Parameter {self._called(columns)} was compiled in as 0 or 1, and the step is compiled anew: name it in "
             "`changing` of co.Stepper, and it changes at once.",
-            stacklevel=4,
+            stacklevel=3,
         )
         kept = tuple(pair for pair in self.face.compiled_in if pair[0] not in columns)
         self.face = replace(self.face, compiled_in=kept)
@@ -270,6 +288,10 @@ def _members(system: System, start: State, members: int | None) -> int | None:
 def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]) -> tuple[tuple[int, float], ...]:
     """Places and values of the parameters that are 0 or 1 for all members and are not named in `changing`."""
     free: set[int] = set()
+    if not isinstance(changing, (str, list, tuple, set, frozenset)):
+        raise ArgumentError(
+            f'Argument `changing` must be names of parameters, such as ("mass",), but is {shown(changing)}.'
+        )
     for name in (changing,) if isinstance(changing, str) else changing:
         if name not in fields.names:
             raise ArgumentError(fields.unknown(name, "parameter"))

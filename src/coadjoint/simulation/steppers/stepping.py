@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, StepError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.steppers.buffers import by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
-from coadjoint.simulation.steppers.numbers import whole, write
-from coadjoint.simulation.steppers.standing import BUSY, Standing
+from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
+from coadjoint.simulation.steppers.standing import Standing
 
 
 class Stepping(Standing):
@@ -31,27 +31,36 @@ class Stepping(Standing):
         Raises StepError where the step of a single one fails, and again at every step until `reset` or `restore`; of
         many, those that fail stay where they are, and `failures` says why. ArgumentError for other names and shapes.
         """
-        if not self._free.acquire(False):
-            raise StepError(BUSY)
+        if n.__class__ is not int or not 1 <= n <= MOST:
+            n = whole(n)
+        lock = self._turn.lock
+        if not lock.acquire(False):
+            self._turn.wait()
         try:
             if command is not None:
                 self._take(command)
-            if n.__class__ is not int or n < 1:
-                n = whole(n)
             told = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
+            if told:
+                self._judge(told, n)
+            return self._copied() if copy else self.observation
         finally:
-            self._free.release()
-        if told:
-            self._judge(told)
-        return self._copied() if copy else self.observation
+            lock.release()
 
     def _take(self, command: Any) -> None:
-        """Put commands into their memory."""
-        if self._pack is not None and command.__class__ in (tuple, list):
+        """Put commands into their memory, all of them or none."""
+        kept = self._commands.tobytes()
+        try:
+            self._put(command)
+        except BaseException:
+            self._commands[...] = np.frombuffer(kept).reshape(self._commands.shape)
+            raise
+
+    def _put(self, command: Any) -> None:
+        if self._pack is not None and command.__class__ in (tuple, list) and not truths(command):
             try:
                 self._pack(self._fast, 0, *command)
                 return
-            except struct.error:
+            except (struct.error, OverflowError):
                 pass  # the sentence follows
         if command.__class__ is dict or isinstance(command, Mapping):
             for name, value in command.items():
@@ -62,9 +71,11 @@ class Stepping(Standing):
                     raise ArgumentError(self.face.commands.unknown(name, "command"))
                 write(self.command[name], value, f"Command `{name}`", self.face.members)
         else:
-            alone = self.face.commands.size == 1 and np.ndim(command) < self._commands.ndim
+            numbers = real(command, "The command")
+            same_for_all = self.face.members is not None and numbers.shape == (1,)
+            alone = self.face.commands.size == 1 and numbers.ndim < self._commands.ndim and not same_for_all
             place = self._commands[..., 0] if alone else self._commands
-            write(place, command, "The command", self.face.members)
+            write(place, numbers, "The command", self.face.members)
 
     def _copied(self) -> dict[str, np.ndarray]:
         return self.face.observations.views(self.observed.copy())
@@ -103,29 +114,42 @@ class Stepping(Standing):
         Raises ArgumentError for what is no parameter, and for a saved stepper that would have to be compiled anew or to
         keep velocities.
         """
-        if keep not in ("velocity", "momentum"):
-            raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {keep!r}.')
+        if not isinstance(keep, str) or keep not in ("velocity", "momentum"):
+            raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {shown(keep)}.')
+        if values is not None and not isinstance(values, Mapping):
+            raise ArgumentError(f"Give parameters by their names, as in change(mass=30.0), but not {shown(values)}.")
         given = {**(values or {}), **named}
         if not given:
             raise ArgumentError("Give at least one parameter to change, as in change(mass=30.0).")
-        which, size = self._which(mask), self.face.parameters.size
-        before = np.broadcast_to(self._parameter_rows(), (self.face.count, size))
-        rows = before[which]
-        self._fill(rows, given, which, "parameter")
-        after = before.copy()
-        after[which] = rows
-        columns = [place for place, value in self.face.compiled_in if np.any(after[:, place] != value)]
-        here, origin = by_member(self._buffers.state)[which], by_member(self._origin)[which]
-        if keep == "velocity":
-            twice = [np.concatenate([part, part]) for part in (before[which], rows)]
-            here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
-        if columns:
-            self._recompile(columns, after)
-        with self._alone():
+        which = self._which(mask)
+        with self._turn.alone():
+            before = self._all_parameters()
+            rows = before[which]
+            self._fill(rows, given, which, "parameter")
+            after = before.copy()
+            after[which] = rows
+            here, origin = by_member(self._buffers.state)[which], by_member(self._origin)[which]
+            if keep == "velocity":
+                twice = [np.concatenate([part, part]) for part in (before[which], rows)]
+                here, origin = np.split(self._carried(np.concatenate([here, origin]), *twice), 2)
+            if columns := self.face.compiled_out(after):
+                self._recompile(columns, after)
             self._origin = self._origin.copy()
             put(self._origin, which, origin)
             put(self._buffers.state, which, here)
             self._take_memory(self._buffers.with_parameters(after))
+            self._look()
+
+    def _take_parameters(self, other: Any, which: np.ndarray) -> None:
+        if self._engine is other._engine and np.array_equal(self._buffers.parameters, other._buffers.parameters):
+            return
+        after = self._all_parameters().copy()
+        after[which] = other._all_parameters()[which]
+        if not other.face.compiled_out(after):
+            self.face, self._engine = other.face, other._engine
+        elif columns := self.face.compiled_out(after):
+            self._recompile(columns, after)
+        self._take_memory(self._buffers.with_parameters(after))
 
     def _carried(self, states: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The states (k, size) whose velocities stay when the parameters change."""
@@ -142,6 +166,10 @@ class Stepping(Standing):
         """The names of the parameters at these places."""
         found = [name for name, _, place in self.face.parameters.places() if set(columns) & set(_numbers(place))]
         return ", ".join(f"`{name}`" for name in found)
+
+    def _all_parameters(self) -> np.ndarray:
+        """Parameters (members, size)."""
+        return np.broadcast_to(self._parameter_rows(), (self.face.count, self.face.parameters.size))
 
     def _parameter_rows(self) -> np.ndarray:
         """Parameters (members or 1, size)."""
