@@ -26,7 +26,7 @@ KINDS = {
     "held inputs": {"inputs", "forces"},
     "forces": {"forces"},
     "internal": {"internal", "forces"},
-    "everything": {"t", "inputs", "internal", "forces"},
+    "everything": {"t", "inputs", "internal", "forces", "parameters"},
 }
 INPUTS = {
     "signals": {"push": co.Signal(lambda t: jnp.sin(3 * t))},
@@ -38,7 +38,7 @@ PLACES = {**WORLDS, "top": World(co.SO3(), None, co.Defining()), "body": World(c
 
 @lru_cache
 def driven(world: str, kind: str):
-    """A system in group form in which time, inputs and internal state each reach what `kind` says, and its start."""
+    """A system in group form with time, inputs, internal state, parameters where `kind` has them, and its start."""
     place, random = PLACES[world], generator("driven", world)
     group, reach = place.group, KINDS[kind]
     bare = co.System(group, lambda *_: 0.0, additional=place.additional, advected=place.advected)
@@ -46,31 +46,36 @@ def driven(world: str, kind: str):
     count = group.dim + Q.ambient(group)
     lean, feel = random.normal(size=count), random.normal(size=Q.ambient(group) + V.ambient(group))
 
+    tuned = "parameters" in reach
+
     def value(F, *rest, t=0.0, inputs=None, internal=None):
         h = rest[-1]
+        rest, gain = ((*rest[:-2], h), rest[-2].gain) if tuned else (rest, 0.2)
         n, s = map(flat, rest[:2]) if Q.ambient(group) else (np.zeros(0), np.zeros(0))
         a = flat(rest[-2]) if V.ambient(group) else np.zeros(0)
         z = jnp.concatenate([velocity(group, F, h), (s - n) / h])
         y = jnp.concatenate([0.5 * (n + s), a])
         extra = jnp.sin(t) + sum(jax.tree.leaves(inputs), 0.0) + sum(jax.tree.leaves(internal), 0.0)
-        return h * (z @ z + 0.1 * jnp.sin(lean @ z) - 0.3 * jnp.cos(feel @ y) + 0.2 * extra * (lean @ z))
+        return h * (z @ z + 0.1 * jnp.sin(lean @ z) - 0.3 * jnp.cos(feel @ y) + gain * extra * (lean @ z))
 
     names = [name for name in ("t", "inputs", "internal") if name in reach]
     group_lagrangian = theory.unreduced.with_keywords(value, tuple(names))
 
-    def forces(motion):
+    def forces(motion, *p):
         z = jnp.concatenate([motion.xi, flat(motion.nu)])
         held = sum(jax.tree.leaves((motion.inputs, motion.internal)), 0.0)
-        total = -0.4 * z + 0.3 * jnp.sin(motion.t + z) + 0.2 * held
+        total = -(p[0].drag if p else 0.4) * z + 0.3 * jnp.sin(motion.t + z) + 0.2 * held
         return co.Force(total[: group.dim], total[group.dim :])
 
-    def rule(motion, h):
-        return {"lag": motion.internal.lag + h * (jnp.sum(motion.xi) - motion.internal.lag) / 0.7}
+    def rule(motion, h, *p):
+        lag = motion.internal.lag
+        return {"lag": lag + h * (jnp.sum(motion.xi) - lag) / (p[0].time if p else 0.7)}
 
     inner = "internal" in reach
     system = co.System(
         group, group_lagrangian=group_lagrangian, additional=place.additional, advected=place.advected,
         forces=forces if "forces" in reach else None, internal=rule if inner else None,
+        parameters={"gain": 0.35, "drag": 0.25, "time": 0.5} if tuned else None,
     )  # fmt: skip
     start = system.state(
         g=element(group, random), q=point(Q, group, random) if Q.ambient(group) else None, t=0.3,

@@ -10,11 +10,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps import DifferenceMap, Exponential
-from coadjoint.errors import StepError
+from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend
 from coadjoint.spaces import Space
+
+
+def whole_steps(steps: Any) -> int:
+    """A number of steps from 1 on; raises ArgumentError."""
+    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
+        raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
+    return int(steps)
 
 
 class Algorithm:

@@ -22,7 +22,14 @@ from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.reduction import defect_of, flat, point_of, require_invariant
-from coadjoint.theory.unreduced import KEYWORDS, Configuration, has_points, keywords_of, with_keywords
+from coadjoint.theory.unreduced import (
+    KEYWORDS,
+    Configuration,
+    has_points,
+    keywords_of,
+    require_parameter,
+    with_keywords,
+)
 
 
 def body_velocity(group: LieGroup, g: Element, g_dot: Element) -> Array:
@@ -91,6 +98,7 @@ class ContinuousLagrangian:
     def __call__(self, place: Configuration, velocity: Configuration, a0: Array, at: Instant = ALWAYS) -> Array:
         """L at (g, q) with velocities (ġ, q̇); `at`: t, inputs and internal state where L takes them."""
         group, Q, V = self.places
+        require_parameter(self.places, a0)
         pair = [Q.view(group, x) for x in (place.q, velocity.q)] if has_points(Q) else []
         rest = [V.view(group, a0)] if has_points(V) else []
         rest += [] if self.reduced.parameters is None else [self.reduced.parameters]

@@ -23,7 +23,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
 from coadjoint.theory.curves import NODES
 from coadjoint.theory.euler_poincare import advected, impulse
-from coadjoint.theory.instant import Instant
+from coadjoint.theory.instant import Instant, require_one
 from coadjoint.theory.poisson import (
     discrete_euler_poincare_poisson,
     kelvin_noether_poisson,
@@ -86,6 +86,10 @@ def printed_equations(
     """
     if not hasattr(run, "plan"):
         raise ArgumentError(f"Argument `run` must be a run of co.simulate, but is {run!r}; equations_of takes states.")
+    if not hasattr(run, "dt"):
+        raise ArgumentError(
+            "Argument `run` must be the run of one system, but is an ensemble: simulate a member alone."
+        )
     if run.plan.save_every != 1:
         raise ArgumentError("The equations need consecutive records: run with save_every=1.")
     records = run.records
@@ -110,6 +114,9 @@ def equations_of(
             "use co.LeftRectangle, co.RightRectangle, co.Trapezoidal, co.Midpoint, co.Simpson, co.Galerkin, "
             "co.Variational or co.GroupVariational."
         )
+    require_one(system)
+    if np.ndim(records.t) != 1:
+        raise ArgumentError(f"The records must have one leading axis, but have shape {np.shape(records.t)}.")
     if len(records.t) < 3:
         raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
     noether = noether or KelvinNoether(np.ones(system.group.dim))

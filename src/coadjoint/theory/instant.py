@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.program import held
@@ -49,8 +50,28 @@ def timed(system: System) -> bool:
     return driven or any(map(system.takes, ("t", "inputs", "internal")))
 
 
+def require_one(system: System) -> None:
+    """Raise ArgumentError for a system whose parameters are those of many members."""
+    if count_members(system.parameters) is not None:
+        raise ArgumentError(
+            "The theory is that of one system, but parameters of this one are co.each: give one member, as in "
+            "system.replace(mass=130.0)."
+        )
+
+
+def require_instants(at: Instant, steps: int) -> None:
+    """Raise ArgumentError unless what is known of the steps of a sequence has a leading axis of all steps."""
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(at)]
+    if any(not shape or shape[0] != steps for shape in shapes):
+        raise ArgumentError(
+            f"Argument `at` must hold the instants of all {steps} steps with a leading axis, which are those of the "
+            f"records but the last, but has shapes {', '.join(map(str, shapes))}."
+        )
+
+
 def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
     """(t, inputs, internal) as the functions of a system take them; raises ArgumentError for what is missing."""
+    require_one(system)
     if at.t is None and timed(system):
         raise ArgumentError(
             "The steps of this system depend on when they start, by explicit time, forces, inputs or an internal "

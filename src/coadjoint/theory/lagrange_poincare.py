@@ -25,6 +25,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.methods.program import held
+from coadjoint.theory.algorithm import whole_steps
 from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
 from coadjoint.theory.slopes import impulse_of
 
@@ -141,8 +142,7 @@ def lagrange_poincare(
     that are not on M × G, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
-    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")
+    steps = whole_steps(steps)
     state = _begun(system, start, method, dt)
     at = _Node(-state.mu, state.pi, state)
     advance = tabulate(partial(_advance, l), at)

@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.errors import StepError
+from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
 from coadjoint.theory.euler_poincare import Link, Momenta, advected, left_momenta, right_momenta
+from coadjoint.theory.instant import require_one
 from coadjoint.theory.slopes import legendre_transforms, slopes_of
 
 
@@ -45,7 +46,8 @@ def discrete_legendre(system: System, method: Method, records: State, h: float) 
     definition of the rule, and forces enter by their virtual work. On a run F⁺ of a step is F⁻ of the next: that is
     (P42). For a composition F⁻ is that of its first stage and F⁺ that of its last; the stages between are solved again,
     record after record. `h`: the step of the run (s). Raises ArgumentError for methods without a discrete Lagrangian,
-    StepError where a stage has no solution.
+    for parameters of co.each and for records that are nearer than h, as after an event; StepError where a stage has no
+    solution.
     """
     return _steps(system, method, records, h).transforms
 
@@ -86,15 +88,31 @@ class _Done(NamedTuple):
 
 
 def _steps(system: System, method: Method, records: State, h: float) -> _Done:
+    require_one(system)
+    _require_whole(method, records, h)
     stages = [(step, fraction * h) for step, fraction in method.stages if not step.tolerant]
     if len(stages) == 1:
         step, size = stages[0]
         return records.each(lambda record: _done(system, step, record, size))
     if np.ndim(records.t) == 0:
         return _composed(system, stages, records)(records)
-    first, *rest = (jax.tree.map(lambda leaf, k=k: leaf[k], records) for k in range(len(records.t)))
+    lead = np.shape(records.t)
+    first, *rest = (jax.tree.map(lambda leaf, at=at: leaf[at], records) for at in np.ndindex(lead))
     composed = _composed(system, stages, first)
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *map(composed, (first, *rest)))
+    found = map(composed, (first, *rest))
+    return jax.tree.map(lambda *leaves: np.reshape(np.stack(leaves), (*lead, *np.shape(leaves[0]))), *found)
+
+
+def _require_whole(method: Method, records: State, h: Any) -> None:
+    """Raise ArgumentError where records are nearer to each other than h, so that a step between them was another."""
+    if method.variable or not np.ndim(records.t) or traced(records.t, h):
+        return
+    gaps = np.diff(records.t, axis=-1) / h
+    if np.any(gaps < 1 - 1e-6):
+        raise ArgumentError(
+            f"The records must be h = {h:g} s or more apart, but some are {np.min(gaps) * h:g} s: give the `h` of the "
+            "run, and of a run that ended at an event leave out the last two records."
+        )
 
 
 def _done(system: System, step: Any, record: State, h: Array) -> _Done:

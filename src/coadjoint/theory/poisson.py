@@ -15,7 +15,7 @@ from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
-from coadjoint.theory.algorithm import Algorithm
+from coadjoint.theory.algorithm import Algorithm, whole_steps
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.unreduced import KEYWORDS, has_points, keywords_of, with_keywords
@@ -176,7 +176,7 @@ class EulerPoincarePoisson(Algorithm):
 def poisson_algorithm(l: PoissonLagrangian, first: PoissonLink, h: float, steps: int) -> PoissonLink:
     """The `steps` links (f, a) that start with one and solve (B19), every leaf with a leading axis."""
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
-    found: Any = EulerPoincarePoisson(l).run(first, h, steps - 1)
+    found: Any = EulerPoincarePoisson(l).run(first, h, whole_steps(steps) - 1)
     return found
 
 

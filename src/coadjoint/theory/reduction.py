@@ -17,8 +17,16 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System
 from coadjoint.theory.euler_poincare import Link
-from coadjoint.theory.instant import ALWAYS, Instant, given
-from coadjoint.theory.unreduced import KEYWORDS, Configuration, UnreducedLagrangian, has_points, link_of, with_keywords
+from coadjoint.theory.instant import ALWAYS, Instant, given, require_instants
+from coadjoint.theory.unreduced import (
+    KEYWORDS,
+    Configuration,
+    UnreducedLagrangian,
+    has_points,
+    link_of,
+    parameter_of,
+    with_keywords,
+)
 
 INVARIANT = 1e-12
 """The relative change of L under random group elements that round-off may make."""
@@ -145,8 +153,8 @@ def reduced_path(places: Places, path: Configuration, a0: Any = None, at: Instan
     `places` are those of a system or of an unreduced Lagrangian. `at`: the instants of the steps, with a leading axis,
     such as theory.instants of a run's records but the last, where the system depends on them.
     """
-    group, _, V = places
-    a0 = np.zeros(0) if a0 is None else V.point(group, a0, "a0")
+    a0 = parameter_of(places, a0)
+    require_instants(at, len(path.q) - 1)
     first, second = (jax.tree.map(lambda leaf, cut=cut: leaf[cut], path) for cut in (slice(None, -1), slice(1, None)))
     return evaluate(jax.vmap(lambda x, y, at: link_of(places, x, y, a0, at)), first, second, at)
 
@@ -154,6 +162,11 @@ def reduced_path(places: Places, path: Configuration, a0: Any = None, at: Instan
 def reconstruct(places: Places, g0: Element, path: Link) -> Configuration:
     """g_{k+1} = g_kF_k, q_k = g_kn_k, q_N = g_{N−1}s_{N−1} from g₀ (B17), inverse to `reduced_path`."""
     group, Q, _ = places
+    if np.ndim(path.n) != 2 or not len(path.n):
+        raise ArgumentError(
+            "Argument `path` must hold one link or more with a leading axis, as theory.reduced_path makes, but its "
+            f"n has shape {np.shape(path.n)}."
+        )
     g0 = jax.tree.map(np.asarray, g0)
     increments = [jax.tree.map(lambda leaf, k=k: leaf[k], path.F) for k in range(len(path.n))]
     elements, compose = [g0], tabulate(group.compose, g0, increments[0])

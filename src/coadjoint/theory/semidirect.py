@@ -14,7 +14,7 @@ from coadjoint.groups.derivative import right_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space
-from coadjoint.theory.algorithm import Algorithm
+from coadjoint.theory.algorithm import Algorithm, whole_steps
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.unreduced import KEYWORDS, keywords_of, with_keywords
@@ -174,5 +174,5 @@ def semidirect_algorithm(
 ) -> SemidirectLink:
     """The `steps` links (f, y, u⁺) that start with one and solve (B13), every leaf with a leading axis."""
     first = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), first)
-    found: Any = SemidirectEulerPoincare(group, space, l).run(first, h, steps - 1)
+    found: Any = SemidirectEulerPoincare(group, space, l).run(first, h, whole_steps(steps) - 1)
     return found

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import LagrangianError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.derivative import left_derivative
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.mechanics.parameters import Parameters
@@ -20,9 +20,9 @@ from coadjoint.mechanics.signatures import keyword_only, require_signature
 from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Space, Trivial
-from coadjoint.theory.algorithm import Algorithm
+from coadjoint.theory.algorithm import Algorithm, whole_steps
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
-from coadjoint.theory.instant import ALWAYS, Instant, given
+from coadjoint.theory.instant import ALWAYS, Instant, given, require_instants
 
 KEYWORDS = ("t", "inputs", "internal")
 """What Lagrangians may take by keyword."""
@@ -91,6 +91,7 @@ class UnreducedLagrangian:
     def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array, at: Instant = ALWAYS) -> Array:
         """L at two configurations, of a step that starts at an instant."""
         group, Q, V = self.places
+        require_parameter(self.places, a0)
         pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
         rest = [V.view(group, a0)] if has_points(V) else []
         rest += [] if self.reduced.parameters is None else [self.reduced.parameters]
@@ -136,6 +137,18 @@ def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configur
     return Configuration(g, Q.point(group, q, "q"))
 
 
+def parameter_of(places: Places, a0: Any) -> Any:
+    """a₀ as an array (dim V*,), (0,) without advected parameters; raises ArgumentError where it is missing."""
+    require_parameter(places, a0)
+    return np.zeros(0) if a0 is None else places.advected.point(places.group, a0, "a0")
+
+
+def require_parameter(places: Places, a0: Any) -> None:
+    """Raise ArgumentError where a₀ is missing."""
+    if a0 is None and has_points(places.advected):
+        raise ArgumentError("This system has advected parameters: give `a0`, in the space frame.")
+
+
 def link_of(places: Places, first: Configuration, second: Configuration, a0: Array, at: Instant = ALWAYS) -> Link:
     """F = g⁻¹g⁺, n = g⁻¹q, s = g⁻¹q⁺, a = g⁻¹a₀ of two configurations (P38), (P39); traceable by JAX."""
     group, Q, V = places
@@ -150,6 +163,7 @@ def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: float, at:
     `at`: the instants of the steps, with a leading axis, where L depends on them.
     """
     first, second = (jax.tree.map(lambda leaf, cut=cut: leaf[cut], path) for cut in (slice(None, -1), slice(1, None)))
+    require_instants(at, len(path.q) - 1)
     return jnp.sum(jax.vmap(lambda x, y, at: L(x, y, a0, h, at))(first, second, at))
 
 
@@ -226,7 +240,6 @@ def discrete_euler_lagrange_algorithm(
     `a0` (dim V*,) or None without advected parameters. `at`: the instant of the first step, for an L with time, forces,
     inputs or an internal state. Raises StepError where Newton does not solve a step, ArgumentError where `at` lacks.
     """
-    group, _, V = L.places
-    a0 = np.zeros(0) if a0 is None else V.point(group, a0, "a0")
-    before, here, *_ = DiscreteEulerLagrange(L).run((first, second, a0, at), h, steps - 1)
+    a0 = parameter_of(L.places, a0)
+    before, here, *_ = DiscreteEulerLagrange(L).run((first, second, a0, at), h, whole_steps(steps) - 1)
     return jax.tree.map(lambda rows, ends: np.concatenate([rows[:1], ends]), before, here)
