@@ -14,7 +14,7 @@ class Equations:
     curved: float
     fraction: float = 1.0
     tolerant: bool = False
-    groups: tuple[int, ...] = ()
+    blocks: tuple[int, ...] = ()
 
     def guess(self, p, s, h):
         return 0.0 * s

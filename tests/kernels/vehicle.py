@@ -70,7 +70,7 @@ class LeftRectangle:
 
     fraction: float = 1.0
     tolerant: bool = False
-    groups: tuple[int, ...] = (3, 3)
+    blocks: tuple[int, ...] = (3, 3)
     limit: float = 4.0
 
     def guess(self, p, s, h):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import SimpleNamespace
 
 import explicit
 import jax
@@ -98,7 +99,7 @@ def accepted(L) -> bool:
 @row(
     "(P38)–(P40)",
     "F = τ(hξ) = g_k⁻¹g_{k+1}, n, s, a",
-    ("theory.reduction.reduced_path", "methods.LeftRectangle.increment"),
+    ("theory.reduction.reduced_path", "methods.LeftRectangle.relative"),
     (INVERSE, RUNS),
 )
 def reduced_variables():
@@ -112,7 +113,7 @@ def reduced_variables():
         def sides(xi, system=system):
             half = 0.5 * H * hat(system.group, xi)
             one = jnp.eye(len(half))
-            F = co.LeftRectangle(co.Cayley()).increment(system, H, xi)
+            F = co.LeftRectangle(co.Cayley()).relative(system, SimpleNamespace(xi=xi), H)
             return system.group.matrix(F), jnp.linalg.solve(one - half, one + half)
 
         yield off(*evaluate(sides, xi))

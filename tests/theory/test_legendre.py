@@ -168,7 +168,7 @@ class Own(co.Method, Step):
     equations = co.LeftRectangle.equations
     advance = co.LeftRectangle.advance
     sources = co.LeftRectangle.sources
-    increment = co.LeftRectangle.increment
+    relative = co.LeftRectangle.relative
     nodes = co.LeftRectangle.nodes
     _node = co.LeftRectangle._node
 

@@ -18,10 +18,10 @@ Unknowns = Any
 Scalar = Any
 
 TOLERANCE = 1e-7
-"""Newton stops after an increment δ with |δ_g|∞ ≤ TOLERANCE·|z_g|∞ + FLOOR/|h| for every group g of unknowns:
+"""Newton stops after an increment δ with |δ_b|∞ ≤ TOLERANCE·|z_b|∞ + FLOOR/|h| for every block b of unknowns:
 convergence is quadratic, so the increment that would follow is under round-off. Groups have units of their own, and
 one never sets the scale of another; but one at rest may be moved by the round-off of the others. So where the
-unknowns together have met |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h| twice in turn, a group whose increment did not shrink to
+unknowns together have met |δ|∞ ≤ TOLERANCE·|z|∞ + FLOOR/|h| twice in turn, a block whose increment did not shrink to
 STALLED of the one before is at round-off and has settled too."""
 
 STALLED = 0.5
@@ -65,7 +65,7 @@ class Stage(Protocol):
         ...
 
     @property
-    def groups(self) -> tuple[int, ...]:
+    def blocks(self) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: sizes that add up to m, or () if all are."""
         ...
 

@@ -29,7 +29,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
 
     def _discrete(self, system: System, record: State, h: Array, xi: Array, n: Array, s: Array, a: Array, t: Array):
         group, Q, V = system.places
-        back = group.inverse(self.increment(system, h, xi))
+        back = group.inverse(self.difference_map.tau(group, h * xi))
         carried = Q.act(group, back, s), Q.act(group, back, n), V.act(group, back, a)
         return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.internal)
 
@@ -48,7 +48,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
     def _end(self, system: System, record: State, h: Array) -> State:
         """(ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h), where the forces stand."""
         group, Q, V = system.places
-        back = group.inverse(self.increment(system, h, record.xi))
+        back = group.inverse(self.relative(system, record, h))
         n, a = Q.act(group, back, record.n + h * record.nu), V.act(group, back, record.a)
         return record.replace(n=n, a=a, nu=Q.push(group, back, record.n, record.nu), t=record.t + h)
 

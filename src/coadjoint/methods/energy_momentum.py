@@ -16,7 +16,7 @@ from coadjoint.mechanics.continuous import energy
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import Motion, State
 from coadjoint.mechanics.system import System, added
-from coadjoint.methods.halved import Halved
+from coadjoint.methods.increments import Halved
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.quadrature import gauss
 
@@ -108,7 +108,7 @@ class EnergyMomentum(Method, Halved):
                 )
             require_secant(self.difference_map, system.group, space)
 
-    def groups(self, system: System) -> tuple[int, ...]:
+    def blocks(self, system: System) -> tuple[int, ...]:
         return self.points * system.group.dim, self.points * system.additional.dim(system.group)
 
     def _means(self) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +134,7 @@ class EnergyMomentum(Method, Halved):
 
     def _velocities(self, system: System, z: Array) -> tuple[Array, Array]:
         """(ξ, ν) at the points, a row each."""
-        end = self.groups(system)[0]
+        end = self.blocks(system)[0]
         return z[:end].reshape(self.points, -1), z[end:].reshape(self.points, -1)
 
     def _leap(self, system: System, record: State, h: Array) -> _Leap:

@@ -105,13 +105,13 @@ class Galerkin(Method, Step):
 
         return state.replace(memory=evaluate(constant, state.xi, state.nu))
 
-    def groups(self, system: System) -> tuple[int, ...]:
-        of_g, of_q = super().groups(system)
+    def blocks(self, system: System) -> tuple[int, ...]:
+        of_g, of_q = super().blocks(system)
         return self.degree * of_g, self.degree * of_q
 
     def _velocities(self, system: System, z: Array) -> tuple[Array, Array]:
         """Ω (s, dim G) and V (s, dim Q)."""
-        split = self.groups(system)[0]
+        split = self.blocks(system)[0]
         return z[:split].reshape(self.degree, -1), z[split:].reshape(self.degree, system.additional.dim(system.group))
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:

@@ -40,7 +40,7 @@ class HamiltonianMidpoint(Midpoint):
     def regular(self) -> bool:
         return False
 
-    def groups(self, system: System) -> tuple[int, ...]:
+    def blocks(self, system: System) -> tuple[int, ...]:
         sizes = system.group.dim, system.additional.dim(system.group)
         return (*sizes, *sizes)
 
@@ -69,7 +69,7 @@ class HamiltonianMidpoint(Midpoint):
     def _at(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node, Array]:
         """The half step, H⁻¹n, the middle, ℋ and its slopes there, and (∂_μℋ, ∂_πℋ)."""
         group, Q, V = system.places
-        half = self.half(system, h, record.xi)
+        half = self.turn(system, h, record.xi)
         back = group.inverse(half)
         start = Q.act(group, back, record.n)
         n, a, t = start + 0.5 * h * record.nu, V.act(group, back, record.a), record.t + 0.5 * h

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Array
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.increments import Whole
 from coadjoint.methods.method import Method, Step
 
 
 @dataclass(frozen=True)
-class LeftRectangle(Method, Step):
+class LeftRectangle(Method, Whole):
     """Λ = hℓ(ξ, n, (s − n)/h, a), order 1; with `start="velocity"` the scheme of (P73), (P74).
 
     Solve μ_k + D = (dτ⁻¹_{hξ})*∂_ξℓ, π_k + κ = ∂_νℓ; then μ_{k+1} = Ad*_F(μ_k + D), π_{k+1} = F*(π_k + κ),
@@ -28,9 +29,6 @@ class LeftRectangle(Method, Step):
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
-
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        return self.difference_map.tau(system.group, h * xi)
 
     def _node(self, system: System, record: State, h: Array) -> tuple[Point, Node]:
         point = Point(record.xi, record.n, record.nu, record.a, record.t)
@@ -49,7 +47,7 @@ class LeftRectangle(Method, Step):
     def advance(self, system: System, record: State, h: Array) -> State:
         group, Q, V = system.places
         point, at = self._node(system, record, h)
-        F = self.increment(system, h, point.xi)
+        F = self.relative(system, record, h)
         back = group.inverse(F)
         n = Q.act(group, back, record.n + h * point.nu)
         transported = Q.pull(group, F, n, record.pi + h * at.force)

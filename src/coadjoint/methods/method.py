@@ -48,9 +48,9 @@ class Claims(NamedTuple):
 class Step(ABC):
     """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then explicit.
 
-    A stage must give three members, which are abstract: `equations`, `advance` and `sources`; besides these F, by
-    `increment` where it depends on (h, ξ) alone and otherwise by `relative`, and `nodes`, or where Λ is no sum over
-    nodes, `energy` and `work`, and `discrete_lagrangian` where there is a Λ. All else has a default.
+    A stage must give four members, which are abstract: `relative`, which the classes of `increments.py` have,
+    `equations`, `advance` and `sources`; besides these `nodes`, or where Λ is no sum over nodes, `energy` and `work`,
+    and `discrete_lagrangian` where there is a Λ. All else has a default.
 
     y are the frame coordinates of the velocity ν at the rule's own node. A step is a static object;
     `system`, `state`, `h` and z are its arguments. A *record* is a state with the unknowns of the step that starts
@@ -61,8 +61,8 @@ class Step(ABC):
     tolerant = False
     """Whether the method goes on where this step's equations have no solution: then it has `advance_if`."""
 
-    def groups(self, system: System) -> tuple[int, ...]:
-        """How many unknowns, in their order, are of one kind and unit: Newton stops by each kind's own scale."""
+    def blocks(self, system: System) -> tuple[int, ...]:
+        """How many unknowns, in their order, are of one kind and unit: Newton stops by each block's own scale."""
         return system.group.dim, system.additional.dim(system.group)
 
     def require_fit(self, system: System) -> None:
@@ -99,14 +99,6 @@ class Step(ABC):
         carried = b if X is None else Q.pull(group, group.inverse(X), record.n, b)
         return Q.coordinates(group, record.n, carried)
 
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        """F = g_k⁻¹g_{k+1}."""
-        raise NotImplementedError
-
-    def relative(self, system: System, record: State, h: Array) -> Element:
-        """F of the step that starts at the record."""
-        return self.increment(system, h, record.xi)
-
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         """`state` with the unknowns of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
@@ -132,6 +124,10 @@ class Step(ABC):
     def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
         """Λ of the step that starts at the record."""
         return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
+
+    @abstractmethod
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        """F = g_k⁻¹g_{k+1} of the step that starts at the record."""
 
     @abstractmethod
     def equations(self, system: System, record: State, h: Array) -> Array:
@@ -187,7 +183,7 @@ class Step(ABC):
         which Newton's iteration stops. The torques in the rows of μ carry the round-off of π times a lever. So a body
         that does not turn, or stays where forces balance, is solved to round-off, too.
         """
-        rows, dim = jnp.abs(self.equations(system, record, h)), self.groups(system)[0]
+        rows, dim = jnp.abs(self.equations(system, record, h)), self.blocks(system)[0]
         of_mu, of_pi = jnp.max(rows[:dim]), jnp.max(rows[dim:], initial=0.0)
         turning, moving = _momentum_sizes(system, record, h)
         mu = jnp.maximum(largest(record.mu, after.mu), turning.part)

@@ -10,7 +10,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.halved import Halved
+from coadjoint.methods.increments import Halved
 from coadjoint.methods.method import Method, Step
 
 
@@ -35,13 +35,10 @@ class Midpoint(Method, Halved):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def turn(self, system: System, h: Array, xi: Array) -> Element:
-        return self.half(system, h, xi)
-
     def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
         xi = record.xi
-        half = self.half(system, h, xi)
+        half = self.turn(system, h, xi)
         back = group.inverse(half)
         start, nu = Q.act(group, back, record.n), record.nu
         point = Point(xi, start + 0.5 * h * nu, nu, V.act(group, back, record.a), record.t + 0.5 * h)

@@ -134,8 +134,8 @@ class StepStage:
         return self.step.tolerant
 
     @property
-    def groups(self) -> tuple[int, ...]:
-        return self.step.groups(self.skeleton)
+    def blocks(self) -> tuple[int, ...]:
+        return self.step.blocks(self.skeleton)
 
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)

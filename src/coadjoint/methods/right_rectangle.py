@@ -10,12 +10,13 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.increments import Whole
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Method, Step
 
 
 @dataclass(frozen=True)
-class RightRectangle(Method, Step, adjoint_of=LeftRectangle):
+class RightRectangle(Method, Whole, adjoint_of=LeftRectangle):
     """Λ = hℓ(ξ, F⁻¹s, F⁻¹(s − n)/h, F⁻¹a), order 1.
 
     At the node n⁺ = F⁻¹n + hν⁺, a⁺ = F⁻¹a: solve μ_k = (dτ⁻¹_{hξ})*∂_ξℓ, F*π_k = ∂_νℓ; then
@@ -32,16 +33,13 @@ class RightRectangle(Method, Step, adjoint_of=LeftRectangle):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        return self.difference_map.tau(system.group, h * xi)
-
     def turn(self, system: System, h: Array, xi: Array) -> Element:
-        return self.increment(system, h, xi)
+        return self.difference_map.tau(system.group, h * xi)
 
     def _node(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node]:
         group, Q, V = system.places
         xi = record.xi
-        F = self.increment(system, h, xi)
+        F = self.relative(system, record, h)
         back = group.inverse(F)
         start, nu = Q.act(group, back, record.n), record.nu
         point = Point(xi, start + h * nu, nu, V.act(group, back, record.a), record.t + h)

@@ -11,7 +11,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.halved import Halved
+from coadjoint.methods.increments import Halved
 from coadjoint.methods.method import Method, Step
 
 _END, _MIDDLE = 1 / 6, 4 / 6
@@ -53,10 +53,6 @@ class Simpson(Method, Halved):
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
-
-    def turn(self, system: System, h: Array, xi: Array) -> Element:
-        """H."""
-        return self.difference_map.tau(system.group, 0.5 * h * xi)
 
     def _nodes(self, system: System, record: State, h: Array) -> _Nodes:
         group, Q, V = system.places

@@ -11,6 +11,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.increments import Whole
 from coadjoint.methods.method import Method, Step
 
 
@@ -25,7 +26,7 @@ class _Ends(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trapezoidal(Method, Step):
+class Trapezoidal(Method, Whole):
     """Λ = ½hℓ(ξ, n, ν, a) + ½hℓ(ξ, F⁻¹s, F⁻¹ν, F⁻¹a) with ν = (s − n)/h, order 2, symmetric.
 
     With ⁰ at (n, ν, a) and ¹ at (F⁻¹(n + hν), F⁻¹ν, F⁻¹a): solve μ_k + ½D⁰ = (dτ⁻¹_{hξ})*½(∂_ξℓ⁰ + ∂_ξℓ¹),
@@ -44,14 +45,11 @@ class Trapezoidal(Method, Step):
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
 
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        return self.difference_map.tau(system.group, h * xi)
-
     def _ends(self, system: System, record: State, h: Array) -> _Ends:
         group, Q, V = system.places
         xi = record.xi
         nu = record.nu
-        F = self.increment(system, h, xi)
+        F = self.relative(system, record, h)
         back = group.inverse(F)
         first = Point(xi, record.n, nu, record.a, record.t)
         end = record.n + h * nu

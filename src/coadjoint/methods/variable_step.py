@@ -60,11 +60,11 @@ class Paced(Step):
         zero = jnp.zeros_like(jnp.asarray(state.t, dtype=float))
         return state.replace(memory=Pace(zero + 1.0, zero, zero, zero))
 
-    def groups(self, system: System) -> tuple[int, ...]:
-        return self.base.groups(system)
+    def blocks(self, system: System) -> tuple[int, ...]:
+        return self.base.blocks(system)
 
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        return self.base.increment(system, h, xi)
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        return self.base.relative(system, record, h * record.memory.ratio)
 
     def guess(self, system: System, state: State, h: Array) -> Array:
         return self.base.guess(system, state, h * state.memory.ratio)
@@ -121,8 +121,8 @@ class _Search(Paced):
     within: tuple[float, float] = (0.25, 4.0)
     tolerant = True
 
-    def groups(self, system: System) -> tuple[int, ...]:
-        return (*self.base.groups(system), 1)
+    def blocks(self, system: System) -> tuple[int, ...]:
+        return (*self.base.blocks(system), 1)
 
     def guess(self, system: System, state: State, h: Array) -> Array:
         return jnp.concatenate([super().guess(system, state, h), state.memory.ratio[None]])

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array, Element
+from coadjoint.groups.group import Array
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.increments import Whole
 from coadjoint.methods.method import Method, Step
 
 
@@ -32,7 +33,7 @@ class Slopes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Variational(Method, Step):
+class Variational(Method, Whole):
     """Λ(ξ, n, s, a; h) of `System(discrete_lagrangian=…)`, differentiated; order and symmetry are those of Λ.
 
     left: μ_k = (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻; right: μ_{k+1} =
@@ -47,9 +48,6 @@ class Variational(Method, Step):
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
         return ((self, 1.0),)
-
-    def increment(self, system: System, h: Array, xi: Array) -> Element:
-        return self.difference_map.tau(system.group, h * xi)
 
     def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
         return self._value(system, record, h, record.t)

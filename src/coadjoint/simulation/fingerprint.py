@@ -28,7 +28,7 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state))]
     for stage in different.values():
-        z = np.zeros(sum(stage.groups))
+        z = np.zeros(sum(stage.blocks))
         functions += [
             (stage.guess, (constants, state, h)),
             (stage.residual, (constants, state, h, z)),
@@ -36,11 +36,11 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
             (stage.advance, (constants, state, h, z, whole)),
         ]
     certificates = [
-        (stage.certificate, (constants, state, h, np.zeros(sum(stage.groups)), state)) for stage in different.values()
+        (stage.certificate, (constants, state, h, np.zeros(sum(stage.blocks)), state)) for stage in different.values()
     ]
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.watches else []
     order = {step: i for i, step in enumerate(different)}
-    told = [(order[stage.step], stage.fraction, stage.groups, stage.tolerant) for stage in program.stages]
+    told = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
     stages = [program.substeps, *told]
     directions = [event.direction for _, event in plan.events]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)

@@ -72,7 +72,7 @@ class Algorithm:
         return (1.0,)
 
     @property
-    def groups(self) -> tuple[int, ...]:
+    def blocks(self) -> tuple[int, ...]:
         return self.group.dim, self.space.dim(self.group)
 
     def prepare(self, parameters: Any, state: Any) -> Any:

@@ -30,7 +30,7 @@ from coadjoint.methods import (
     Trapezoidal,
     Variational,
 )
-from coadjoint.methods.halved import Halved
+from coadjoint.methods.increments import Halved
 from coadjoint.methods.method import Step
 from coadjoint.methods.quadrature import gauss
 from coadjoint.methods.variable_step import Paced
@@ -152,7 +152,7 @@ def _of_ones_own(system: System, step: Any, h: Array, record: State) -> Trial:
         turn = step.turn(system, h, xi)
         nu = d / h if turn is None else Q.push(group, group.inverse(turn), n, d / h)
         value = step.discrete_lagrangian(system, record.replace(xi=xi, n=n, nu=nu, a=a), h)
-        return Curve(step.increment(system, h, xi), d, [], value)
+        return Curve(step.relative(system, record.replace(xi=xi), h), d, [], value)
 
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 

@@ -54,7 +54,7 @@ def one_stage(system: System, method: Method) -> Any:
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {method!r}.")
     step = method.stages[0][0]
     unknowns = system.group.dim, system.additional.dim(system.group)
-    if len(method.stages) != 1 or tuple(step.groups(system)) != unknowns or not method.claims.symplectic:
+    if len(method.stages) != 1 or tuple(step.blocks(system)) != unknowns or not method.claims.symplectic:
         raise ArgumentError(
             "A bundle needs a variational rule of one stage, such as co.Midpoint() or co.LeftRectangle(), but got "
             f"{method.title}."

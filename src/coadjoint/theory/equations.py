@@ -245,9 +245,13 @@ def _of_variations(system: System, step: Any, records: State, h: float) -> Resid
     eta, ahead = np.random.default_rng(47).normal(size=(2, group.dim))
 
     def off(record: State):
-        there, back = (trivialised(system, step, h, x) for x in (record.xi, -record.xi))
+        there, back = (trivialised(system, step, h, record.replace(xi=x)) for x in (record.xi, -record.xi))
         change = jnp.linalg.solve(back, ahead) - jnp.linalg.solve(there, eta)
-        F, moved = jax.jvp(lambda x: group.matrix(step.increment(system, h, x)), (record.xi,), (change,))
+
+        def increment(xi):
+            return group.matrix(step.relative(system, record.replace(xi=xi), h))
+
+        F, moved = jax.jvp(increment, (record.xi,), (change,))
         return moved - F @ group.hat(ahead) + group.hat(eta) @ F
 
     values = evaluate(jax.vmap(off), records)

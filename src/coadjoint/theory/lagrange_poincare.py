@@ -176,7 +176,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
         now, _, _ = slopes(z)
         return jnp.concatenate([now.carried - at.before, now.first + at.last])
 
-    root = solver.solve(residual, step.guess(system, state, h), h, step.groups(system))
+    root = solver.solve(residual, step.guess(system, state, h), h, step.blocks(system))
     now, sigma, after = slopes(root.unknowns)
     return sigma, _Node(now.group, now.last, held(system, after)), root.code
 

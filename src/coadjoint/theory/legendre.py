@@ -137,7 +137,7 @@ def _composed(system: System, stages: list[tuple[Any, float]], like: State) -> C
         def residual(z: Array) -> Array:
             return step.residual(system, state, h, z)
 
-        root = solver.solve(residual, step.guess(system, state, h), h, step.groups(system))
+        root = solver.solve(residual, step.guess(system, state, h), h, step.blocks(system))
         return root.code, *_stage(system, step, step.record(system, state, h, root.unknowns), h)
 
     (step, size), *rest = stages

@@ -148,9 +148,12 @@ def legendre_transforms(system: System, at: Slopes) -> tuple[Momenta, Momenta]:
     return left, Momenta(at.left + at.impulse.torque_next, Q.project(group, ahead, pi))
 
 
-def trivialised(system: System, step: Any, h: float, xi: Array) -> Array:
+def trivialised(system: System, step: Any, h: float, record: State) -> Array:
     """The matrix of δξ ↦ (δF)F⁻¹ ∈ 𝔤 for F = F(hξ), by differentiation of F: h dτ_{hξ}."""
     group = system.group
-    F = group.matrix(step.increment(system, h, xi))
-    slope = jax.jacfwd(lambda x: group.matrix(step.increment(system, h, x)))(xi)
+
+    def increment(xi: Array) -> Array:
+        return group.matrix(step.relative(system, record.replace(xi=xi), h))
+
+    F, slope = increment(record.xi), jax.jacfwd(increment)(record.xi)
     return jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(slope)

@@ -106,7 +106,7 @@ class SquareRoot:
 
     fraction: float = 1.0
     tolerant: bool = True
-    groups: tuple[int, ...] = (1,)
+    blocks: tuple[int, ...] = (1,)
 
     def guess(self, p, s, h):
         return jnp.reshape(s.x, 1)
@@ -133,7 +133,7 @@ class Halving:
 
     fraction: float = 1.0
     tolerant: bool = False
-    groups: tuple[int, ...] = (1,)
+    blocks: tuple[int, ...] = (1,)
 
     guess, chart, certificate = SquareRoot.guess, SquareRoot.chart, SquareRoot.certificate
 

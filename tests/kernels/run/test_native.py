@@ -39,7 +39,7 @@ def reference(program):
         for stage in program.stages:
             part = stage.fraction * h
             guess = stage.guess(p, s, part)
-            root = solver.solve(lambda z, t=stage, s=s, d=part: t.residual(p, s, d, z), guess, part, stage.groups)
+            root = solver.solve(lambda z, t=stage, s=s, d=part: t.residual(p, s, d, z), guess, part, stage.blocks)
             record = stage.record(p, s, part, root.unknowns) if record is None else record
             s, iterations = stage.advance(p, s, part, root.unknowns), iterations + root.iterations
         return record, s, iterations

@@ -86,7 +86,7 @@ class StageLoop:
         was, count = b.phi(emit.truth), b.phi(emit.counter)
         trip = b.phi(WHOLE)
         looped = self.stage.scheme.looped
-        sizes = {g: b.phi(emit.number) for g in self._groups_of(looped)} if len(self.stage.groups) > 1 else {}
+        sizes = {g: b.phi(emit.number) for g in self._blocks_of(looped)} if len(self.stage.blocks) > 1 else {}
         last = _Progress(sizes, b.phi(emit.truth)) if sizes else None
         with emit.scope():
             for symbol, value in zip(symbols, old, strict=True):
@@ -138,9 +138,9 @@ class StageLoop:
             sizes = [b.select(b.fcmp_ordered(">", x, y), x, y) for x, y in pairs] + odd
         return sizes[0]
 
-    def _groups_of(self, unknowns: Iterable[int]) -> list[int]:
-        """The groups that hold any of these unknowns."""
-        return [g for g, members in enumerate(self.stage.groups) if any(i in members for i in unknowns)]
+    def _blocks_of(self, unknowns: Iterable[int]) -> list[int]:
+        """The blocks that hold any of these unknowns."""
+        return [g for g, members in enumerate(self.stage.blocks) if any(i in members for i in unknowns)]
 
     def _settled(self, delta: dict[int, Any], z: dict[int, Any], last: _Progress | None) -> tuple[Any, _Progress]:
         """Whether the increments δ of these unknowns settle them (`program.TOLERANCE`); those done before stay."""
@@ -149,8 +149,8 @@ class StageLoop:
         def small(size: Any, scale: Any) -> Any:
             return b.fcmp_ordered("<=", size, b.fadd(b.fmul(emit.constant(TOLERANCE), scale), self.floor))
 
-        scales = [self._size([z[i] for i in members]) for members in self.stage.groups]
-        sizes = {g: self._size([delta[i] for i in self.stage.groups[g] if i in delta]) for g in self._groups_of(delta)}
+        scales = [self._size([z[i] for i in members]) for members in self.stage.blocks]
+        sizes = {g: self._size([delta[i] for i in self.stage.blocks[g] if i in delta]) for g in self._blocks_of(delta)}
         together = small(self._largest(list(sizes.values())), self._largest(scales))
         settled = emit.bit(True)
         for g, size in sizes.items():

@@ -24,12 +24,12 @@ MAX_UNKNOWNS = 60
 class StagePlan:
     """One implicit stage: `unknowns` are Newton's symbols, `solution` the symbols of what it found.
 
-    A settled unknown has the same symbol in Newton's loop and in the solution. `groups` are the numbers of the
-    unknowns of each group. `sound` is the symbol of a tolerant stage's success, None for others.
+    A settled unknown has the same symbol in Newton's loop and in the solution. `blocks` are the numbers of the
+    unknowns of one kind each. `sound` is the symbol of a tolerant stage's success, None for others.
     """
 
     h: Node
-    groups: list[range]
+    blocks: list[range]
     guess: list[Node]
     residual: list[Node]
     unknowns: list[Node]
@@ -158,7 +158,7 @@ def _stage(
         solution[i] = value
     traced = {
         "h": h[()],
-        "groups": _groups(stage.groups or (guess.size,)),
+        "blocks": _ranges(stage.blocks or (guess.size,)),
         "guess": list(guess),
         "residual": flat(residual),
         "unknowns": list(unknowns),
@@ -175,7 +175,7 @@ def _stage(
     return traced, nodes(accepted, solution.shape), np.asarray(sound)
 
 
-def _groups(sizes: tuple[int, ...]) -> list[range]:
+def _ranges(sizes: tuple[int, ...]) -> list[range]:
     ends = np.cumsum(sizes).tolist()
     return [range(end - size, end) for size, end in zip(sizes, ends, strict=True) if size]
 

@@ -29,15 +29,15 @@ class _Iterate(NamedTuple):
     together: jax.Array
 
 
-def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, groups: tuple[int, ...]) -> Root:
-    """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_g|∞ ≤ TOLERANCE·|z_g|∞ + FLOOR/|h| in every group.
+def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, blocks: tuple[int, ...]) -> Root:
+    """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_b|∞ ≤ TOLERANCE·|z_b|∞ + FLOOR/|h| in every block.
 
-    `groups` are the sizes of the groups of unknowns; `program.TOLERANCE` states the rule for groups at round-off.
+    `blocks` are the sizes of the blocks of unknowns; `program.TOLERANCE` states the rule for blocks at round-off.
     Derivatives of the result follow from the implicit function theorem, ∂z = −J⁻¹ ∂r: they cost one linear solve
     and do not depend on how Newton went.
     """
-    ends = np.cumsum(groups)
-    parts = [slice(end - size, end) for size, end in zip(groups, ends, strict=True) if size] or [slice(None)]
+    ends = np.cumsum(blocks)
+    parts = [slice(end - size, end) for size, end in zip(blocks, ends, strict=True) if size] or [slice(None)]
 
     def sizes_of(vector: jax.Array) -> jax.Array:
         return jnp.stack([jnp.max(jnp.abs(vector[part])) for part in parts])

@@ -64,7 +64,7 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
     for stage in program.stages:
         part = stage.fraction * h
         residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
-        root = solver.solve(residual, guess, part, stage.groups)
+        root = solver.solve(residual, guess, part, stage.blocks)
         inside = stage.chart(parameters, state, part, root.unknowns) < 1.0
         found = (root.code == 0) & inside
         z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns

@@ -1,0 +1,33 @@
+"""What steps have in common by the way that their increment F depends on ξ."""
+
+from __future__ import annotations
+
+from coadjoint.groups.group import Array, Element
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Step
+
+
+class Whole(Step):
+    """F = τ(hξ) of the difference map τ."""
+
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        return self.difference_map.tau(system.group, h * record.xi)
+
+
+class Halved(Step):
+    """F = H² with H = σ(hξ/2) of the difference map σ; the map need only reach half of the step (mathematics: 6).
+
+    ν is that of the middle, in the frame H⁻¹.
+    """
+
+    def turn(self, system: System, h: Array, xi: Array) -> Element:
+        """H = σ(hξ/2)."""
+        return self.difference_map.tau(system.group, 0.5 * h * xi)
+
+    def relative(self, system: System, record: State, h: Array) -> Element:
+        half = self.turn(system, h, record.xi)
+        return system.group.compose(half, half)
+
+    def chart(self, system: System, record: State, h: Array) -> Array | float:
+        return self.difference_map.chart(system.group, 0.5 * h * record.xi)
