@@ -7,116 +7,9 @@ Names are loaded when first used, so that `import coadjoint` costs little.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-_HOMES = {
-    "coadjoint.difference_maps": ("Cayley", "DifferenceMap", "Exponential", "Pade", "SecondKind", "Squared"),
-    "coadjoint.errors": (
-        "ArgumentError",
-        "CoadjointError",
-        "FileError",
-        "GroupError",
-        "LagrangianError",
-        "StepError",
-    ),
-    "coadjoint.groups": (
-        "SE2",
-        "SE3",
-        "SO2",
-        "SO3",
-        "SU2",
-        "DirectProduct",
-        "Heisenberg",
-        "LieGroup",
-        "MatrixGroup",
-        "SLn",
-        "SOn",
-        "SemidirectProduct",
-        "Sp",
-        "Translation",
-        "UnitQuaternion",
-        "complex_form",
-        "real_form",
-    ),
-    "coadjoint.kernels.float64": ("float64",),
-    "coadjoint.mechanics.casimirs": ("casimirs",),
-    "coadjoint.mechanics.bundle": ("holonomy", "horizontal_lift"),
-    "coadjoint.mechanics.connection": ("Connection",),
-    "coadjoint.mechanics.discrete_connection": ("DiscreteConnection",),
-    "coadjoint.mechanics.damping": ("quadratic_drag", "rayleigh"),
-    "coadjoint.mechanics.each": ("each",),
-    "coadjoint.mechanics.internal": ("sampled", "sampling"),
-    "coadjoint.mechanics.internal_rule": ("InternalRule",),
-    "coadjoint.mechanics.mechanical_connection": ("mechanical_connection",),
-    "coadjoint.mechanics.noether": ("KelvinNoether",),
-    "coadjoint.mechanics.parameters": ("Parameters",),
-    "coadjoint.mechanics.poisson": ("poisson_bracket",),
-    "coadjoint.mechanics.signals": ("Held", "Linear", "Signal"),
-    "coadjoint.mechanics.state": ("Force", "Motion", "State"),
-    "coadjoint.mechanics.system": ("System",),
-    "coadjoint.methods": (
-        "EnergyMomentum",
-        "Galerkin",
-        "GroupVariational",
-        "AdjointVariational",
-        "Composition",
-        "KahanLi6",
-        "KahanLi8",
-        "LeftRectangle",
-        "LeftRight",
-        "Method",
-        "Midpoint",
-        "RightRectangle",
-        "Simpson",
-        "SofroniouSpaletta10",
-        "SofroniouSpaletta6",
-        "SofroniouSpaletta8",
-        "Suzuki4",
-        "Symmetrised",
-        "Trapezoidal",
-        "VariableStep",
-        "Variational",
-        "Yoshida4",
-    ),
-    "coadjoint.methods.hamiltonian_midpoint": ("HamiltonianMidpoint",),
-    "coadjoint.simulation.events": ("Event",),
-    "coadjoint.simulation.recording": ("load",),
-    "coadjoint.simulation.resume": ("resume",),
-    "coadjoint.simulation.simulate": ("simulate",),
-    "coadjoint.simulation.steppers.load": ("load_stepper",),
-    "coadjoint.simulation.steppers.stepper": ("Stepper",),
-    "coadjoint.simulation.trajectory": ("trajectory",),
-    "coadjoint.spaces": (
-        "Adjoint",
-        "Coadjoint",
-        "Defining",
-        "Dual",
-        "GroupItself",
-        "Points",
-        "Several",
-        "Space",
-        "Sphere",
-        "Submanifold",
-        "Trivial",
-    ),
-    "coadjoint.theory.discrete_mechanical_connection": ("discrete_mechanical_connection",),
-    "coadjoint.theory.lagrange_poincare": ("lagrange_poincare", "lagrange_poincare_residual"),
-}
-EXTENSIONS = ["coadjoint.vehicles.extension"]
-"""Modules that add to the rooms below them, see `coadjoint.extensions`."""
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-_MODULES = {
-    "attitude": "coadjoint.groups.attitude",
-    "identification": "coadjoint.identification",
-    "models": "coadjoint.models",
-    "stability": "coadjoint.stability",
-    "theory": "coadjoint.theory",
-    "vehicles": "coadjoint.vehicles",
-}
-
-__version__ = "0.1.0"
-__all__ = [*_HOME_OF, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
+from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint import identification as identification
@@ -124,10 +17,36 @@ if TYPE_CHECKING:
     from coadjoint import stability as stability
     from coadjoint import theory as theory
     from coadjoint import vehicles as vehicles
-    from coadjoint.difference_maps import *  # noqa: F403
-    from coadjoint.errors import *  # noqa: F403
-    from coadjoint.groups import *  # noqa: F403
+    from coadjoint.difference_maps import Cayley as Cayley
+    from coadjoint.difference_maps import DifferenceMap as DifferenceMap
+    from coadjoint.difference_maps import Exponential as Exponential
+    from coadjoint.difference_maps import Pade as Pade
+    from coadjoint.difference_maps import SecondKind as SecondKind
+    from coadjoint.difference_maps import Squared as Squared
+    from coadjoint.errors import ArgumentError as ArgumentError
+    from coadjoint.errors import CoadjointError as CoadjointError
+    from coadjoint.errors import FileError as FileError
+    from coadjoint.errors import GroupError as GroupError
+    from coadjoint.errors import LagrangianError as LagrangianError
+    from coadjoint.errors import StepError as StepError
+    from coadjoint.groups import SE2 as SE2
+    from coadjoint.groups import SE3 as SE3
+    from coadjoint.groups import SO2 as SO2
+    from coadjoint.groups import SO3 as SO3
+    from coadjoint.groups import SU2 as SU2
+    from coadjoint.groups import DirectProduct as DirectProduct
+    from coadjoint.groups import Heisenberg as Heisenberg
+    from coadjoint.groups import LieGroup as LieGroup
+    from coadjoint.groups import MatrixGroup as MatrixGroup
+    from coadjoint.groups import SemidirectProduct as SemidirectProduct
+    from coadjoint.groups import SLn as SLn
+    from coadjoint.groups import SOn as SOn
+    from coadjoint.groups import Sp as Sp
+    from coadjoint.groups import Translation as Translation
+    from coadjoint.groups import UnitQuaternion as UnitQuaternion
     from coadjoint.groups import attitude as attitude
+    from coadjoint.groups import complex_form as complex_form
+    from coadjoint.groups import real_form as real_form
     from coadjoint.kernels.float64 import float64 as float64
     from coadjoint.mechanics.bundle import holonomy as holonomy
     from coadjoint.mechanics.bundle import horizontal_lift as horizontal_lift
@@ -151,7 +70,28 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.state import Motion as Motion
     from coadjoint.mechanics.state import State as State
     from coadjoint.mechanics.system import System as System
-    from coadjoint.methods import *  # noqa: F403
+    from coadjoint.methods import AdjointVariational as AdjointVariational
+    from coadjoint.methods import Composition as Composition
+    from coadjoint.methods import EnergyMomentum as EnergyMomentum
+    from coadjoint.methods import Galerkin as Galerkin
+    from coadjoint.methods import GroupVariational as GroupVariational
+    from coadjoint.methods import KahanLi6 as KahanLi6
+    from coadjoint.methods import KahanLi8 as KahanLi8
+    from coadjoint.methods import LeftRectangle as LeftRectangle
+    from coadjoint.methods import LeftRight as LeftRight
+    from coadjoint.methods import Method as Method
+    from coadjoint.methods import Midpoint as Midpoint
+    from coadjoint.methods import RightRectangle as RightRectangle
+    from coadjoint.methods import Simpson as Simpson
+    from coadjoint.methods import SofroniouSpaletta6 as SofroniouSpaletta6
+    from coadjoint.methods import SofroniouSpaletta8 as SofroniouSpaletta8
+    from coadjoint.methods import SofroniouSpaletta10 as SofroniouSpaletta10
+    from coadjoint.methods import Suzuki4 as Suzuki4
+    from coadjoint.methods import Symmetrised as Symmetrised
+    from coadjoint.methods import Trapezoidal as Trapezoidal
+    from coadjoint.methods import VariableStep as VariableStep
+    from coadjoint.methods import Variational as Variational
+    from coadjoint.methods import Yoshida4 as Yoshida4
     from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint as HamiltonianMidpoint
     from coadjoint.simulation.events import Event as Event
     from coadjoint.simulation.recording import load as load
@@ -160,23 +100,25 @@ if TYPE_CHECKING:
     from coadjoint.simulation.steppers.load import load_stepper as load_stepper
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
-    from coadjoint.spaces import *  # noqa: F403
+    from coadjoint.spaces import Adjoint as Adjoint
+    from coadjoint.spaces import Coadjoint as Coadjoint
+    from coadjoint.spaces import Defining as Defining
+    from coadjoint.spaces import Dual as Dual
+    from coadjoint.spaces import GroupItself as GroupItself
+    from coadjoint.spaces import Points as Points
+    from coadjoint.spaces import Several as Several
+    from coadjoint.spaces import Space as Space
+    from coadjoint.spaces import Sphere as Sphere
+    from coadjoint.spaces import Submanifold as Submanifold
+    from coadjoint.spaces import Trivial as Trivial
     from coadjoint.theory.discrete_mechanical_connection import (
         discrete_mechanical_connection as discrete_mechanical_connection,
     )
     from coadjoint.theory.lagrange_poincare import lagrange_poincare as lagrange_poincare
     from coadjoint.theory.lagrange_poincare import lagrange_poincare_residual as lagrange_poincare_residual
 
+__version__ = "0.1.0"
+EXTENSIONS = ["coadjoint.vehicles.extension"]
+"""Modules that add to the rooms below them, see `coadjoint.extensions`."""
 
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return import_module(_MODULES[name])
-    if name not in _HOME_OF:
-        raise AttributeError(f"coadjoint has no `{name}`; it has: {', '.join(sorted(__all__))}.")
-    value = getattr(import_module(_HOME_OF[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -22,23 +22,24 @@ def lazy(package: str) -> Lazy:
 
     Editors and type checkers follow the imports; at run time nothing is loaded before it is used.
     """
-    homes = _imported(package)
-    names = sorted(homes)
+    places = homes(package)
+    names = sorted(places)
 
     def load(name: str) -> Any:
-        if name not in homes:
+        if name not in places:
             raise AttributeError(f"{package} has no `{name}`; it has: {', '.join(names)}.")
-        module, there = homes[name]
+        module, there = places[name]
         if module == package:
             return import_module(f"{package}.{there}")
-        value = getattr(import_module(module), there)
+        home = import_module(module)
+        value = getattr(home, there) if hasattr(home, there) else import_module(f"{module}.{there}")
         setattr(import_module(package), name, value)
         return value
 
     return Lazy(load, lambda: names, names)
 
 
-def _imported(package: str) -> dict[str, tuple[str, str]]:
+def homes(package: str) -> dict[str, tuple[str, str]]:
     """Module and name of every import under `if TYPE_CHECKING:`, by the name that it is given."""
     spec = find_spec(package)
     source = spec.loader.get_source(package) if spec is not None and spec.loader is not None else None  # pyright: ignore[reportAttributeAccessIssue]

@@ -48,8 +48,8 @@ def system_on(space, lagrangian) -> tuple[co.System, co.State]:
 class OtherChart(co.Sphere):
     """The same sphere with the exponential as retraction and a frame turned by one radian about the point."""
 
-    def _frame(self, x):
-        frame = super()._frame(x)
+    def frame(self, group, x):
+        frame = super().frame(group, x)
         c, s = np.cos(1.0), np.sin(1.0)
         return frame @ jnp.array([[c, -s], [s, c]])
 

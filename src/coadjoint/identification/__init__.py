@@ -9,19 +9,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-_HOME_OF = {
-    "Estimate": "findings",
-    "Identification": "findings",
-    "Log": "log",
-    "identify": "estimation",
-    "seen": "channels",
-    "synthetic_log": "synthetic",
-}
-
-__all__ = [*_HOME_OF]  # pyright: ignore[reportUnsupportedDunderAll]
+from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint.identification.channels import seen as seen
@@ -31,10 +21,4 @@ if TYPE_CHECKING:
     from coadjoint.identification.log import Log as Log
     from coadjoint.identification.synthetic import synthetic_log as synthetic_log
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"coadjoint.identification has no `{name}`; it has: {', '.join(sorted(_HOME_OF))}.")
-    value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import coadjoint
 from coadjoint.errors import ArgumentError
+from coadjoint.lazy import homes
 from coadjoint.runs.sections import MethodSection
 from coadjoint.runs.units import letters, unknown
 
@@ -74,7 +75,7 @@ def _map(name: str) -> DifferenceMap:
 
 
 def _named(written: str, home: str, what: str) -> str:
-    names = [name for name in coadjoint._HOMES[home] if name not in _CONTRACTS]
+    names = [name for name, (module, _) in homes("coadjoint").items() if module == home and name not in _CONTRACTS]
     plain = {letters(name): name for name in names}
     if letters(written) not in plain:
         raise ArgumentError(unknown(f"{what} `{written}`", "coadjoint", written, names))

@@ -14,14 +14,15 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.matrix_exponential import exponential_minus_one
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.spaces.space import Space, checked_vector
+from coadjoint.spaces.embedded import Embedded
+from coadjoint.spaces.space import checked_vector
 
 ON_GROUP = 1e-9
 """How far outside its group a point may be by round-off."""
 
 
 @dataclass(frozen=True)
-class GroupItself(Space):
+class GroupItself(Embedded):
     """Q = G with g·x = gx (`action="multiplication"`) or g·x = gxg⁻¹ (`action="conjugation"`).
 
     The user's functions see an element x, and a velocity of the same structure: xη̂ for the body velocity η of x. So
@@ -31,7 +32,6 @@ class GroupItself(Space):
     """
 
     action: Literal["multiplication", "conjugation"] = "multiplication"
-    flat = False
 
     def __post_init__(self):
         if not isinstance(self.action, str) or self.action not in ("multiplication", "conjugation"):
@@ -66,16 +66,10 @@ class GroupItself(Space):
         B = self._spanning(group, x)
         return jnp.linalg.solve(B.T @ B, B.T @ v)
 
-    def _frame(self, group: LieGroup, x: Array) -> Array:
+    def frame(self, group: LieGroup, x: Array) -> Array:
         """E = BL⁻ᵀ with BᵀB = LLᵀ for the columns B = (xê_i)."""
         B = self._spanning(group, x)
         return jax.scipy.linalg.solve_triangular(jnp.linalg.cholesky(B.T @ B), B.T, lower=True).T
-
-    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
-        return self._frame(group, x) @ y
-
-    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
-        return self._frame(group, x).T @ b
 
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
         """x(exp η − 1) for u = xη̂."""
@@ -84,11 +78,8 @@ class GroupItself(Space):
         return jax.jvp(lambda h: _flat(group.compose(at, h)), (one,), (group.from_matrix(less),))[1]
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
-        frame = self._frame(group, x)
+        frame = self.frame(group, x)
         return frame @ (frame.T @ b)
-
-    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
-        return self.project(group, x, legendre)
 
     def defect(self, group: LieGroup, x: Array) -> Array | float:
         return group.defect(self.view(group, x)) if group.constrained else 0.0

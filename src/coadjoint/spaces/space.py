@@ -22,8 +22,8 @@ from coadjoint.spaces.numbers import float64
 class Space:
     """A manifold with a left action of G, inside a linear space of ambient coordinates.
 
-    To be given: `ambient`, `act`, which must be affine in x. A curved space lies inside such a one and overrides `dim`,
-    `tangent`, `coordinates`, `difference`, `project`, `momentum`, `defect` and `require_fit`; a closed form may replace
+    To be given: `ambient`, `act`, which must be affine in x. A curved space lies inside such a one, inherits from
+    `Embedded` and gives `dim`, `frame`, `difference`, `project`, `defect` and `require_fit`; a closed form may replace
     anything derived. Spaces are static, hashable objects.
     """
 

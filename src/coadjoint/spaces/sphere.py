@@ -12,19 +12,19 @@ from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.spaces.embedded import Embedded
 from coadjoint.spaces.representations import Defining, Representation
 from coadjoint.spaces.space import checked_vector, random_motion
 
 
 @dataclass(frozen=True)
-class Sphere(Representation):
+class Sphere(Embedded, Representation):
     """The unit sphere |x| = 1 inside a representation by orthogonal matrices (by default the defining one).
 
     ρ(x, u) = (x + u)/r with r = √(1 + |u|²), and ρ(x, u) − x = (u − |u|² x/(1 + r))/r without cancellation.
     """
 
     inside: Representation = field(default_factory=Defining)
-    flat = False
 
     def __post_init__(self):
         if not isinstance(self.inside, Representation) or not self.inside.flat:
@@ -56,7 +56,7 @@ class Sphere(Representation):
     def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
         return self.inside.diamond(group, b, x)
 
-    def _frame(self, x: Array) -> Array:
+    def frame(self, group: LieGroup, x: Array) -> Array:
         """An orthonormal basis of TₓS, (ambient, dim): a reflection that takes ±e₁ to x, its other columns."""
         sign = jnp.where(x[0] < 0, -1.0, 1.0)
         normal = jnp.asarray(x).at[0].add(sign)
@@ -65,11 +65,8 @@ class Sphere(Representation):
 
     def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
         # Without the part along x, |x| − 1 shrinks by 1 + |u|² a step; with it, round-off there may grow like e^t.
-        v = self._frame(x) @ y
+        v = self.frame(group, x) @ y
         return v - (x @ v) * x
-
-    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
-        return self._frame(x).T @ b
 
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
         square = u @ u
@@ -78,9 +75,6 @@ class Sphere(Representation):
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
         return b - (b @ x) * x
-
-    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
-        return self.project(group, x, legendre)
 
     def defect(self, group: LieGroup, x: Array) -> Array:
         return jnp.abs(x @ x - 1)

@@ -16,6 +16,7 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.overrides import in_words
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.spaces.embedded import Embedded
 from coadjoint.spaces.representations import Defining
 from coadjoint.spaces.space import Space, random_motion
 
@@ -28,7 +29,7 @@ _SETTLED = 1e-12
 
 
 @dataclass(frozen=True)
-class Submanifold(Space):
+class Submanifold(Embedded):
     """Q = {x ∈ W: c(x) = 0} that the group leaves invariant, inside a flat space W on which it acts linearly.
 
     `constraint`: a function of a point, as the user's functions see it, that returns an array of independent numbers
@@ -43,7 +44,6 @@ class Submanifold(Space):
 
     constraint: Callable[[Any], Any]
     inside: Space = field(default_factory=Defining)
-    flat = False
 
     def __post_init__(self):
         if not callable(self.constraint) or not isinstance(self.inside, Space) or not self.inside.flat:
@@ -95,7 +95,7 @@ class Submanifold(Space):
     def lifted_diamond(self, group: LieGroup, b: Array, x: Array, v: Array) -> Array:
         return self.inside.lifted_diamond(group, b, x, v)
 
-    def _frame(self, group: LieGroup, x: Array) -> Array:
+    def frame(self, group: LieGroup, x: Array) -> Array:
         """An orthonormal basis of T_xQ, (ambient, dim): reflections that take e₁, e₂, … to the normals in turn."""
         rows, size = self.normals(group, x), self.ambient(group)
         basis = jnp.eye(size)
@@ -105,12 +105,6 @@ class Submanifold(Space):
             part = basis[:, k:]
             basis = basis.at[:, k:].set(part - jnp.outer(part @ normal, 2 * normal / (normal @ normal)))
         return basis[:, _count(self, group) :]
-
-    def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
-        return self._frame(group, x) @ y
-
-    def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
-        return self._frame(group, x).T @ b
 
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
         """ρ(x, u) − x = u − Dc(x)ᵀλ, Newton's method for c(x + u − Dc(x)ᵀλ) = c(x); NaN where that has no solution."""
@@ -126,9 +120,6 @@ class Submanifold(Space):
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
         rows = self.normals(group, x)
         return b - rows.T @ jnp.linalg.solve(rows @ rows.T, rows @ b)
-
-    def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
-        return self.project(group, x, legendre)
 
     def defect(self, group: LieGroup, x: Array) -> Array:
         return jnp.max(jnp.abs(self.equations(group, x)))
