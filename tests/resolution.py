@@ -147,12 +147,12 @@ def pendulum(dt, length=1.0, steps=300, method=None):
     return make
 
 
-def lag(time_constant, dt=0.05, steps=200):
-    """A body pushed by an actuator with a lag τ towards a slow command: u ← u + (1 − e^{−h/τ})(command − u)."""
+def lag(time_constant, dt=0.05, steps=200, rate=0.3):
+    """A body pushed by an actuator with a lag τ towards a command sin(rate·t): u ← u + (1 − e^{−h/τ})(command − u)."""
 
     def make():
         def rule(motion, h):
-            command = jnp.sin(0.3 * motion.t)
+            command = jnp.sin(rate * motion.t)
             return {
                 "thrust": motion.internal.thrust
                 + (1 - jnp.exp(-h / time_constant)) * (command - motion.internal.thrust)
@@ -179,6 +179,32 @@ def near_collision(dt, steps=400):
 
         system = co.System(co.SO3(), lagrangian, additional=co.Defining())
         return system, system.state(q=[1.0, 0, 0], qdot=[0, 0.25, 0]), {"dt": dt, "steps": steps}
+
+    return make
+
+
+def wall(stiffness, dt, begin=0.0, speed=1.0, steps=40):
+    """A free mass that meets an exponential wall at 1 m."""
+
+    def make():
+        def lagrangian(xi, n, nu):
+            return 0.5 * xi @ xi + 0.5 * nu @ nu - jnp.sum(jnp.exp(stiffness * (n - 1.0)))
+
+        system = co.System(co.SO2(), lagrangian, additional=co.Trivial(1))
+        return system, system.state(q=[begin], qdot=[speed], xi=[0.0]), {"dt": dt, "steps": steps}
+
+    return make
+
+
+def constrained(off, dt=0.01, steps=500):
+    """A slow spring along x and a spring of 10⁴ rad/s that holds y at sin x, from y = sin x + off."""
+
+    def make():
+        def lagrangian(xi, n, nu):
+            return 0.5 * xi @ xi + 0.5 * nu @ nu - 0.5 * n[0] ** 2 - 0.5e8 * (n[1] - jnp.sin(n[0])) ** 2
+
+        system = co.System(co.SO2(), lagrangian, additional=co.Trivial(2))
+        return system, system.state(q=[0.3, np.sin(0.3) + off], xi=[0.0]), {"dt": dt, "steps": steps}
 
     return make
 
@@ -212,6 +238,13 @@ UNRESOLVED = [
     Case("body, inertia 1e-6 about one axis", body([0.3, 0.4, 2.0], inertia=(1.0, 2.0, 1e-6))),
     Case("body, inertia 1e-3 about one axis", body([0.5, 1.0, 0.0], inertia=(1.0, 1.5, 1e-3))),
     Case("pendulum, 0.4 s", pendulum(0.4)),
+    Case("stiff wall, met once", wall(300.0, 0.1)),
+    Case("stiff wall, met once in 4000 steps", wall(300.0, 0.05, begin=-99.0, steps=4000)),
+    Case("stiff spring for a constraint, excited", constrained(1e-2)),
+    Case("actuator whose command is at 1000 rad/s", lag(0.01, rate=1000.0)),
+    Case("actuator with a lag of 0.5 s, 2 s", lag(0.5, dt=2.0)),
+    Case("vehicle, dt = 2", vehicle(2.0)),
+    Case("remus, dt = 2", vehicle(2.0, name="remus_100")),
     *(
         Case(f"force of time at {turns} · 2π/h on a free mass", pushed(lambda t, w=20 * np.pi * turns: jnp.cos(w * t)))
         for turns in (1, 2, 4)
@@ -256,6 +289,8 @@ RESOLVED = [
     Case("swimmer", vehicle(0.01, name="three_link_swimmer")),
     Case("beanie", vehicle(0.01, name="elroys_beanie")),
     Case("pendulum, 0.05 s", pendulum(0.05)),
+    Case("soft wall", wall(5.0, 0.01, speed=0.5, steps=400)),
+    Case("stiff spring for a constraint, slaved", constrained(0.0)),
     Case("ripple on a constant force", pushed(lambda t: 1.0 + 1e-4 * jnp.cos(1000 * t))),
     Case("dither on a constant input", pushed(still, dt=0.05, inputs=co.Signal(lambda t: 1 + 0.05 * jnp.sin(101 * t)))),
     Case("table of many values a step", pushed(still, inputs=co.Linear(GRID, np.sin(GRID)))),

@@ -21,6 +21,7 @@ QUICK = (
     "held pulse within a step",
     "triangle within a step",
     "ripple on a constant force",
+    "actuator whose command is at 1000 rad/s",
     "held command that jumps within a step",
     "body about a principal axis, 2 rad a step, exponential",
     "slow spring beside one of hω = 100 at rest",

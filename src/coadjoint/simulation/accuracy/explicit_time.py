@@ -1,4 +1,4 @@
-"""What moves the momenta as a function of time alone: where a force or an ℓ of t varies within a step."""
+"""What moves the momenta, or an actuator, as a function of time alone: where it varies within a step."""
 
 from __future__ import annotations
 
@@ -49,4 +49,16 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -
         pushed = (after - given)[:, index].reshape(count, len(rows), -1).swapaxes(0, 1) / SHORT
         if bent(pushed, 0.0, ROUND_OFF * np.max(np.abs(rows[:, index]))):
             return True
-    return False
+    return _commands_vary(doubling, rows, given, np.tile(SHORT * h, count), whose)
+
+
+def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: Any) -> bool:
+    """Whether what an internal state follows, such as a command of an actuator, varies within a step."""
+    following, time = doubling.following, doubling.places.internal_time
+    if not following or time is None:
+        return False
+    begun = given.copy()
+    begun[:, time] -= short
+    found = doubling.probe(begun, short, 1, whose)
+    rates = (found.record - given)[:, following].reshape(len(PARTS), len(rows), -1).swapaxes(0, 1) / SHORT
+    return not found.code.any() and bent(rates, 0.0, ROUND_OFF * np.max(np.abs(rows[:, following])))

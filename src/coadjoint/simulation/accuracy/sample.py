@@ -21,7 +21,7 @@ saved nodes are kept too, for a run may end early."""
 CHANGING = ("xi", "nu", "mu", "pi")
 """Of these the record is kept from which to the next one the change is largest."""
 
-BLOCK = 2048
+BLOCK = 4096
 """Chunks of fewer records, those of all members counted, wait for others."""
 
 PARTS = 64
@@ -36,11 +36,10 @@ class Kept(NamedTuple):
 
 
 class Before(NamedTuple):
-    """The last record that was looked at: its step, its row of numbers, and the fields that may change."""
+    """The last record that was looked at, the last one of `records`, and its step."""
 
     step: int
-    row: np.ndarray
-    fields: dict[str, np.ndarray]
+    records: State
 
 
 class Largest(NamedTuple):
@@ -79,63 +78,60 @@ class Sampler:
         self.sink.append(steps, records, monitors)
 
     def _flush(self) -> None:
-        """Look at what has come since: at a large chunk alone, at those that waited for it as one."""
-        *short, last = self._waiting or [None]
-        self._waiting = []
-        if short:
-            steps = np.concatenate([steps for steps, _ in short])
-            self._take(steps, jax.tree.map(lambda *leaves: np.concatenate(leaves), *(records for _, records in short)))
-        if last is not None:
-            self._take(*last)
-
-    def _take(self, steps: np.ndarray, records: State) -> None:
+        """Look at what has come since; the places of records are counted over all chunks that waited."""
+        chunks, self._waiting = self._waiting, []
+        if not chunks:
+            return
+        steps = np.concatenate([steps for steps, _ in chunks])
         place = np.searchsorted(steps, self._wanted)
         inside = place < len(steps)
         place = place[inside]
         index = {*place[steps[place] == self._wanted[inside]].tolist()}
-        fields = {field: self._values(records, field) for field in CHANGING}
-        for field, values in fields.items():
-            index |= self._changing(field, steps, values)
+        for field in CHANGING:
+            index |= self._changing(field, steps, [self._values(records, field) for _, records in chunks])
         if -1 in index and self._before is not None:
-            self._kept.append(Kept(np.array([self._before.step]), self._before.row))
-        if here := sorted(index - {-1}):
-            self._kept.append(Kept(steps[here], self._packed(records, here)))
-        ends = {field: values[-1:].copy() for field, values in fields.items()}
-        self._before = Before(int(steps[-1]), self._packed(records, [-1]), ends)
+            self._keep(np.array([self._before.step]), self._before.records, np.array([-1]))
+        here, start = np.array(sorted(index - {-1}), int), 0
+        for given, records in chunks:
+            low, high = np.searchsorted(here, [start, start + len(given)])
+            if low < high:
+                self._keep(given[here[low:high] - start], records, here[low:high] - start)
+            start += len(given)
+        self._before = Before(int(steps[-1]), chunks[-1][1])
         if len(self._kept) > PARTS:
             self._drop()
 
-    def _changing(self, field: str, steps: np.ndarray, values: np.ndarray) -> set[int]:
+    def _changing(self, field: str, steps: np.ndarray, parts: list[np.ndarray]) -> set[int]:
         """The record, if any, after which a field changes more than anywhere before; −1 is the last one before."""
-        if not values.size:
-            return set()
-        changes = [(0, values[1:] - values[:-1])]
+        before = 0 if self._before is None else 1
         if self._before is not None:
-            changes.insert(0, (-1, values[:1] - self._before.fields[field]))
-        found: set[int] = set()
-        for start, change in changes:
-            change = np.abs(change, out=change).ravel()
-            if not change.size:
-                continue
-            if not np.isfinite(change[largest := int(change.argmax())]):
-                largest = int((change := np.nan_to_num(change)).argmax())
-            if field not in self._largest or change[largest] > self._largest[field].change:
-                index = start + largest // values[0].size
-                at = self._before.step if index < 0 and self._before is not None else steps[index]
-                self._largest[field] = Largest(float(change[largest]), int(at))
-                found = {index}
-        return found
+            parts = [self._values(self._before.records, field)[-1:], *parts]
+        values = np.concatenate(parts)
+        change = values[1:] - values[:-1]
+        if not change.size:
+            return set()
+        change = np.abs(change, out=change).ravel()
+        if not np.isfinite(change[largest := int(change.argmax())]):
+            largest = int((change := np.nan_to_num(change)).argmax())
+        if field in self._largest and change[largest] <= self._largest[field].change:
+            return set()
+        index = largest // values[0].size - before
+        at = self._before.step if index < 0 and self._before is not None else steps[index]
+        self._largest[field] = Largest(float(change[largest]), int(at))
+        return {index}
 
     def _values(self, records: State, field: str) -> np.ndarray:
         values = np.asarray(getattr(records, field))
         return values if self.members is None else values[:, self.members]
 
-    def _packed(self, records: State, index: list[int]) -> np.ndarray:
-        """Some records as rows of numbers."""
-        rows: Any = index if self.members is None else (np.array(index)[:, None], self.members)
-        lead = 1 if self.members is None else 2
-        leaves = [np.asarray(leaf)[rows] for leaf in jax.tree.leaves(records)]
-        return np.concatenate([leaf.reshape(*leaf.shape[:lead], -1) for leaf in leaves], axis=-1, dtype=np.float64)
+    def _keep(self, steps: np.ndarray, records: State, index: np.ndarray) -> None:
+        """Keep some of the records as rows of numbers."""
+        leaves = [np.asarray(leaf).take(index, axis=0) for leaf in jax.tree.leaves(records)]
+        if self.members is None:
+            rows = [leaf.reshape(len(index), -1) for leaf in leaves]
+        else:
+            rows = [leaf[:, self.members].reshape(len(index), len(self.members), -1) for leaf in leaves]
+        self._kept.append(Kept(steps, np.concatenate(rows, axis=-1, dtype=np.float64)))
 
     def _drop(self) -> None:
         """Keep each of the records that are wanted once, in their order, as one part."""
@@ -178,9 +174,7 @@ class Sampler:
         self._kept = [Kept(numbers["steps"], numbers["rows"])]
         found = zip(CHANGING, numbers["largest"], strict=True)
         self._largest = {field: Largest(float(x), int(step)) for field, (x, step) in found if step >= 0}
-        before = jax.tree.map(lambda leaf: np.asarray(leaf)[None], last)
-        fields = {field: self._values(before, field) for field in CHANGING}
-        self._before = Before(int(numbers["before"]), self._packed(before, [0]), fields)
+        self._before = Before(int(numbers["before"]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], last))
 
     # What else a sink does is done by the other one.
 

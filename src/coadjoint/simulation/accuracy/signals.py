@@ -65,6 +65,8 @@ def bent(rows: np.ndarray, span: float, least: float = 0.0) -> bool:
     size = np.max(np.abs(rows), initial=0.0)
     if size <= max(least, 0.0):
         return False
+    if np.max(np.abs(rows - rows[:, :1]), initial=0.0) <= least:
+        return False
     line = rows[:, :1] + (rows[:, -1:] - rows[:, :1]) * PARTS[:, None]
     off_line = np.max(np.abs(rows - line), axis=(1, 2))
     off_constant = np.max(np.abs(rows[:, :-1] - rows[:, :1]), axis=(1, 2))
