@@ -50,6 +50,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
         "description": vehicle.description,
         "note": vehicle.note,
         "summary": summary(vehicle)._asdict(),
+        "driven": {name: _listed(found) for name, found in _driven(vehicle).items()},
         "parts": [_part(part) for part in vehicle.parts],
         "pilot": _pilot(vehicle),
         "numbers": {key: told._asdict() for key, told in vehicle.provenance.items()},
@@ -81,6 +82,7 @@ def show(vehicle: Vehicle) -> None:
         ("net weight", _net(derived["net_weight"], derived["mass"] * vehicle.gravity)),
         ("metacentric height", _height(height)),
         ("terminal speed", _terminal(vehicle, speed)),
+        ("passivity", _passivity(vehicle)),
         ("pilot", "" if found["pilot"] is None else _told_pilot(found["pilot"])),
     ]
     terminal.fields([(name, text) for name, text in fields if text])
@@ -164,6 +166,32 @@ def _terminal(vehicle: Vehicle, speed: float | None) -> str:
     if speed is None:
         return without_terminal_speed(vehicle)
     return f"{speed:.4g} m/s ahead, with all that pushes ahead at its limit"
+
+
+def _driven(vehicle: Vehicle) -> dict[str, Any]:
+    """Where its parts put energy in: in any motion up to 1 m/s, and going ahead."""
+    from coadjoint.vehicles.trim.passivity import driven
+
+    return {"anywhere": driven(vehicle), "ahead": driven(vehicle, ahead=True)}
+
+
+def _listed(found: Any) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {key: np.asarray(value).tolist() for key, value in found._asdict().items()}
+
+
+def _passivity(vehicle: Vehicle) -> str:
+    found = _driven(vehicle)
+    worst = found["anywhere"]
+    if worst is None:
+        return "its parts only brake, in all motions up to 1 m/s that were tried, with actuators off"
+    v, omega = (", ".join(f"{x:.2g}" for x in np.round(part, 3) + 0.0) for part in worst[2:4])
+    where = "going ahead too" if found["ahead"] is not None else "not going ahead"
+    return (
+        f"its parts drive it in {worst.share:.0%} of the motions up to 1 m/s, {where}; most at v = ({v}) m/s, "
+        f"ω = ({omega}) rad/s, by {worst.power:.3g} W, {worst.rate:.2g} of its energy a second"
+    )
 
 
 def _value(told: Quantity) -> str:

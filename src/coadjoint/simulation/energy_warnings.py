@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.ledger import energy_lines
 
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 TOO_MUCH = 0.1
 """The relative change of a conserved energy from which on the card warns."""
+GAINED = 1e-3
+"""What passive forces put in, relative to the largest energy that they have changed, from which on the card warns."""
 
 
 def energy_known(run: Run) -> bool:
@@ -28,7 +32,7 @@ def energy_warnings(run: Run) -> list[str]:
             f"the momenta there (the inverse Legendre transform leaves a residual of {much:.1e}). Look whether ∂ℓ can "
             "be solved for the velocities, or take the discrete energy."
         ]
-    return _changed(run)
+    return [*_changed(run), *_driven(run)]
 
 
 def _changed(run: Run) -> list[str]:
@@ -40,3 +44,33 @@ def _changed(run: Run) -> list[str]:
         "large for this motion, or functions of the system contradict each other, such as a space's `diamond` and its "
         "`act`."
     ]
+
+
+def _driven(run: Run) -> list[str]:
+    """A sentence where passive forces have put energy in between two records.
+
+    A force is one if it has an attribute `passive`, a function of the parameters that is true of those of the run. The
+    work of all of them together is looked at, since the lift of one may do work on the drag of another.
+    """
+    forces = run.system.forces or ()
+    names = [name for name, force in forces if getattr(force, "passive", _active)(run.system.parameters)]
+    if not names or any(f"work_{name}" not in run.monitors for name in names):
+        return []
+    work = np.sum([run.monitors[f"work_{name}"] for name in names], axis=0)
+    gained = np.cumsum(np.maximum(np.diff(work), 0.0))
+    least = GAINED * max(
+        float(np.ptp(work)), float(np.ptp(run.monitors["energy"])) if "energy" in run.monitors else 0.0
+    )
+    if len(gained) == 0 or not gained[-1] > least:
+        return []
+    first = np.asarray(run.records.t)[int(np.argmax(gained > least))]
+    energy = f"{gained[-1]:.4g} {dict(run.system.units).get('energy', '')}".strip()
+    whose = ", ".join(f"`{name}`" for name in names)
+    return [
+        f"{whose}, which should only brake, put in {energy}, from t = {first:.4g} s on: their coefficients do not hold "
+        "for such motions."
+    ]
+
+
+def _active(p: object) -> bool:
+    return False

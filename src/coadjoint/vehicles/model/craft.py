@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
 from coadjoint.mechanics.parameters import Parameters
@@ -24,7 +26,7 @@ from coadjoint.vehicles.model.pilot import Pilot
 from coadjoint.vehicles.model.start import starting_motion, through_water
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
-from coadjoint.vehicles.water.water import StillWater, Water
+from coadjoint.vehicles.water.water import StillWater, UniformWater, Water
 
 BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
 
@@ -168,6 +170,8 @@ class Craft:
             own = own_of(p, part.name, part.parameters())
             return part.force(around.flow(motion.xi, motion.nu), actual_of(part, motion.internal), own)
 
+        if part.passive and isinstance(self.water, UniformWater):
+            push.passive = lambda p: not np.any(p.water_velocity)  # pyright: ignore[reportFunctionMemberAccess]
         return push
 
     def _units(self) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +25,7 @@ class Damping(Part):
     lift at speed. Raises ArgumentError for other shapes. Source: Fossen (2021), 6.3 and 8.4.2.
     """
 
+    passive: ClassVar[bool] = True
     linear: Any = None
     quadratic: Any = None
     forward: Any = None

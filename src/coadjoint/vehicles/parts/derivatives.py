@@ -103,6 +103,11 @@ class Derivatives(Part):
         return getattr(self, "_monomials")  # noqa: B009
 
     @property
+    def passive(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Unless it is moved: a deflection may steer by any force."""
+        return self.limit is None
+
+    @property
     def command(self) -> Command | None:
         return None if self.limit is None else Command("rad")
 

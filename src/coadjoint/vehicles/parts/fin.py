@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,6 +29,7 @@ class Fin(Part):
     lag: s. rate: rad/s. Raises ArgumentError for what no fin can have.
     """
 
+    passive: ClassVar[bool] = True
     position: Any
     normal: Any
     area: Any

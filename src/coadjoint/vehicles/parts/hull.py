@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -33,6 +33,7 @@ class Hull(Part):
     Healey and Lienard (1993).
     """
 
+    passive: ClassVar[bool] = True
     axial_drag: Any
     axial_area: Any
     crossflow_drag: Any

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -25,6 +25,7 @@ class LiftingBody(Part):
     Raises ArgumentError. Sources: Graver (2005), 3.2; Zhang et al. (2013), (21)–(23).
     """
 
+    passive: ClassVar[bool] = True
     drag: Any
     lift: Any
     pitch: Any

@@ -1,0 +1,61 @@
+"""Vehicles whose parts put energy in: found by a search, shown, and told by the run that enters such states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import vehicles
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.vehicles import Craft, Vehicle
+from coadjoint.vehicles.parts import Damping
+from coadjoint.vehicles.trim.passivity import driven
+from coadjoint.vehicles.trim.under_way import mass_matrix, wrench
+
+DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
+"""Shipped vehicles whose parts drive them in some motions, and whether going ahead too."""
+
+
+@pytest.mark.parametrize("name", vehicles.names())
+def test_shipped_vehicles_are_driven_by_their_parts_only_where_the_docs_say_so(name):
+    vehicle = vehicles.load(name)
+    found = driven(vehicle)
+    assert (found is not None) == (name in DRIVEN)
+    assert (driven(vehicle, ahead=True) is not None) == DRIVEN.get(name, False)
+    if found is not None:
+        nu = np.concatenate([found.velocity, found.angular_velocity])
+        power = evaluate(lambda nu: wrench(vehicle, nu) @ nu, nu)
+        assert power == pytest.approx(found.power, rel=1e-9) and power > 0
+        assert found.rate == pytest.approx(power / (0.5 * nu @ mass_matrix(vehicle) @ nu), rel=1e-9)
+
+
+def test_the_search_finds_the_one_eigenvector_along_which_damping_drives():
+    """D with a negative eigenvalue −1 N s/m along v = (1, 2, 2)/3: P = |v|² there, and P/E = 2/m."""
+    n = np.array([1.0, 2.0, 2.0]) / 3
+    D = np.zeros((6, 6))
+    D[:3, :3], D[3:, 3:] = 5 * np.eye(3) - 6 * np.outer(n, n), 5 * np.eye(3)
+    body = {
+        "name": "box",
+        "mass": 10.0,
+        "inertia": np.eye(3),
+        "added_mass": np.zeros((6, 6)),
+        "center_of_mass": (0, 0, 0),
+    }
+    vehicle = Vehicle(**body, parts=[Damping("damping", linear=D)])
+    found = driven(vehicle)
+    assert found is not None and found.rate == pytest.approx(0.2, rel=1e-3)
+    assert abs(found.velocity @ n) == pytest.approx(np.linalg.norm(found.velocity), rel=1e-3)
+
+
+def test_a_run_that_enters_such_motions_is_warned_of_and_no_other():
+    """NPS AUV II in still water, actuators off, slowly astern and turning: 5.0 kJ grow."""
+    craft = Craft(vehicles.load("nps_auv_ii"))
+    start = craft.start(velocity=(-0.03, -0.08, 0.04), angular_velocity=(-0.02, 0.42, -0.22))
+    run = co.simulate(craft.system, start, dt=0.05, duration=40)
+    energy = run.monitors["energy"]
+    assert np.max(energy) > 3 * energy[0]
+    told = [sentence for sentence in run.warnings if "which should only brake, put in" in sentence]
+    assert len(told) == 1 and told[0].startswith("`hull`, `manoeuvring`,")
+    ahead = co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, duration=20)
+    assert not any("should only brake" in sentence for sentence in ahead.warnings)
