@@ -198,47 +198,6 @@ def test_members_agree_with_single_ones_to_round_off(single, many):
         np.testing.assert_allclose(many.observation["xi"][member], single.observation["xi"], rtol=1e-12, atol=1e-13)
 
 
-def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run_to_the_bit(many):
-    """Each member is, whatever is done to it, somewhere on its own long run under its own commands."""
-    print(f"seed {SEED}")
-    random, count, length = np.random.default_rng(SEED), many.face.count, 30
-    spins, torques = random.normal(size=(length, count)), random.normal(size=(length, count, 3))
-    many.reset()
-    course = [many.state]
-    for spin, torque in zip(spins, torques, strict=True):
-        many.step({"spin": spin, "torque": torque})
-        course.append(many.state)
-    brakes = np.array([state.internal.brake for state in course])
-    spatial = np.array([np.concatenate([s.mu, s.g.reshape(count, 9)], axis=1) for s in course])
-    members = np.arange(count)
-    many.reset()
-    place, saved = np.zeros(count, int), None
-    for _ in range(10_000):
-        what = random.choice(["step", "step", "step", "reset", "mask", "save", "restore"])
-        mask = random.random(count) < 0.3
-        if what == "step":
-            if np.any(place == length):
-                many.reset(mask=place == length)
-                place[place == length] = 0
-            many.step({"spin": spins[place, members], "torque": torques[place, members]})
-            place += 1
-        elif what == "reset" and random.random() < 0.05:
-            many.reset()
-            place[:] = 0
-        elif what == "mask":
-            many.reset(mask=mask)
-            place[mask] = 0
-        elif what == "save":
-            saved = (many.clone() if random.random() < 0.5 else many.state), place.copy()
-        elif what == "restore" and saved is not None:
-            many.restore(saved[0], mask=mask)
-            place[mask] = saved[1][mask]
-    state = many.state
-    now = np.concatenate([state.mu, state.g.reshape(count, 9)], axis=1)
-    assert np.array_equal(now, spatial[place, members])
-    assert np.array_equal(state.internal.brake, brakes[place, members])
-
-
 def test_a_failed_member_stays_is_told_and_is_not_started_again_unasked(many):
     many, count = many.clone(), many.face.count
     many.reset()
@@ -350,14 +309,3 @@ def test_an_observation_that_is_not_finite_raises():
     body.step()
     with pytest.raises(StepError, match=r"Observation `odd` is not finite at t = 0\.04 s"):
         body.step()
-
-
-def test_memory_stays(single):
-    import resource
-
-    single.reset()
-    single.step({"spin": 0.01}, 10)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in range(20_000):
-        single.step({"spin": 0.01, "torque": [0.0, 0.0, 0.0]}, 5)
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # kB
