@@ -24,10 +24,14 @@ class Layout(NamedTuple):
 
     def unpack(self, numbers: np.ndarray) -> Any:
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
+        return jax.tree.map(np.copy, self.views(numbers))
+
+    def views(self, numbers: np.ndarray) -> Any:
+        """The same as views into the numbers: for long rows that are copied later anyway."""
         lead, leaves, start = numbers.shape[:-1], [], 0
         for shape in self.shapes:
             end = start + math.prod(shape)
-            leaves.append(numbers[..., start:end].reshape((*lead, *shape)).copy())
+            leaves.append(numbers[..., start:end].reshape((*lead, *shape)))
             start = end
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 

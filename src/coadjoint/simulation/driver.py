@@ -28,6 +28,9 @@ Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 PATIENCE = 0.25
 """Seconds between two updates of progress: what chunks are sized for."""
 
+CAPACITY = {"native": 8192, "xla": xla.CAPACITY}
+"""The most records of a chunk by machine code, so that what a call costs is lost among them, and by XLA."""
+
 
 @dataclass
 class Position:
@@ -118,6 +121,11 @@ class Plan:
     until: bool = False
 
     @property
+    def capacity(self) -> int:
+        """The most records of a chunk."""
+        return CAPACITY[self.backend]
+
+    @property
     def watches(self) -> bool:
         """Whether a kernel is to compute what is observed: monitors, or the values of events."""
         return self.monitors or bool(self.events)
@@ -155,7 +163,7 @@ class Driver:
         left = self.plan.steps - position.steps
         wished = max(int(speed * PATIENCE), 1)
         if phase == 0 and min(wished, left) >= every:
-            records, length = min(wished // every, left // every, xla.CAPACITY), every
+            records, length = min(wished // every, left // every, self.plan.capacity), every
         else:
             records, length = 1, min(wished, left, every - phase)
         began = time.perf_counter()

@@ -11,7 +11,6 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, candidates, crossings, from_zero
@@ -36,7 +35,7 @@ class EventDriver(Driver):
 
     def _stretch(self, position: Position, speed: float) -> None:
         """Run for about PATIENCE seconds, node by node, up to the first event that ends the run."""
-        length = min(max(int(speed * PATIENCE), 1), self.plan.steps - position.steps, xla.CAPACITY)
+        length = min(max(int(speed * PATIENCE), 1), self.plan.steps - position.steps, self.plan.capacity)
         began = time.perf_counter()
         chunk = self._run(position.state, length, 1)
         values = self._values(position, chunk)

@@ -110,7 +110,7 @@ def run(
     steps, code, iterations, iterations_max = map(int, result.status[:, 0])
     valid = min(-(-steps // save_every), records)
     return Chunk(
-        records=kernel.record.unpack(result.records[:valid, :, 0]),
+        records=kernel.record.views(result.records[:valid, :, 0]),
         final=shape_s.unpack(result.state[:, 0]),
         steps=steps,
         code=Code(code),
@@ -140,11 +140,11 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
 
 
 def named_monitors(kernel: Kernel, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Monitors by their names from rows (*lead, size)."""
+    """Monitors by their names from rows (*lead, size), as views."""
     found, start = {}, 0
     for name, shape in kernel.monitor_shapes.items():
         end = start + math.prod(shape)
-        found[name] = rows[..., start:end].reshape((*rows.shape[:-1], *shape)).copy()
+        found[name] = rows[..., start:end].reshape((*rows.shape[:-1], *shape))
         start = end
     return found
 
