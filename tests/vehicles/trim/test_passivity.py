@@ -11,7 +11,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.parts import Damping
 from coadjoint.vehicles.trim.passivity import driven
-from coadjoint.vehicles.trim.under_way import mass_matrix, wrench
+from coadjoint.vehicles.trim.under_way import Level
 
 DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
 """Shipped vehicles whose parts drive them in some motions, and whether going ahead too."""
@@ -25,9 +25,10 @@ def test_shipped_vehicles_are_driven_by_their_parts_only_where_the_docs_say_so(n
     assert (driven(vehicle, ahead=True) is not None) == DRIVEN.get(name, False)
     if found is not None:
         nu = np.concatenate([found.velocity, found.angular_velocity])
-        power = evaluate(lambda nu: wrench(vehicle, nu) @ nu, nu)
+        level = Level(vehicle)
+        power = evaluate(lambda nu: level.push(nu, level.rest) @ nu, nu)
         assert power == pytest.approx(found.power, rel=1e-9) and power > 0
-        assert found.rate == pytest.approx(power / (0.5 * nu @ mass_matrix(vehicle) @ nu), rel=1e-9)
+        assert found.rate == pytest.approx(power / (0.5 * nu @ level.mass @ nu), rel=1e-9)
 
 
 def test_the_search_finds_the_one_eigenvector_along_which_damping_drives():

@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.vehicles.trim.under_way import mass_matrix, wrench
+from coadjoint.vehicles.trim.under_way import Level
 
 STATES = 4096
 ROUNDS = 12
@@ -36,18 +36,20 @@ class Driven(NamedTuple):
 def driven(vehicle: Any, speed: float = 1.0, *, ahead: bool = False) -> Driven | None:
     """Where parts drive a vehicle in still water with its actuators as they start; None where none was found.
 
-    P = F·v + T·ω of all parts together, which a passive vehicle has below zero in every motion. Of STATES motions at
-    random and then ROUNDS times as many ever nearer to the worst, with one seed: what is not found may still be there.
+    P = F·v + T·ω of all parts together, which a passive vehicle has below zero in every motion; Coriolis terms do no
+    work. Of STATES motions at random and then ROUNDS times as many ever nearer to the worst, with one seed: what is not
+    found may still be there.
 
     speed: largest |v|, m/s; ends of the hull turn at up to twice that. ahead: only motions within SLIP of the bow, with
     ends that turn at up to half of the speed.
     """
     size = float(vehicle.length) if vehicle.length is not None else 2 * float(np.cbrt(vehicle.volume))
-    M = mass_matrix(vehicle)
+    level = Level(vehicle)
+    M = level.mass
 
     def rates(V: Array) -> Array:
         def one(nu):
-            return wrench(vehicle, nu) @ nu / (0.5 * nu @ M @ nu)
+            return level.push(nu, level.rest) @ nu / (0.5 * nu @ M @ nu)
 
         return jax.vmap(one)(V)
 
