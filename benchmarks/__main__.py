@@ -23,6 +23,7 @@ SECTIONS = {
     "many_2": ("many", 2, "an ensemble on two cores"),
     "gradients": ("gradients", 1, "gradients"),
     "stepping": ("stepping", 1, "one control period at a time"),
+    "judging": ("judging", 1, "the accuracy of the card"),
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),

@@ -184,7 +184,21 @@ def _stepping(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _judging(found: dict[str, Any]) -> list[Table]:
+    rows = [
+        (f"{name}, {which}", f"{row['ratio']:.3f}", _time(row["seconds"]))
+        for name, part in found.items()
+        for which, row in part.items()
+    ]
+    return [
+        Table(
+            "10 000 steps and their set-up, code cached, with the line `accuracy` and without", ("", "ratio", ""), rows
+        )
+    ]
+
+
 _TABLES = {
+    "judging": _judging,
     "stepping": _stepping,
     "one": _one,
     "many_1": _many,
