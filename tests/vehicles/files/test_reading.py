@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from importlib import import_module
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
+from coadjoint.vehicles import Craft, Part
+from coadjoint.vehicles.files import vehicle_to_toml
 from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, PILOTS, part_class, pilot_class
+from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.files.read_derivatives import _without_added_mass
 from coadjoint.vehicles.files.shelf import vehicle_text
 from coadjoint.vehicles.hydrodynamics import added_mass_about, ellipsoid_added_mass, slender_body_added_mass
+from coadjoint.vehicles.parts.measured import measured, measures, not_negative, place
+from coadjoint.vehicles.parts.part import acting_at
 
 HEAD = """
 [vehicle]
@@ -30,6 +36,9 @@ neutral = true
 fluid_density = {{ value = 1000, unit = "kg/m^3", source = "S" }}
 length = {{ value = 1.5, unit = "m", source = "S" }}
 """
+
+
+ELLIPSOID = "semi_axes = { value = [0.75, 0.1, 0.1], unit = 'm', source = 'S' }"
 
 
 def vehicle(added_mass: str, axes: str = "FRD", parts: str = "", folder=None):
@@ -81,16 +90,49 @@ def test_units_of_another_kind_are_refused(unit, dimension) -> None:
         u.in_si(1.0, unit, dimension, "x")
 
 
-@pytest.mark.parametrize("kind", sorted(PARTS))
-def test_every_field_of_a_part_can_be_written_in_a_file(kind: str) -> None:
-    assert {field.name for field in fields(part_class(kind))} - {"name"} == set(PARTS[kind][1])
+@pytest.mark.parametrize("kind", sorted({"derivatives", "thrusters"} ^ set(kinds("parts"))))
+def test_every_number_of_a_part_says_what_it_measures(kind):
+    cls = kinds("parts")[kind]
+    assert {field.name for field in fields(cls)} - {"name"} == set(measures(cls))
 
 
-@pytest.mark.parametrize("kind", sorted(PILOTS))
-def test_every_pilot_has_the_fields_of_all_and_no_unit_for_a_field_that_nobody_has(kind: str) -> None:
-    assert {"period", "delay"} <= {field.name for field in fields(pilot_class(kind))}
-    everywhere = {field.name for other in PILOTS for field in fields(pilot_class(other))}
-    assert set(PILOT_FIELDS) - everywhere <= {"look_ahead", "acceptance", "roll_limit"}
+@pytest.mark.parametrize("kind", sorted(kinds("controllers")))
+def test_every_controller_of_a_file_has_a_period_and_a_delay_in_seconds(kind):
+    found = measures(kinds("controllers")[kind])
+    assert found["period"].dimension == found["delay"].dimension == u.TIME
+
+
+def test_a_new_part_is_one_class_and_one_line_of_its_room(monkeypatch):
+    """A brake with one field, in a file of its own, listed in `parts.__init__`: read, turned, written and refused."""
+
+    @dataclass(frozen=True, eq=False)
+    class Brake(Part):
+        kind: ClassVar[str] = "brake"
+        strength: Any = measured(u.FORCE, not_negative)
+        position: Any = place(default=(0.0, 0.0, 0.0))
+
+        def force(self, flow, actual, own):
+            return acting_at(own.position, -own.strength * flow.velocity)
+
+    room = import_module("coadjoint.vehicles.parts")
+    monkeypatch.setattr(room, "Brake", Brake, raising=False)
+    monkeypatch.setattr(room, "__all__", [*room.__all__, "Brake"])
+    kinds.cache_clear()
+    part = """[[part]]
+kind = "brake"
+name = "chute"
+strength = { value = 0.002, unit = "kN", source = "S" }
+position = { value = [1.0, 2.0, 3.0], unit = "cm", source = "S" }
+"""
+    made = vehicle(ELLIPSOID, "FLU", part)
+    chute: Any = made.part("chute")
+    assert chute.strength == 2.0 and np.allclose(chute.position, [0.01, -0.02, -0.03])
+    assert Craft(made).parameters.chute_strength == 2.0
+    again: Any = vehicle_from_text(vehicle_to_toml(made)).part("chute")
+    assert again.strength == 2.0 and np.allclose(again.position, chute.position)
+    with pytest.raises(ArgumentError, match="`strength` of the brake `chute` must be at least 0"):
+        vehicle(ELLIPSOID, "FLU", part.replace("0.002", "-1"))
+    kinds.cache_clear()
 
 
 def test_a_file_in_flu_is_the_same_vehicle_as_in_frd() -> None:

@@ -18,7 +18,7 @@ from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.plotting.plots import figure_names
 from coadjoint.runs.run_file import read
 from coadjoint.runs.sections import MethodSection
-from coadjoint.vehicles.files.kinds import PILOTS
+from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.missions import results
 from coadjoint.vehicles.missions.craft import START, set_up
 from coadjoint.vehicles.missions.example import example
@@ -447,6 +447,17 @@ def test_every_key_of_a_mission_stands_on_its_page():
     said |= set(re.findall(r'`"?([\w ]+)"?`', tables)) | set(
         re.findall(r"`([a-z_]+?)(?:_m_s|_deg_s|_deg|_m|_s)`", tables)
     )
-    keys = [*SECTIONS, *FREE, *OTHERS, *ENDS, *START, *CURRENTS, *DENSITIES, *PROFILES, *PILOTS, *figure_names()]
+    keys = [
+        *SECTIONS,
+        *FREE,
+        *OTHERS,
+        *ENDS,
+        *START,
+        *CURRENTS,
+        *DENSITIES,
+        *PROFILES,
+        *kinds("controllers"),
+        *figure_names(),
+    ]
     keys += [field.name for kind in SECTIONS.values() if kind is not MethodSection for field in fields(kind)]
     assert not [key for key in keys if key not in said and f"`[{key}]`" not in tables]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.groups.group import Array
+from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.design import TurningModel, propose_attitude
 from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
 from coadjoint.vehicles.controllers.pid import pull
 from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
+from coadjoint.vehicles.parts.measured import measured
 
 
 def attitude_of(down: Array, north: Array) -> Array:
@@ -76,18 +78,15 @@ class Attitude(Pilot):
     `Cruise`. What is left out is proposed. Raises ArgumentError.
     """
 
-    speed: Any = 1.5
-    attitude_gains: Any = None
-    speed_gains: Any = None
-    feed_forward: Any = None
-    fin_limit: Any = None
-    thrust_limit: Any = None
+    kind: ClassVar[str] = "attitude"
+    speed: Any = measured(u.SPEED, positive, default=1.5)
+    attitude_gains: Any = measured(None, vector, default=None)
+    speed_gains: Any = measured(None, vector, default=None)
+    feed_forward: Any = measured(None, default=None)
+    fin_limit: Any = measured(u.ANGLE, positive, default=None)
+    thrust_limit: Any = measured(None, positive, default=None)
     mixing: Mixing | None = None
     model: TurningModel | None = None
-
-    def __post_init__(self) -> None:
-        require_gains(self, ("attitude_gains", "speed_gains"))
-        require_positive(self, ("speed", "period", "fin_limit", "thrust_limit"))
 
     def fitted(self, vehicle: Any) -> Attitude:
         """With its model of a vehicle, and what gains were left out."""

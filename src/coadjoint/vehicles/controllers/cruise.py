@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number
+from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.design import propose
 from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid, pull
 from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
-
-GAINS = ("depth_gains", "pitch_gains", "heading_gains", "roll_gains", "speed_gains")
+from coadjoint.vehicles.parts.measured import measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,36 +40,27 @@ class Cruise(Pilot):
     mass, damping and fins at `speed` (`design.propose`). Raises ArgumentError.
     """
 
-    speed: Any = 1.5
-    depth_gains: Any = None
-    pitch_gains: Any = None
-    heading_gains: Any = None
-    roll_gains: Any = None
-    pitch_reach: Any = None
-    heading_reach: Any = None
-    speed_gains: Any = None
-    feed_forward: Any = None
-    pitch_limit: Any = pi / 6
-    fin_limit: Any = None
-    thrust_limit: Any = None
-    vertical: str = "depth"
-    bottom: Any = None
+    kind: ClassVar[str] = "cruise"
+    speed: Any = measured(u.SPEED, positive, default=1.5)
+    depth_gains: Any = measured(None, vector, default=None)
+    pitch_gains: Any = measured(None, vector, default=None)
+    heading_gains: Any = measured(None, vector, default=None)
+    roll_gains: Any = measured(None, vector, default=None)
+    pitch_reach: Any = measured(u.ANGLE, positive, default=None)
+    heading_reach: Any = measured(u.ANGLE, positive, default=None)
+    speed_gains: Any = measured(None, vector, default=None)
+    feed_forward: Any = measured(None, default=None)
+    pitch_limit: Any = measured(u.ANGLE, positive, default=pi / 6)
+    fin_limit: Any = measured(u.ANGLE, positive, default=None)
+    thrust_limit: Any = measured(None, positive, default=None)
+    vertical: str = measured(None, None, words=("depth", "altitude", "pitch"), default="depth")
+    bottom: Any = measured(u.LENGTH, default=None)
     mixing: Mixing | None = None
 
     def __post_init__(self) -> None:
-        require_gains(self, GAINS)
-        require_positive(
-            self, ("speed", "period", "pitch_limit", "pitch_reach", "heading_reach", "fin_limit", "thrust_limit")
-        )
-        if self.vertical not in ("depth", "altitude", "pitch"):
-            raise ArgumentError(
-                f'Argument `vertical` of the pilot `cruise` must be "depth", "altitude" or "pitch", but is '
-                f"{self.vertical!r}."
-            )
+        super().__post_init__()
         if (self.vertical == "altitude") != (self.bottom is not None):
             raise ArgumentError('The pilot `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
-        if self.bottom is not None:
-            object.__setattr__(self, "bottom", number(self.bottom, "bottom` of the pilot `cruise"))
 
     def fitted(self, vehicle: Any) -> Cruise:
         """With its mixing, and what gains were left out, for a vehicle; raises ArgumentError where that cannot be."""

@@ -8,10 +8,12 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.models.quantities import vector
 from coadjoint.vehicles.controllers.attitude import attitude_of, level
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid
 from coadjoint.vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
 from coadjoint.vehicles.model.pilot import Sight
+from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.trim.under_way import Level
 
 
@@ -31,11 +33,8 @@ class Hover(Thrusting):
     """
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "sway", "heave", "yaw")
-    position_gains: Any = None
-
-    @property
-    def gains(self) -> tuple[str, ...]:
-        return ("attitude_gains", "position_gains")
+    kind: ClassVar[str] = "hover"
+    position_gains: Any = measured(None, vector, default=None)
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -74,6 +73,7 @@ class Pose(Hover):
     kind = "pose". From almost everywhere R goes to R_d, along no Euler angles (`attitude.angular_acceleration`).
     """
 
+    kind: ClassVar[str] = "pose"
     NEEDS: ClassVar[tuple[str, ...]] = AXES
 
     @property
@@ -98,15 +98,12 @@ class Manoeuvre(Thrusting):
     (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). What is left out is proposed. Raises ArgumentError.
     """
 
-    depth_gains: Any = None
-    speed_gains: Any = None
-    surge_limit: Any = None
-    heave_limit: Any = None
-    drag: Any = None
-
-    @property
-    def gains(self) -> tuple[str, ...]:
-        return ("attitude_gains", "depth_gains", "speed_gains")
+    kind: ClassVar[str] = "manoeuvre"
+    depth_gains: Any = measured(None, vector, default=None)
+    speed_gains: Any = measured(None, vector, default=None)
+    surge_limit: Any = measured(None, None, default=None)
+    heave_limit: Any = measured(None, None, default=None)
+    drag: Any = measured(None, None, default=None)
 
     @property
     def inputs(self) -> dict[str, str]:

@@ -8,16 +8,17 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.signals import Held
-from coadjoint.models.quantities import number
+from coadjoint.models.quantities import positive
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.controllers.proposed import own_pilot
 from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_positive
+from coadjoint.vehicles.parts.measured import measured, not_negative
 
 
 class Leg(NamedTuple):
@@ -84,15 +85,14 @@ class LineOfSight(Pilot):
     those of the run. Raises ArgumentError.
     """
 
-    way_points: Any
-    look_ahead: Any = None
-    gain: Any = 0.2
-    acceptance: Any = None
+    way_points: Any = measured(u.LENGTH, None)
+    look_ahead: Any = measured(u.LENGTH, positive, default=None)
+    gain: Any = measured(u.SPEED, not_negative, default=0.2)
+    acceptance: Any = measured(u.LENGTH, positive, default=None)
     helm: Pilot | None = None
 
     def __post_init__(self) -> None:
-        require_positive(self, ("period", "look_ahead", "acceptance"))
-        object.__setattr__(self, "gain", number(self.gain, "gain` of the pilot `LineOfSight", at_least=0.0))
+        super().__post_init__()
         points = float64(self.way_points, "Argument `way_points`")
         if np.ndim(points) != 2 or np.shape(points)[0] < 2 or np.shape(points)[1] != 3:
             raise ArgumentError(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from coadjoint.models.quantities import number, positive, vector
+from coadjoint import units as u
+from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.pid import pid
 from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.parts.measured import measured, not_negative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,22 +26,16 @@ class Sawtooth(Pilot):
     parts. Raises ArgumentError.
     """
 
-    volume: Any
-    pitch: Any
-    neutral: Any = 0.0
-    middle: Any = 0.0
-    shift: Any = 0.0
-    gains: Any = (0.0, 0.0, 0.0)
-    reach: Any = 0.0
+    kind: ClassVar[str] = "sawtooth"
+    volume: Any = measured(u.VOLUME, positive)
+    pitch: Any = measured(u.ANGLE, positive)
+    neutral: Any = measured(u.VOLUME, default=0.0)
+    middle: Any = measured(u.LENGTH, default=0.0)
+    shift: Any = measured(u.LENGTH, default=0.0)
+    gains: Any = measured(None, vector, default=(0.0, 0.0, 0.0))
+    reach: Any = measured(u.LENGTH, not_negative, default=0.0)
     ballast: str = "ballast"
     moving_mass: str = "moving_mass"
-
-    def __post_init__(self) -> None:
-        for key, check in {
-            "period": positive, "volume": positive, "pitch": positive, "neutral": number, "middle": number,
-            "shift": number, "gains": vector, "reach": _at_least_nothing, "delay": _at_least_nothing,
-        }.items():  # fmt: skip
-            object.__setattr__(self, key, check(getattr(self, key), f"{key}` of the pilot `sawtooth"))
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -59,7 +55,3 @@ class Sawtooth(Pilot):
             self.moving_mass: own.middle + diving * own.shift - pull,
         }
         return commands, {"diving": diving, "integral": integral}
-
-
-def _at_least_nothing(value: Any, name: str) -> Any:
-    return number(value, name, at_least=0.0)

@@ -8,13 +8,14 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number
+from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.attitude import attitude_error, attitude_of
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_gains, require_positive
+from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.parts.thrusters import Thrusters
 from coadjoint.vehicles.trim.under_way import Level, coadjoint
 
@@ -40,25 +41,15 @@ class Thrusting(Pilot):
     """
 
     thrusters: str | None = None
-    attitude_gains: Any = None
-    reach: Any = 1.0
-    weigh: Any = 0.0
-    mass: Any = None
-    net_weight: Any = None
-    righting: Any = None
-
-    def __post_init__(self) -> None:
-        require_gains(self, self.gains)
-        require_positive(self, ("period", "reach"))
-        object.__setattr__(self, "weigh", number(self.weigh, "weigh` of the pilot"))
+    attitude_gains: Any = measured(None, vector, default=None)
+    reach: Any = measured(u.LENGTH, positive, default=1.0)
+    weigh: Any = measured(None, default=0.0)
+    mass: Any = measured(None, None, default=None)
+    net_weight: Any = measured(None, None, default=None)
+    righting: Any = measured(None, None, default=None)
 
     NEEDS: ClassVar[tuple[str, ...]] = ("surge", "heave", "yaw")
     """The axes along which the thrusters must be able to push."""
-
-    @property
-    def gains(self) -> tuple[str, ...]:
-        """The names of its gains, each k_p, k_i, k_d."""
-        return ("attitude_gains",)
 
     def fitted(self, vehicle: Any) -> Any:
         """With the mass matrix of a vehicle, and what gains were left out.

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint import units as u
 from coadjoint.vehicles import axes as border
+from coadjoint.vehicles.files.read_fields import read_fields
 from coadjoint.vehicles.files.table import Section
 from coadjoint.vehicles.model.vehicle import Quantity
 from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives
@@ -30,16 +30,11 @@ def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[
     wrong = [key for key, value in table.items() if not isinstance(value, float)]
     if wrong:
         raise section.fail(f"coefficients: {wrong[0]} must be one number.")
-    values: dict[str, Any] = {}
-    if "length" in section:
-        values["length"] = section.positive("length", u.LENGTH)
-    elif unit == "prime":
+    values = read_fields(section, Derivatives, axes)
+    if "length" not in values and unit == "prime":
         if body["length"] is None:
             raise section.fail('coefficients have the unit "prime", for which [body] needs a `length`.')
         values["length"] = body["length"]
-    for key, dimension in (("limit", u.ANGLE), ("lag", u.TIME), ("rate", u.ANGULAR_VELOCITY)):
-        if key in section:
-            values[key] = section.positive(key, dimension)
     with_added_mass = section.flag("with_added_mass")
     section.done()
     _remember(section, name, table)

@@ -9,38 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint import units as u
 from coadjoint.units import Dimension
-from coadjoint.vehicles.files.kinds import PARTS, PILOT_FIELDS, kind_of
+from coadjoint.vehicles.files.kinds import kind_of
 from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 from coadjoint.vehicles.parts.derivatives import Derivatives
 from coadjoint.vehicles.parts.force_curves import Linear, Polynomial, Quadratic
+from coadjoint.vehicles.parts.measured import measures
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.parts.published_curves import PUBLISHED
 from coadjoint.vehicles.parts.thrusters import Thrusters
-
-BODY: dict[str, Dimension] = {
-    "mass": u.MASS,
-    "inertia": u.INERTIA,
-    "center_of_mass": u.LENGTH,
-    "center_of_buoyancy": u.LENGTH,
-    "volume": u.VOLUME,
-    "gravity": u.ACCELERATION,
-    "fluid_density": u.DENSITY,
-    "length": u.LENGTH,
-    "diameter": u.LENGTH,
-}
-GEOMETRY: dict[str, Dimension | None] = {
-    "positions": u.LENGTH,
-    "directions": u.NUMBER,
-    "allocation": None,
-    "torque": u.LENGTH,
-    "limit": None,
-    "dead_band": None,
-    "lag": u.TIME,
-    "density": u.DENSITY,
-}
 
 
 def vehicle_to_toml(vehicle: Vehicle) -> str:
@@ -65,7 +43,9 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
     yield "\n[body]"
     held_mass, _, held_volume, _ = held(vehicle.parts)
     neutral = (vehicle.mass + held_mass) / vehicle.fluid_density - held_volume
-    for key, dimension in BODY.items():
+    for key, (dimension, *_) in measures(Vehicle).items():
+        if key == "added_mass":
+            continue
         given = told.get(f"body.{key}", told.get("body.buoyancy") if key == "volume" else None)
         if key == "volume" and given is None and vehicle.volume == neutral:
             yield "neutral = true"
@@ -89,7 +69,7 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
         yield from _thrusters(part, vehicle)
     else:
         defaults: dict[str, Any] = {field.name: field.default for field in fields(part)}
-        for key, found in PARTS[kind_of(part)][1].items():
+        for key, found in measures(part).items():
             value, told = getattr(part, key), vehicle.provenance.get(f"{part.name}.{key}")
             if told is not None or not (value is None or np.array_equal(value, defaults[key])):
                 yield _line(key, value, found.dimension, told)
@@ -97,9 +77,7 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
 
 def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:
     told = vehicle.provenance
-    for key, dimension in (
-        ("length", u.LENGTH), ("limit", u.ANGLE), ("lag", u.TIME), ("rate", u.ANGULAR_VELOCITY)
-    ):  # fmt: skip
+    for key, (dimension, *_) in measures(part).items():
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         if value is not None and (given is not None or key != "length" or value != vehicle.length):
             yield _line(key, value, dimension, given)
@@ -117,7 +95,7 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
     if published is not None:
         yield f"curve = {_text(published)}"
     yield f"command_unit = {_text(part.unit)}"
-    for key, dimension in GEOMETRY.items():
+    for key, (dimension, *_) in measures(part).items():
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
         if value is not None and not ends:
@@ -149,7 +127,7 @@ def _pilot(vehicle: Vehicle) -> Iterator[str]:
             yield f"{field.name} = {_text(value)}"
         elif isinstance(value, (int, float, list, tuple, np.ndarray)):
             told = vehicle.provenance.get(f"pilot.{field.name}")
-            yield _line(field.name, value, PILOT_FIELDS.get(field.name), told)
+            yield _line(field.name, value, measures(pilot)[field.name].dimension, told)
 
 
 def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | None) -> str:

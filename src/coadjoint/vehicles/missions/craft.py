@@ -15,7 +15,7 @@ from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import split_name
 from coadjoint.vehicles.logs.headers import inside
 from coadjoint.vehicles.missions import legs
-from coadjoint.vehicles.missions.measures import measures, pilot_measures
+from coadjoint.vehicles.missions.measures import dimensions, measures
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
 from coadjoint.vehicles.missions.water import water
@@ -41,7 +41,7 @@ def set_up(file: MissionFile) -> Setup:
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
     craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
-    kinds = measures(craft.parameters.asdict(), vehicle)
+    kinds = measures(craft.parameters.asdict(), vehicle, craft.pilot)
     craft = craft.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     start = craft.start(**begun)
     require_room(file, start)
@@ -74,7 +74,9 @@ def _vehicle(file: MissionFile) -> Any:
 
 def _pilot(file: MissionFile, vehicle: Any) -> Any:
     """The pilot of [pilot]: that of `kind`, none with "none", or the vehicle's own with changes."""
-    from coadjoint.vehicles.files.kinds import PILOTS, pilot_class
+    from coadjoint.vehicles.files.kinds import kinds
+
+    PILOTS = kinds("controllers")
 
     given = dict(file.pilot)
     kind = given.pop("kind", "")
@@ -89,9 +91,9 @@ def _pilot(file: MissionFile, vehicle: Any) -> Any:
             f"The vehicle {vehicle.name} has no pilot of its own: add a section [pilot] with a kind of "
             f'{", ".join(sorted(PILOTS))}, or kind = "none" to command its actuators in [mission].'
         )
-    cls = pilot_class(kind) if kind else type(vehicle.pilot)
+    cls = PILOTS[kind] if kind else type(vehicle.pilot)
     known = [f.name for f in fields(cls)]
-    values = in_si("pilot", given, known, pilot_measures(known))
+    values = in_si("pilot", given, known, {**dict.fromkeys(known), **dimensions(cls)})
     try:
         return cls(**values) if kind else replace(vehicle.pilot, **values)
     except TypeError as error:

@@ -18,7 +18,6 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.inputs_read import Read, require_read
 from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_positive
 from coadjoint.vehicles.model.pilot_mistakes import called
 
 _NOT_TRACEABLE = (
@@ -46,7 +45,7 @@ class FunctionPilot(Pilot):
     remembers: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        require_positive(self, ("period",))
+        super().__post_init__()
         _require_arguments(self.function, ("sight", "p") if self.remembers is None else ("sight", "memory", "p"))
 
     def memory(self) -> dict[str, Any]:

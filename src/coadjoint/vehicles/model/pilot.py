@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each
+from coadjoint.models.quantities import positive
+from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative
 
 
 class Sight(NamedTuple):
@@ -43,8 +48,18 @@ class Pilot(ABC):
     Fields that hold numbers are parameters: `pilot_period` of the system, and `own.gains` in `steer` is `pilot_gains`.
     """
 
-    period: Any = 0.1
-    delay: Any = 0.0
+    kind: ClassVar[str] = ""
+    """Its word in vehicle and mission files."""
+    period: Any = measured(u.TIME, positive, default=0.1)
+    delay: Any = measured(u.TIME, not_negative, default=0.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self, f"pilot `{type(self).__name__}")
+        if not traced(self.delay, self.period) and self.delay > self.period:
+            raise ArgumentError(
+                f"Argument `delay` of the pilot `{type(self).__name__}` must be at most the period, {self.period:g} s, "
+                f"but is {self.delay:g} s."
+            )
 
     def parameters(self) -> dict[str, Any]:
         """The numbers that can be replaced and varied: by default all fields that hold numbers."""

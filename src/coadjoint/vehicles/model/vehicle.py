@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.models.quantities import number, positive, positive_definite, positive_semidefinite, vector
+from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
 from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative, place
 from coadjoint.vehicles.parts.part import Part
 
 
@@ -19,6 +21,10 @@ class Quantity(NamedTuple):
     unit: str = ""
     source: str = ""
     note: str = ""
+
+
+def _six_semidefinite(value: Any, name: str) -> Any:
+    return positive_semidefinite(value, name, size=6)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,16 +41,16 @@ class Vehicle:
     name: str
     description: str = ""
     note: str = ""
-    mass: Any
-    inertia: Any
-    added_mass: Any
-    volume: Any = None
-    center_of_mass: Any = (0.0, 0.0, 0.0)
-    center_of_buoyancy: Any = (0.0, 0.0, 0.0)
-    gravity: Any = 9.81
-    fluid_density: Any = 1026.0
-    length: Any = None
-    diameter: Any = None
+    mass: Any = measured(u.MASS, positive)
+    inertia: Any = measured(u.INERTIA, positive_definite)
+    added_mass: Any = measured(None, _six_semidefinite)
+    center_of_mass: Any = place(default=(0.0, 0.0, 0.0))
+    center_of_buoyancy: Any = place(default=(0.0, 0.0, 0.0))
+    volume: Any = measured(u.VOLUME, not_negative, default=None)
+    gravity: Any = measured(u.ACCELERATION, not_negative, default=9.81)
+    fluid_density: Any = measured(u.DENSITY, positive, default=1026.0)
+    length: Any = measured(u.LENGTH, positive, default=None)
+    diameter: Any = measured(u.LENGTH, positive, default=None)
     parts: tuple[Part, ...] = ()
     pilot: Pilot | None = None
     provenance: Mapping[str, Quantity] = field(default_factory=dict)
@@ -52,23 +58,10 @@ class Vehicle:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        mass, density = positive(self.mass, "mass"), positive(self.fluid_density, "fluid_density")
-        checked = {
-            "mass": mass,
-            "inertia": positive_definite(self.inertia, "inertia"),
-            "added_mass": positive_semidefinite(self.added_mass, "added_mass", size=6),
-            "volume": mass / density if self.volume is None else number(self.volume, "volume", at_least=0.0),
-            "center_of_mass": vector(self.center_of_mass, "center_of_mass"),
-            "center_of_buoyancy": vector(self.center_of_buoyancy, "center_of_buoyancy"),
-            "gravity": number(self.gravity, "gravity", at_least=0.0),
-            "fluid_density": density,
-            "parts": _different(self.parts),
-        }
-        for key in ("length", "diameter"):
-            if getattr(self, key) is not None:
-                checked[key] = positive(getattr(self, key), key)
-        for key, value in checked.items():
-            object.__setattr__(self, key, value)
+        check_fields(self)
+        object.__setattr__(self, "parts", _different(self.parts))
+        if self.volume is None:
+            object.__setattr__(self, "volume", self.mass / self.fluid_density)
 
     @property
     def buoyancy(self) -> Any:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import positive, vector
-from coadjoint.vehicles.parts.bounded_travel import between, followed, lag_of
+from coadjoint.models.quantities import positive
+from coadjoint.vehicles.parts.bounded_travel import followed, require_range
+from coadjoint.vehicles.parts.measured import lag_or_none, measured, place
 from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 
@@ -25,18 +27,16 @@ class Ballast(Part):
     with which it comes to its command, none if left out. Commanded by V. Raises ArgumentError.
     """
 
-    position: Any
-    low: Any
-    high: Any
-    rate: Any
-    lag: Any = None
+    kind: ClassVar[str] = "ballast"
+    position: Any = place()
+    low: Any = measured(u.VOLUME)
+    high: Any = measured(u.VOLUME)
+    rate: Any = measured(u.VOLUME_RATE, positive)
+    lag: Any = measured(u.TIME, lag_or_none, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        of = f"` of the ballast `{self.name}"
-        self.set(position=vector(self.position, "position" + of), rate=positive(self.rate, "rate" + of))
-        self.set(**between(self.low, self.high, of))
-        self.set(lag=lag_of(self.lag, of))
+        require_range(self)
 
     @property
     def command(self) -> Command:

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number
-from coadjoint.vehicles.parts.part import share_of_lag
+from coadjoint.vehicles.parts.part import Part, share_of_lag
 
 
 def followed(actual: Array, command: Array, h: Array, own: Any) -> Array:
@@ -20,17 +19,10 @@ def followed(actual: Array, command: Array, h: Array, own: Any) -> Array:
     return jnp.clip(change, -own.rate * h, own.rate * h)
 
 
-def between(low: Any, high: Any, of: str) -> dict[str, Any]:
-    """The checked ends of a range; raises ArgumentError."""
-    low, high = number(low, "low" + of), number(high, "high" + of)
+def require_range(part: Part) -> None:
+    """Raise ArgumentError unless `low` is below `high`."""
+    low, high = (getattr(part, end) for end in ("low", "high"))
     if low >= high:
-        raise ArgumentError(f"Argument `low{of}` must be below `high`, but low is {low:g} and high {high:g}.")
-    return {"low": low, "high": high}
-
-
-def lag_of(lag: Any, of: str) -> Any:
-    """The checked lag, None where there is none; raises ArgumentError for a negative one."""
-    if lag is None:
-        return None
-    found = number(lag, "lag" + of, at_least=0.0)
-    return found if found > 0 else None
+        raise ArgumentError(
+            f"Argument `low` of the {part.title}` must be below `high`, but low is {low:g} and high {high:g}."
+        )

@@ -8,12 +8,20 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import vector
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.parts.measured import measured, numbers, six
 from coadjoint.vehicles.parts.part import Flow, Part, speed_of
+
+
+def _six(value: Any, name: str) -> Any:
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) not in ((6,), (6, 6)):
+        raise ArgumentError(f"Argument `{name}` must have shape (6, 6) or (6,), but has shape {np.shape(found)}.")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,18 +34,11 @@ class Damping(Part):
     """
 
     passive: ClassVar[bool] = True
-    linear: Any = None
-    quadratic: Any = None
-    forward: Any = None
-    fading: Any = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key in ("linear", "quadratic", "forward"):
-            if getattr(self, key) is not None:
-                self.set(**{key: _six(getattr(self, key), f"{key}` of the damping `{self.name}")})
-        if self.fading is not None:
-            self.set(fading=vector(self.fading, f"fading` of the damping `{self.name}", 6))
+    kind: ClassVar[str] = "damping"
+    linear: Any = measured(None, _six, turn=six, default=None)
+    quadratic: Any = measured(None, _six, turn=six, default=None)
+    forward: Any = measured(None, _six, turn=six, default=None)
+    fading: Any = measured(u.SLOWNESS, numbers(6), default=None)
 
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         V = jnp.concatenate([flow.velocity, flow.omega])
@@ -54,10 +55,3 @@ class Damping(Part):
 
 def _times(matrix: Array, V: Array) -> Array:
     return matrix @ V if jnp.ndim(matrix) == 2 else matrix * V
-
-
-def _six(value: Any, name: str) -> Any:
-    found = float64(value, f"Argument `{name}`")
-    if np.shape(found) not in ((6,), (6, 6)):
-        raise ArgumentError(f"Argument `{name}` must have shape (6, 6) or (6,), but has shape {np.shape(found)}.")
-    return found

@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import number, positive
+from coadjoint.vehicles.parts.measured import measured, not_negative
 from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 AXES = "XYZKMN"
@@ -59,11 +61,12 @@ class Derivatives(Part):
     Raises ArgumentError for names that are none. Sources: SNAME (1950); Healey and Lienard (1993).
     """
 
+    kind: ClassVar[str] = "derivatives"
     coefficients: Mapping[str, Any]
-    length: Any = None
-    limit: Any = None
-    lag: Any = None
-    rate: Any = None
+    length: Any = measured(u.LENGTH, positive, default=None)
+    limit: Any = measured(u.ANGLE, positive, default=None)
+    lag: Any = measured(u.TIME, not_negative, default=None)
+    rate: Any = measured(u.ANGULAR_VELOCITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,11 +80,6 @@ class Derivatives(Part):
             for name, value in self.coefficients.items()
         }
         monomials = tuple(_monomial(name, self.name, self.limit is not None) for name in checked)
-        for key in ("length", "limit", "rate"):
-            if getattr(self, key) is not None:
-                self.set(**{key: positive(getattr(self, key), f"{key}` of the {whose}")})
-        if self.lag is not None:
-            self.set(lag=number(self.lag, f"lag` of the {whose}", at_least=0.0))
         if self.length is not None:
             for name, monomial in zip(checked, monomials, strict=True):
                 if len(monomial.factors) != 2:

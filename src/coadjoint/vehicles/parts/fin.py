@@ -8,11 +8,13 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, number, positive, vector
+from coadjoint.models.quantities import positive
+from coadjoint.vehicles.parts.measured import measured, not_negative, place, way
 from coadjoint.vehicles.parts.part import AHEAD, Command, Flow, Part, acting_at, speed_of
 
 
@@ -30,36 +32,27 @@ class Fin(Part):
     """
 
     passive: ClassVar[bool] = True
-    position: Any
-    normal: Any
-    area: Any
-    lift_slope: Any
-    stall: Any
-    drag: Any = None
-    limit: Any = None
-    lag: Any = None
-    rate: Any = None
+    kind: ClassVar[str] = "fin"
+    position: Any = place()
+    normal: Any = way()
+    area: Any = measured(u.AREA, not_negative)
+    lift_slope: Any = measured(u.PER_ANGLE, positive)
+    stall: Any = measured(u.ANGLE, positive)
+    drag: Any = measured(u.NUMBER, not_negative, default=None)
+    limit: Any = measured(u.ANGLE, positive, default=None)
+    lag: Any = measured(u.TIME, not_negative, default=None)
+    rate: Any = measured(u.ANGULAR_VELOCITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        of = f"` of the fin `{self.name}"
-        self.set(position=vector(self.position, "position" + of), normal=direction(self.normal, "normal" + of))
+        of = f"` of the {self.title}"
         if not traced(self.normal) and abs(self.normal[0]) > 0.999:
             raise ArgumentError(f"Argument `normal{of}` must not point along the hull, but is {self.normal.tolist()}.")
-        self.set(area=number(self.area, "area" + of, at_least=0.0))
-        self.set(lift_slope=positive(self.lift_slope, "lift_slope" + of), stall=positive(self.stall, "stall" + of))
         if not traced(self.lift_slope) and self.lift_slope >= 2 * np.pi:
             raise ArgumentError(
                 f"Argument `lift_slope{of}` must be below 2π per rad, that of an endless wing, but is "
                 f"{self.lift_slope:g}."
             )
-        if self.drag is not None:
-            self.set(drag=number(self.drag, "drag" + of, at_least=0.0))
-        for key in ("limit", "rate"):
-            if getattr(self, key) is not None:
-                self.set(**{key: positive(getattr(self, key), key + of)})
-        if self.lag is not None:
-            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
 
     @property
     def command(self) -> Command | None:

@@ -8,16 +8,26 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import number
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.parts.measured import measured, not_negative
 from coadjoint.vehicles.parts.part import AHEAD, Flow, Part
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 TURNING = 1e-30
 """rad²/s²: below it the flow across the hull is the same everywhere."""
+
+
+def _one_or_two(value: Any, name: str) -> Any:
+    found = float64(value, f"Argument `{name}`")
+    if np.shape(found) not in ((), (2,)):
+        raise ArgumentError(
+            f"Argument `{name}` must be one number, or two for sway and heave, but has shape {np.shape(found)}."
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,26 +44,14 @@ class Hull(Part):
     """
 
     passive: ClassVar[bool] = True
-    axial_drag: Any
-    axial_area: Any
-    crossflow_drag: Any
-    width: Any
-    height: Any
-    length: Any
-    center: Any = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key in ("axial_drag", "axial_area", "width", "height", "length"):
-            self.set(**{key: number(getattr(self, key), f"{key}` of the hull `{self.name}", at_least=0.0)})
-        self.set(center=number(self.center, f"center` of the hull `{self.name}"))
-        drag = float64(self.crossflow_drag, f"Argument `crossflow_drag` of the hull `{self.name}`")
-        if np.shape(drag) not in ((), (2,)):
-            raise ArgumentError(
-                f"Argument `crossflow_drag` of the hull `{self.name}` must be one number, or two for sway and heave, "
-                f"but has shape {np.shape(drag)}."
-            )
-        self.set(crossflow_drag=drag)
+    kind: ClassVar[str] = "hull"
+    axial_drag: Any = measured(u.NUMBER, not_negative)
+    axial_area: Any = measured(u.AREA, not_negative)
+    crossflow_drag: Any = measured(u.NUMBER, _one_or_two)
+    width: Any = measured(u.LENGTH, not_negative)
+    height: Any = measured(u.LENGTH, not_negative)
+    length: Any = measured(u.LENGTH, not_negative)
+    center: Any = measured(u.LENGTH, default=0.0)
 
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         v, omega = flow.velocity, flow.omega

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import number, vector
+from coadjoint.vehicles.parts.measured import measured, numbers
 from coadjoint.vehicles.parts.part import Flow, Part
 
 
@@ -26,18 +26,13 @@ class LiftingBody(Part):
     """
 
     passive: ClassVar[bool] = True
-    drag: Any
-    lift: Any
-    pitch: Any
-    side: Any = 0.0
-    roll: Any = (0.0, 0.0)
-    yaw: Any = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key, size in (("drag", 2), ("lift", 2), ("pitch", 3), ("roll", 2), ("yaw", 2)):
-            self.set(**{key: vector(getattr(self, key), f"{key}` of the lifting body `{self.name}", size)})
-        self.set(side=number(self.side, f"side` of the lifting body `{self.name}"))
+    kind: ClassVar[str] = "lifting_body"
+    drag: Any = measured(None, numbers(2))
+    lift: Any = measured(None, numbers(2))
+    pitch: Any = measured(None, numbers(3))
+    side: Any = measured(None, default=0.0)
+    roll: Any = measured(None, numbers(2), default=(0.0, 0.0))
+    yaw: Any = measured(None, numbers(2), default=(0.0, 0.0))
 
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         v, omega = flow.velocity, flow.omega

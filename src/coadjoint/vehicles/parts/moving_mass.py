@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, positive, vector
-from coadjoint.vehicles.parts.bounded_travel import between, followed, lag_of
+from coadjoint.models.quantities import positive
+from coadjoint.vehicles.parts.bounded_travel import followed, require_range
+from coadjoint.vehicles.parts.measured import lag_or_none, measured, place, way
 from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 
@@ -27,21 +29,18 @@ class MovingMass(Part):
     lag: τ, s, with which it comes to its command, none if left out. Commanded by x. Raises ArgumentError.
     """
 
-    mass: Any
-    position: Any
-    axis: Any
-    low: Any
-    high: Any
-    rate: Any
-    lag: Any = None
+    kind: ClassVar[str] = "moving_mass"
+    mass: Any = measured(u.MASS, positive)
+    position: Any = place()
+    axis: Any = way()
+    low: Any = measured(u.LENGTH)
+    high: Any = measured(u.LENGTH)
+    rate: Any = measured(u.SPEED, positive)
+    lag: Any = measured(u.TIME, lag_or_none, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        of = f"` of the moving mass `{self.name}"
-        self.set(mass=positive(self.mass, "mass" + of), rate=positive(self.rate, "rate" + of))
-        self.set(position=vector(self.position, "position" + of), axis=direction(self.axis, "axis" + of))
-        self.set(**between(self.low, self.high, of))
-        self.set(lag=lag_of(self.lag, of))
+        require_range(self)
 
     @property
     def command(self) -> Command:

@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import Force
+from coadjoint.vehicles.parts.measured import check_fields
 
 AHEAD = np.array([1.0, 0.0, 0.0])
 """The direction of the hull, body axes."""
@@ -59,6 +60,8 @@ class Part(ABC):
     system is `area` of the part `rudder`, which its methods read as `own.area`.
     """
 
+    kind: ClassVar[str] = ""
+    """Its word in vehicle files."""
     name: str
     passive: ClassVar[bool] = False
     """Whether it can only take energy out of a vehicle in still water; the card of a run says where it puts some in."""
@@ -66,6 +69,12 @@ class Part(ABC):
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ArgumentError(f"The name of a part must be a word such as 'rudder', but is {self.name!r}.")
+        check_fields(self, self.title)
+
+    @property
+    def title(self) -> str:
+        """What it is in sentences, without the quote at the end."""
+        return f"{self.kind.replace('_', ' ') or type(self).__name__} `{self.name}"
 
     def parameters(self) -> dict[str, Any]:
         """The numbers that can be replaced and varied: by default all fields that hold numbers."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
+from coadjoint import units as u
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, number, positive, vector
+from coadjoint.models.quantities import positive
+from coadjoint.vehicles.parts.measured import measured, not_negative, numbers, place, way
 from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 
@@ -24,28 +26,17 @@ class Propeller(Part):
     Commanded by n, 1/s; n > 0 is ahead. Raises ArgumentError. Source: Fossen (2021), 9.3.
     """
 
-    diameter: Any
-    thrust: Any
-    torque: Any
-    thrust_deduction: Any
-    wake_fraction: Any
-    torque_fraction: Any
-    limit: Any
-    lag: Any = None
-    position: Any = (0.0, 0.0, 0.0)
-    axis: Any = (1.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        of = f"` of the propeller `{self.name}"
-        self.set(position=vector(self.position, "position" + of), axis=direction(self.axis, "axis" + of))
-        self.set(thrust=vector(self.thrust, "thrust" + of, 2), torque=vector(self.torque, "torque" + of, 2))
-        for key in ("thrust_deduction", "wake_fraction", "torque_fraction"):
-            self.set(**{key: number(getattr(self, key), key + of)})
-        for key in ("diameter", "limit"):
-            self.set(**{key: positive(getattr(self, key), key + of)})
-        if self.lag is not None:
-            self.set(lag=number(self.lag, "lag" + of, at_least=0.0))
+    kind: ClassVar[str] = "propeller"
+    diameter: Any = measured(u.LENGTH, positive)
+    thrust: Any = measured(u.NUMBER, numbers(2))
+    torque: Any = measured(u.NUMBER, numbers(2))
+    thrust_deduction: Any = measured(u.NUMBER)
+    wake_fraction: Any = measured(u.NUMBER)
+    torque_fraction: Any = measured(u.NUMBER)
+    limit: Any = measured(u.REVOLUTIONS, positive)
+    lag: Any = measured(u.TIME, not_negative, default=None)
+    position: Any = place(default=(0.0, 0.0, 0.0))
+    axis: Any = way(default=(1.0, 0.0, 0.0))
 
     @property
     def command(self) -> Command:

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import Force
-from coadjoint.models.quantities import direction, number, positive, vector
+from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.parts.force_curves import Polynomial
+from coadjoint.vehicles.parts.measured import lag_or_none, measured
 from coadjoint.vehicles.parts.part import Command, Flow, Part, share_of_lag
 from coadjoint.vehicles.parts.published_curves import force_curve
+
+COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
+"""Of what is in the unit of the commands."""
+
+
+def _columns(value: Any, axes: Any) -> Any:
+    return border.twist(np.transpose(value), axes).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,27 +44,22 @@ class Thrusters(Part):
     default the ends of a table. lag: τ, s, none if left out. Raises ArgumentError for what no thrusters can have.
     """
 
+    kind: ClassVar[str] = "thrusters"
     curve: Any
-    positions: Any = None
-    directions: Any = None
-    torque: Any = None
-    allocation: Any = None
+    positions: Any = measured(u.LENGTH, None, turn=border.body_vector, default=None)
+    directions: Any = measured(u.NUMBER, None, turn=border.body_vector, default=None)
+    torque: Any = measured(u.LENGTH, None, default=None)
+    allocation: Any = measured(None, None, turn=_columns, default=None)
     unit: str = "1"
-    limit: Any = None
-    lag: Any = None
-    dead_band: Any = None
-    density: Any = None
+    limit: Any = measured(COMMANDED, None, default=None)
+    lag: Any = measured(u.TIME, lag_or_none, default=None)
+    dead_band: Any = measured(COMMANDED, lag_or_none, default=None)
+    density: Any = measured(u.DENSITY, positive, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         of = f"` of the thrusters `{self.name}"
         self.set(curve=force_curve(self.curve, self.name), **self._geometry(of))
-        if self.density is not None:
-            self.set(density=positive(self.density, "density" + of))
-        for key in ("lag", "dead_band"):
-            if getattr(self, key) is not None:
-                found = number(getattr(self, key), key + of, at_least=0.0)
-                self.set(**{key: found if found > 0 else None})
         self.set(limit=self._limits(of))
         if self.limit is not None:
             self.curve.require_growth(tuple(self.limit), self.name)
