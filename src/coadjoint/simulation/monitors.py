@@ -41,7 +41,8 @@ def discrete_energy(system: System, step: Step, record: State, h: Array, constan
     Watched("energy", "Legendre energy of (μ, π)", line="change", title="energy"),
     Watched(
         "legendre_residual",
-        "residual of ∂ℓ = (μ, π) of the velocities at the node, relative",
+        "residual of ∂ℓ = (μ, π) of the velocities at the node, relative to μ and π or, where ξ and ν cancel in them, "
+        "to what either alone gives; what is round-off of these counts as 16 ε at most",
         line="residual",
         title="Legendre",
         largest="∂ℓ = (μ, π) at the nodes, largest residual, relative",
