@@ -141,7 +141,7 @@ def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
 def _finite(kept: Kept, members: np.ndarray | None, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Steps, records and members, a row each; a member that has failed has none from there on: its ξ is NaN."""
     if members is None:
-        return *kept, None
+        return kept.steps, kept.rows, None
     rows = kept.rows.reshape(-1, kept.rows.shape[-1])
     seen = np.isfinite(rows[:, xi]).all(axis=1)
     steps, whose = np.repeat(kept.steps, len(members)), np.tile(members, len(kept.steps))
