@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+
 from imports import circles, modules, named
 
 STOREYS = (
@@ -80,3 +82,13 @@ def test_no_rooms_and_no_files_name_one_another():
     assert circles(rooms) == []
     files = circles({module: named(TREES, module, types=False) - FACES for module in NAMED})
     assert not files, "Files name one another: put what both need into a third, or pass it as an argument."
+
+
+def test_no_two_classes_of_a_storey_have_one_name():
+    found: dict[tuple[str, str], list[str]] = {}
+    for module, tree in TREES.items():
+        storey = next((name for name in ("vehicles", "cli") if module.startswith(f"coadjoint.{name}")), "core")
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault((storey, node.name), []).append(module)
+    assert not {name: homes for name, homes in found.items() if len(homes) > 1}

@@ -1,7 +1,7 @@
 """What storeys above add to a room: models of the catalogue, figures, formats of files, kinds of run files.
 
 A room declares a `Registry` of one kind. A module named in `coadjoint.EXTENSIONS` adds to it by a table of that kind,
-such as `MODELS = {"remus_100": Entry(…)}`; the room never names who adds to it.
+such as `MODELS = {"remus_100": CatalogueEntry(…)}`; the room never names who adds to it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.identification.least_squares import Place, least_squares, stationary, step
+from coadjoint.identification.least_squares import Estimates, least_squares, stationary, step
 
 
 class Shadowed:
@@ -17,17 +17,17 @@ class Shadowed:
         b -= A * (A @ b) / (A @ A)
         self.A, self.b, self.truth = 6e8 * A, 1e3 * b, 0.002
 
-    def residual(self, place: Place):
+    def residual(self, place: Estimates):
         delta, phi = place.own[0, 0], place.shared[0]
         return (self.noise + self.A * (delta + phi) + self.b * (phi - self.truth))[None], None
 
-    def jacobian(self, place: Place, way: None):
+    def jacobian(self, place: Estimates, way: None):
         return np.stack([self.A, self.A + self.b], axis=1)[None]
 
 
 def test_what_starts_can_nearly_undo_is_sought_until_its_next_step_is_inside_its_error():
     problem = Shadowed()
-    found = least_squares(problem, Place(np.zeros(1), np.zeros((1, 1))))
+    found = least_squares(problem, Estimates(np.zeros(1), np.zeros((1, 1))))
     assert found is not None and found.converged
     assert stationary(found.jacobian, found.residual, 1)
     _, _, errors = step(found.jacobian, found.residual, 1, 0.0)
@@ -36,6 +36,6 @@ def test_what_starts_can_nearly_undo_is_sought_until_its_next_step_is_inside_its
 
 def test_a_place_off_the_valley_is_not_stationary():
     problem = Shadowed()
-    place = Place(np.zeros(1), np.zeros((1, 1)))
+    place = Estimates(np.zeros(1), np.zeros((1, 1)))
     found = problem.residual(place)
     assert not stationary(problem.jacobian(place, None), found[0], 1)

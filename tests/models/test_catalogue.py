@@ -13,7 +13,7 @@ import pytest
 import coadjoint as co
 from coadjoint import models
 from coadjoint.extensions import located
-from coadjoint.models import Entry, catalogue
+from coadjoint.models import CatalogueEntry, catalogue
 
 ENTRIES = list(catalogue.values())
 
@@ -22,7 +22,7 @@ def values(system: co.System) -> Any:
     return system.parameters
 
 
-def entry_name(entry: Entry) -> str:
+def entry_name(entry: CatalogueEntry) -> str:
     return entry.name
 
 
@@ -37,13 +37,13 @@ def test_listing_names_and_descriptions_imports_no_jax():
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
-def test_defaults_name_every_argument_of_the_model(entry: Entry):
+def test_defaults_name_every_argument_of_the_model(entry: CatalogueEntry):
     for path, defaults, skipped in ((entry.maker, entry.parameters, 0), (entry.starter, entry.initial, 1)):
         assert set(defaults) == set(list(inspect.signature(located(path)).parameters)[skipped:]), path
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
-def test_every_model_runs_from_its_defaults_and_keeps_its_invariants(entry: Entry):
+def test_every_model_runs_from_its_defaults_and_keeps_its_invariants(entry: CatalogueEntry):
     system = entry.make()
     start = entry.start(system)
     assert system.check(start) == []

@@ -12,7 +12,7 @@ from coadjoint.audit.long_run import LongRun, long_run
 from coadjoint.audit.one_step import irreversibility, symplectic_defect
 from coadjoint.audit.order import Convergence, convergence
 from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped, audited
-from coadjoint.audit.stepper import Stepper
+from coadjoint.audit.stepper import AuditStepper
 from coadjoint.audit.systems import PROBLEMS, Problem
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError, GroupError, StepError
@@ -61,7 +61,7 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
     """The findings of one method on one system, or the sentence by which it refuses it."""
     method = shipped.make(difference_map)
     claims = method.claims
-    stepper = Stepper(method, shipped.adapt(problem.system), problem.start)
+    stepper = AuditStepper(method, shipped.adapt(problem.system), problem.start)
     h = long_step(claims.order)
     try:
         stepper.begin(h)

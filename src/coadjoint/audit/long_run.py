@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.audit.stepper import Stepper
+from coadjoint.audit.stepper import AuditStepper
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics import continuous
 from coadjoint.mechanics.noether import isotropy_algebra, momentum_scale, spatial_momentum
@@ -40,7 +40,7 @@ class LongRun(NamedTuple):
     momentum_error: float
 
 
-def long_run(stepper: Stepper, h: float, steps: int, discrete: bool) -> LongRun:
+def long_run(stepper: AuditStepper, h: float, steps: int, discrete: bool) -> LongRun:
     """Watch energy and momenta over `steps` steps; `discrete`: the energy −∂_hΛ instead of Legendre's."""
     records = stepper.run(stepper.begin(h), h, steps // EVERY, EVERY).records
     values = evaluate(jax.vmap(_energy(stepper, h, discrete)), records)
@@ -51,7 +51,7 @@ def long_run(stepper: Stepper, h: float, steps: int, discrete: bool) -> LongRun:
     return LongRun(np.asarray(records.t), error, float(error.max()), drift(error), kept)
 
 
-def _energy(stepper: Stepper, h: float, discrete: bool) -> Callable[[State], Any]:
+def _energy(stepper: AuditStepper, h: float, discrete: bool) -> Callable[[State], Any]:
     """The energy of a record: Legendre's, or that of the first stage of the step that starts there."""
     system = stepper.system
     if not discrete:

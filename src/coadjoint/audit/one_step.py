@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.audit.stepper import Stepper, distance
+from coadjoint.audit.stepper import AuditStepper, distance
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
@@ -30,7 +30,7 @@ _WEIGHTS = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -
 _PLACES = np.array([-4, -3, -2, -1, 1, 2, 3, 4]) * SPREAD
 
 
-class Tangent(NamedTuple):
+class CurveTangent(NamedTuple):
     """A variation of a state at fixed a₀."""
 
     eta: Array
@@ -39,7 +39,7 @@ class Tangent(NamedTuple):
     pi: Array
 
 
-def symplectic_defect(stepper: Stepper, h: float, pairs: int = 3) -> float:
+def symplectic_defect(stepper: AuditStepper, h: float, pairs: int = 3) -> float:
     """|ω after − ω before| of a step relative to the sum of the sizes of their terms, the largest of random pairs."""
     system, state = stepper.system, stepper.begin(h)
     before = _curves(system, state, 2 * pairs)
@@ -50,7 +50,7 @@ def symplectic_defect(stepper: Stepper, h: float, pairs: int = 3) -> float:
     return float(np.max(np.abs(last - first) / (size + other)))
 
 
-def irreversibility(stepper: Stepper, h: float, steps: int = 10) -> float:
+def irreversibility(stepper: AuditStepper, h: float, steps: int = 10) -> float:
     """The distance from the start after `steps` steps of h and as many of −h."""
     begun = stepper.begin(h)
     there = stepper.run(begun, h, 1, steps).final
@@ -81,13 +81,15 @@ def _forms(system: System, state: State, curves: State) -> tuple[Array, Array]:
     """ω at a state of the tangents of pairs of curves through it, and the sums of the sizes of its terms."""
     group, Q, _ = system.places
 
-    def tangent(state: State, curve: State) -> Tangent:
+    def tangent(state: State, curve: State) -> CurveTangent:
         def slope(rows):
             return jnp.tensordot(_WEIGHTS, rows, 1)
 
         turned = slope(jax.vmap(group.matrix)(curve.g))
         eta = group.vee(jnp.linalg.solve(group.matrix(state.g), turned))
-        return Tangent(eta, slope(curve.n) + Q.infinitesimal(group, eta, state.n), slope(curve.mu), slope(curve.pi))
+        return CurveTangent(
+            eta, slope(curve.n) + Q.infinitesimal(group, eta, state.n), slope(curve.mu), slope(curve.pi)
+        )
 
     def form(state: State, one: State, other: State):
         d1, d2 = tangent(state, one), tangent(state, other)

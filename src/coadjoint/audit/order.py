@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.audit.stepper import Stepper, distance, exact, uncertainty
+from coadjoint.audit.stepper import AuditStepper, distance, exact, uncertainty
 from coadjoint.audit.systems import Problem
 from coadjoint.errors import StepError
 
@@ -39,7 +39,7 @@ class Convergence(NamedTuple):
     order: float
 
 
-def convergence(stepper: Stepper, problem: Problem) -> Convergence:
+def convergence(stepper: AuditStepper, problem: Problem) -> Convergence:
     """The errors at the end of `problem.duration` over refined steps, and their slope."""
     ratio = next(ratio for below, ratio in RATIOS if stepper.method.order < below)
     steps, rows, below = 4.0, [], 0
@@ -62,7 +62,7 @@ def fit(h: np.ndarray, error: np.ndarray, usable: np.ndarray, count: int) -> Con
     return Convergence(h, error, fitted, float(slope))
 
 
-def error_after(stepper: Stepper, problem: Problem, h: float, steps: int) -> float:
+def error_after(stepper: AuditStepper, problem: Problem, h: float, steps: int) -> float:
     """The distance from the exact motion after the steps; infinite where a step is too large to be solved."""
     try:
         end = stepper.end(h, steps)

@@ -22,7 +22,7 @@ REFERENCE_STEP = 0.01
 """Of the reference, in s: its own error is then at round-off, and finer steps would only add to that."""
 
 
-class Stepper:
+class AuditStepper:
     """A method on a system, from a start; raises StepError at a step that fails."""
 
     def __init__(self, method: Method, system: System, start: State):
@@ -81,7 +81,7 @@ def _fine(problem: Problem, time: float, h: float) -> State:
 
 
 @lru_cache(maxsize=64)
-def _reference(problem: Problem) -> Stepper:
+def _reference(problem: Problem) -> AuditStepper:
     """Galerkin's, save on a curved Q, where it does not go, and on SE(3), where its kernel takes long to make."""
     small = problem.system.additional.flat and problem.system.group.dim <= 3
-    return Stepper(Galerkin(degree=3) if small else Suzuki4(LeftRight()), problem.system, problem.start)
+    return AuditStepper(Galerkin(degree=3) if small else Suzuki4(LeftRight()), problem.system, problem.start)

@@ -9,7 +9,7 @@ from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import unknown
 
 if TYPE_CHECKING:
-    from coadjoint.models import Entry
+    from coadjoint.models import CatalogueEntry
 
 
 def descriptions() -> dict[str, str]:
@@ -40,7 +40,7 @@ def example(name: str) -> str:
     return "\n".join([f"# {entry.description}", *notes]) + "\n\n" + to_toml(table)
 
 
-def _entry(name: str) -> Entry:
+def _entry(name: str) -> CatalogueEntry:
     from coadjoint.models import catalogue
 
     if name not in catalogue:

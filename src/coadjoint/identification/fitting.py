@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError
-from coadjoint.identification.least_squares import Place, Solution, least_squares, reduced, step
+from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
 from coadjoint.identification.log import Log
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
@@ -107,7 +107,7 @@ def _parts(shift: np.ndarray, most: int) -> int:
     return max(1, min(int(np.ceil(np.sqrt(worst / SHIFT))), most))
 
 
-def _shift(fit: Fit, place: Place, asked: Setting, segment: float | None) -> np.ndarray:
+def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) -> np.ndarray:
     """By how many standard errors the step size shifts each parameter: what half the step does, by one Gauss–Newton
     step, over 1 − 2⁻ʳ."""
     fit.settle(place)
@@ -140,9 +140,9 @@ class Fit:
         off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
         return np.where(self.there, off, 0.0)
 
-    def at(self, shared: np.ndarray) -> Place:
+    def at(self, shared: np.ndarray) -> Estimates:
         """Parameters, with every segment starting at its reference."""
-        return Place(shared, np.zeros((self.shooting.runs, self.shooting.size)))
+        return Estimates(shared, np.zeros((self.shooting.runs, self.shooting.size)))
 
     def finer(self, asked: Setting, segment: float | None, parts: int) -> Fit:
         """The same segments on steps that are `parts` times shorter."""
@@ -152,7 +152,7 @@ class Fit:
         found.internal = self.internal
         return found
 
-    def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
+    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
         if not np.all(np.abs(place.shared) < 50) or not self.shooting.unknowns.definite(place.shared):
             return None
         found = self.shooting.predict(place.shared, place.own, self.internal)
@@ -160,12 +160,12 @@ class Fit:
             return None
         return (self.differences(found) / self.sigma).reshape(self.shooting.runs, -1), found
 
-    def jacobian(self, place: Place, way: Prediction) -> np.ndarray:
+    def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
         slopes = self.shooting.slopes(place.shared, way)
         weighted = np.where(self.there[:, :, None, :], slopes, 0.0) / self.sigma
         return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, slopes.shape[2])
 
-    def settle(self, place: Place) -> None:
+    def settle(self, place: Estimates) -> None:
         """Internal states of starts that follow from those of the segments before."""
         if self.shooting.template.internal is None:
             return
@@ -179,7 +179,7 @@ class Fit:
         self.internal = self.shooting.internal(way)
 
 
-def _rounds(fit: Fit, place: Place, open_: np.ndarray, trips: int, final: bool) -> Fitted:
+def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bool) -> Fitted:
     """Rounds of least squares, each with the noise that the one before found; unless it is the `final` attempt, none
     goes on from where the one before got stuck, whose residuals are no noise."""
     shooting, sigma, solution = fit.shooting, fit.sigma, None

@@ -30,19 +30,19 @@ FARTHEST = 1.0
 """How far a shared unknown may go in one iteration; larger steps are damped more."""
 
 
-class Place(NamedTuple):
+class Estimates(NamedTuple):
     """φ (m,) and δ (segments, d)."""
 
     shared: np.ndarray
     own: np.ndarray
 
 
-class Problem(Protocol):
-    def residual(self, place: Place) -> tuple[np.ndarray, Any] | None:
+class LeastSquares(Protocol):
+    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
         """r, (segments, rows), and what `jacobian` needs of the way; None where there is none."""
         ...
 
-    def jacobian(self, place: Place, way: Any) -> np.ndarray:
+    def jacobian(self, place: Estimates, way: Any) -> np.ndarray:
         """∂r/∂(δ, φ), (segments, rows, d + m)."""
         ...
 
@@ -50,7 +50,7 @@ class Problem(Protocol):
 class Solution(NamedTuple):
     """Where it ended; `squares` = |r|²."""
 
-    place: Place
+    place: Estimates
     residual: np.ndarray
     jacobian: np.ndarray
     squares: float
@@ -59,7 +59,7 @@ class Solution(NamedTuple):
 
 
 def least_squares(
-    problem: Problem, start: Place, accepted: Callable[[Any], None] | None = None, roughly: bool = False
+    problem: LeastSquares, start: Estimates, accepted: Callable[[Any], None] | None = None, roughly: bool = False
 ) -> Solution | None:
     """The least sum of squares from `start`; None where there is no residual at the start.
 
@@ -77,7 +77,7 @@ def least_squares(
             damping = max(4 * damping, 1e-6)
             continue
         trip += 1
-        trial = Place(place.shared + shared, place.own + own)
+        trial = Estimates(place.shared + shared, place.own + own)
         found = problem.residual(trial)
         better = np.inf if found is None else float(np.vdot(found[0], found[0]))
         small = bool(np.all(np.abs(shared) < SETTLED * errors))

@@ -12,7 +12,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.variational import Slopes, Variational
+from coadjoint.methods.variational import LagrangianSlopes, Variational
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         carried = Q.act(group, back, s), Q.act(group, back, n), V.act(group, back, a)
         return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.internal)
 
-    def _slopes(self, system: System, record: State, h: Array) -> Slopes:
+    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
         s = record.n + h * record.nu
 
         def discrete(xi, n, s, a):
@@ -43,7 +43,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         along_xi, along_n, along_s, along_a = slopes
         momentum = self.difference_map.dtau_inverse_dual(system.group, h * record.xi, along_xi / h)
         nothing = jnp.zeros(system.group.dim), jnp.zeros_like(record.n)
-        return Slopes(momentum, s, along_n, along_s, along_a, *nothing)
+        return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *nothing)
 
     def _end(self, system: System, record: State, h: Array) -> State:
         """(ξ, F⁻¹s, F⁻¹ν, F⁻¹a, t + h), where the forces stand."""

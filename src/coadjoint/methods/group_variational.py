@@ -16,7 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step
-from coadjoint.methods.variational import Slopes, Variational
+from coadjoint.methods.variational import LagrangianSlopes, Variational
 
 SINGULAR = 1e-10
 """The smallest singular value of the Legendre transform's derivative, relative to the largest, that counts as one."""
@@ -98,7 +98,7 @@ class GroupVariational(Variational):
     def chart(self, system: System, record: State, h: Array) -> Array | float:
         return self.difference_map.chart(system.group, record.memory.change)
 
-    def _slopes(self, system: System, record: State, h: Array) -> Slopes:
+    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
         s, F = record.n + h * record.nu, record.memory.F
 
         def discrete(F, n, s, a):
@@ -106,7 +106,7 @@ class GroupVariational(Variational):
 
         momentum = right_derivative(system.group, lambda F: discrete(F, record.n, s, record.a), F)
         along_n, along_s, along_a = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
-        return Slopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
+        return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
     def advance(self, system: System, record: State, h: Array) -> State:
         after, group = super().advance(system, record, h), system.group

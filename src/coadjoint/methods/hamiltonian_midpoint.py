@@ -16,7 +16,7 @@ from coadjoint.mechanics.system import System, added
 from coadjoint.methods.midpoint import Midpoint
 
 
-class Momenta(NamedTuple):
+class MiddleMomenta(NamedTuple):
     """The memory of the method: m and p at the middle of the step."""
 
     mu: Array
@@ -56,7 +56,7 @@ class HamiltonianMidpoint(Midpoint):
             raise ArgumentError('co.HamiltonianMidpoint starts from momenta: leave out start="velocity".')
 
     def remember(self, system: System, state: State) -> State:
-        return state.replace(memory=Momenta(state.mu, state.pi))
+        return state.replace(memory=MiddleMomenta(state.mu, state.pi))
 
     def guess(self, system: System, state: State, h: Array) -> Array:
         return jnp.concatenate([state.xi, state.nu, state.memory.mu, state.memory.pi])
@@ -64,7 +64,7 @@ class HamiltonianMidpoint(Midpoint):
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         dim, ambient = system.group.dim, len(state.nu)
         xi, nu, mu, pi = jnp.split(z, [dim, dim + ambient, 2 * dim + ambient])
-        return state.replace(xi=xi, nu=nu, memory=Momenta(mu, pi))
+        return state.replace(xi=xi, nu=nu, memory=MiddleMomenta(mu, pi))
 
     def _at(self, system: System, record: State, h: Array) -> tuple[Element, Array, Point, Node, Array]:
         """The half step, H⁻¹n, the middle, ℋ and its slopes there, and (∂_μℋ, ∂_πℋ)."""

@@ -17,7 +17,7 @@ from coadjoint.methods.increments import Whole
 from coadjoint.methods.method import Method, Step
 
 
-class Slopes(NamedTuple):
+class LagrangianSlopes(NamedTuple):
     """What a step takes from Λ and the forces.
 
     `momentum` is D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h; then s, ∂_nΛ, ∂_sΛ, ∂_aΛ; T⁻ and φ⁻.
@@ -52,7 +52,7 @@ class Variational(Method, Whole):
     def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
         return self._value(system, record, h, record.t)
 
-    def _slopes(self, system: System, record: State, h: Array) -> Slopes:
+    def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
         s = record.n + h * record.nu
 
         def discrete(xi, n, s, a):
@@ -61,7 +61,7 @@ class Variational(Method, Whole):
         slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
         along_xi, along_n, along_s, along_a = slopes
         momentum = self.difference_map.dtau_inverse_dual(system.group, h * record.xi, along_xi / h)
-        return Slopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
+        return LagrangianSlopes(momentum, s, along_n, along_s, along_a, *self._impulse(system, record, h))
 
     def _impulse(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         """(T⁻, φ⁻) = (hT, hf) at the left node."""
@@ -69,7 +69,7 @@ class Variational(Method, Whole):
         torque, force = system.body_force(motion)
         return h * torque, h * force
 
-    def _torque(self, system: System, state: State, at: Slopes) -> Array:
+    def _torque(self, system: System, state: State, at: LagrangianSlopes) -> Array:
         """∂_aΛ⋄a + ∂_nΛ⋄n + ∂_sΛ⋄s + T⁻."""
         group, Q, V = system.places
         from_q = Q.diamond(group, at.along_n, state.n) + Q.diamond(group, at.along_s, at.s)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from coadjoint.extensions import Registry
 from coadjoint.lazy import lazy
-from coadjoint.models.entry import MOVING, TURNING, UP, Entry
+from coadjoint.models.entry import MOVING, TURNING, UP, CatalogueEntry
 from coadjoint.models.integrable import INTEGRABLE
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
@@ -43,7 +43,7 @@ _REMUS = {
 _CRUISE = {**MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
 
 _ENTRIES = (
-    Entry(
+    CatalogueEntry(
         "free_rigid_body",
         "A rigid body that nothing acts on, turning about its unstable middle axis.",
         "coadjoint.models.rigid_body:make",
@@ -53,7 +53,7 @@ _ENTRIES = (
         dt=0.05,
         duration=100.0,
     ),
-    Entry(
+    CatalogueEntry(
         "heavy_top",
         "A rigid body with one point fixed, under gravity: the fast heavy top of Brüls, Cardona and Arnold (2012).",
         "coadjoint.models.heavy_top:make",
@@ -69,7 +69,7 @@ _ENTRIES = (
         dt=1e-4,
         duration=2.0,
     ),
-    Entry(
+    CatalogueEntry(
         "simo_wong_top",
         "The symmetric heavy top of Simo and Wong (1991).",
         "coadjoint.models.heavy_top:make",
@@ -86,7 +86,7 @@ _ENTRIES = (
         duration=10.0,
     ),
     *INTEGRABLE,
-    Entry(
+    CatalogueEntry(
         "underwater_vehicle",
         "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",
         "coadjoint.models.paper_form:vehicle",
@@ -102,7 +102,7 @@ _ENTRIES = (
         dt=PAPER_STEP,
         duration=PAPER_DURATION,
     ),
-    Entry(
+    CatalogueEntry(
         "underwater_vehicle_general",
         "A vehicle about any body origin with a 6×6 added mass matrix, on SO(3) × ℝ³: REMUS 100 without damping.",
         "coadjoint.models.general_form:general_vehicle",
@@ -112,7 +112,7 @@ _ENTRIES = (
         dt=0.01,
         duration=20.0,
     ),
-    Entry(
+    CatalogueEntry(
         "underwater_vehicle_se3",
         "The same vehicle on SE(3): horizontal momentum and the vertical moment are conserved.",
         "coadjoint.models.general_form:se3_vehicle",
@@ -122,7 +122,7 @@ _ENTRIES = (
         dt=0.01,
         duration=20.0,
     ),
-    Entry(
+    CatalogueEntry(
         "elroys_beanie",
         "Two bodies in the plane on one hinge, with a spring: the simplest bundle, with a flat connection.",
         "coadjoint.models.beanie:make",
@@ -132,7 +132,7 @@ _ENTRIES = (
         dt=0.02,
         duration=50.0,
     ),
-    Entry(
+    CatalogueEntry(
         "falling_cat",
         "Two bodies of revolution on a joint that bends and does not twist, in free fall (Kane and Scher 1969).",
         "coadjoint.models.falling_cat:make",
@@ -148,7 +148,7 @@ _ENTRIES = (
         dt=0.002,
         duration=5.0,
     ),
-    Entry(
+    CatalogueEntry(
         "three_link_swimmer",
         "Three hinged ellipses in an ideal fluid in the plane, on SE(2) with two joint angles.",
         "coadjoint.models.swimmer:make",
@@ -166,9 +166,9 @@ _ENTRIES = (
     ),
 )
 
-catalogue: Registry[Entry] = Registry("MODELS", {entry.name: entry for entry in _ENTRIES})
-"""Every model by its name; see `Entry`."""
+catalogue: Registry[CatalogueEntry] = Registry("MODELS", {entry.name: entry for entry in _ENTRIES})
+"""Every model by its name; see `CatalogueEntry`."""
 
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
-__all__ += ["PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "Entry", "catalogue"]
+__all__ += ["PAPER_DURATION", "PAPER_STEP", "TABLE_1", "TABLE_2", "CatalogueEntry", "catalogue"]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Entry:
+class CatalogueEntry:
     """A model with its default parameters and its default initial state.
 
     `make` and `start` take what `parameters` and `initial` name; other names raise ArgumentError. Nothing of the model

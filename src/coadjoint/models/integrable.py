@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from coadjoint.models.entry import TURNING, UP, Entry
+from coadjoint.models.entry import TURNING, UP, CatalogueEntry
 
 _PLACED = {"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), **TURNING}
 
 INTEGRABLE = (
-    Entry(
+    CatalogueEntry(
         "lagrange_top",
         "Lagrange's top, symmetric about the axis that holds its mass centre: axial momentum is conserved.",
         "coadjoint.models.integrable_tops:lagrange",
@@ -17,7 +17,7 @@ INTEGRABLE = (
         dt=0.002,
         duration=20.0,
     ),
-    Entry(
+    CatalogueEntry(
         "kovalevskaya_top",
         "Kovalevskaya's top, J = diag(2C, 2C, C), mass centre in the equator: a fourth integral of degree 4.",
         "coadjoint.models.integrable_tops:kovalevskaya",
@@ -27,7 +27,7 @@ INTEGRABLE = (
         dt=0.005,
         duration=100.0,
     ),
-    Entry(
+    CatalogueEntry(
         "goryachev_chaplygin_top",
         "The top of Goryachev and Chaplygin, J = diag(4C, 4C, C): integrable where the vertical momentum is zero.",
         "coadjoint.models.integrable_tops:goryachev_chaplygin",
@@ -38,7 +38,7 @@ INTEGRABLE = (
         dt=0.005,
         duration=100.0,
     ),
-    Entry(
+    CatalogueEntry(
         "rigid_body_with_rotor",
         "A free rigid body turning about its middle axis, which a fast rotor on that axis makes stable.",
         "coadjoint.models.rotor:make",
@@ -48,7 +48,7 @@ INTEGRABLE = (
         dt=0.02,
         duration=100.0,
     ),
-    Entry(
+    CatalogueEntry(
         "spherical_pendulum",
         "A spherical pendulum on the curved space S².",
         "coadjoint.models.spherical_pendulum:make",
@@ -58,7 +58,7 @@ INTEGRABLE = (
         dt=0.01,
         duration=50.0,
     ),
-    Entry(
+    CatalogueEntry(
         "clebsch_body",
         "A body in an ideal fluid on SE(3), Kirchhoff's equations with Clebsch's fourth integral.",
         "coadjoint.models.kirchhoff:clebsch",

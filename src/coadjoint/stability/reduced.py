@@ -29,7 +29,7 @@ IGNORABLE = 1e-9
 """A slope up to this fraction of the largest counts as zero."""
 
 
-class Slopes(NamedTuple):
+class ReducedSlopes(NamedTuple):
     """y = (μ, n, π, a), its rate Y, and their derivatives by the chart z = (δξ, δn, δν, η)."""
 
     y: np.ndarray
@@ -94,7 +94,7 @@ class Reduced:
         mu, _, pi, _ = jnp.split(self.phase(state)[0], np.cumsum(self.sizes[:3]))
         return state.replace(mu=mu, pi=pi)
 
-    def slopes(self, state: State) -> Slopes:
+    def slopes(self, state: State) -> ReducedSlopes:
         """y, Y and their derivatives by z at a state."""
         (y, rate), (y_z, rate_z) = self._tabulated(state)
         if not all(np.all(np.isfinite(part)) for part in (rate, y_z, rate_z)):
@@ -102,7 +102,7 @@ class Reduced:
                 "The equations of motion, or their derivatives, are not finite at the motion: look for a division by "
                 "zero or the root of zero in the Lagrangian and the forces."
             )
-        return Slopes(y, rate, y_z, rate_z)
+        return ReducedSlopes(y, rate, y_z, rate_z)
 
     @cached_property
     def scales(self) -> Scales:

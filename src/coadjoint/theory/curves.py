@@ -45,7 +45,7 @@ NODES: dict[type, tuple[tuple[float, float], ...]] = {
 """Places c_i and weights w_i of the rules of one velocity."""
 
 
-class Place(NamedTuple):
+class NodePlace(NamedTuple):
     """A node: its weight, its frame X = g_k⁻¹g, its position x = X·n seen from node k, and what ℓ sees there."""
 
     weight: float
@@ -59,7 +59,7 @@ class Curve(NamedTuple):
 
     F: Element
     d: Array
-    places: list[Place]
+    places: list[NodePlace]
     value: Array
 
 
@@ -95,7 +95,7 @@ def trial(system: System, step: Any, h: Array, record: State) -> Trial:
     )
 
 
-def _action(system: System, record: State, h: Array, places: list[Place]) -> Array:
+def _action(system: System, record: State, h: Array, places: list[NodePlace]) -> Array:
     """h Σ w ℓ."""
 
     def at(point: Point) -> Array:
@@ -104,12 +104,14 @@ def _action(system: System, record: State, h: Array, places: list[Place]) -> Arr
     return h * sum((place.weight * at(place.point) for place in places), jnp.zeros(()))
 
 
-def _place(system: System, weight: float, frame: Element, xi: Array, x: Array, v: Array, a: Array, t: Array) -> Place:
+def _place(
+    system: System, weight: float, frame: Element, xi: Array, x: Array, v: Array, a: Array, t: Array
+) -> NodePlace:
     """A node in the frame X: (ξ, X⁻¹x, X⁻¹v, X⁻¹a) at t."""
     group, Q, V = system.places
     back = group.inverse(frame)
     point = Point(xi, Q.act(group, back, x), Q.push(group, back, x, v), V.act(group, back, a), t)
-    return Place(weight, frame, x, point)
+    return NodePlace(weight, frame, x, point)
 
 
 def _chord(system: System, step: Any, h: Array, record: State) -> Array:

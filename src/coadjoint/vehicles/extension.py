@@ -5,11 +5,11 @@ Read by `coadjoint.extensions`; nothing is imported before it is used.
 
 from __future__ import annotations
 
-from coadjoint.models.entry import MOVING, Entry
+from coadjoint.models.entry import MOVING, CatalogueEntry
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
 
 _ENTRIES = (
-    Entry(
+    CatalogueEntry(
         "remus_100",
         "REMUS 100 with hull drag, fins and propeller in a current, under way at a fixed number of revolutions.",
         "coadjoint.vehicles.remus:open_loop",
@@ -32,7 +32,7 @@ _ENTRIES = (
         dt=0.05,
         duration=100.0,
     ),
-    Entry(
+    CatalogueEntry(
         "kirchhoff_ellipsoid",
         "A neutrally buoyant ellipsoid in an ideal fluid, with Lamb's added mass.",
         "coadjoint.vehicles.hydrodynamics.ellipsoids:ellipsoid",

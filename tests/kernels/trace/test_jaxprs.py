@@ -135,7 +135,7 @@ class Scanning(LeftRectangle):
 
 def renamed(monkeypatch, primitive, old, new):
     """A JAX in which a parameter of a primitive has another name; `old` None adds one."""
-    made = jaxprs.Parameters.__init__
+    made = jaxprs.EquationParameters.__init__
 
     def init(self, name, given):
         given = dict(given)
@@ -143,7 +143,7 @@ def renamed(monkeypatch, primitive, old, new):
             given[new] = given.pop(old) if old else "something"
         made(self, name, given)
 
-    monkeypatch.setattr(jaxprs.Parameters, "__init__", init)
+    monkeypatch.setattr(jaxprs.EquationParameters, "__init__", init)
 
 
 @pytest.mark.parametrize("old", ["length", "reverse", None])

@@ -12,10 +12,10 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
-from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import backward, forward
-from coadjoint.kernels.expressions.expression import Graph, Node, substitute
+from coadjoint.kernels.expressions.expression import Expr, Graph, substitute
 from coadjoint.kernels.newton.increments import Increment, linear_solve
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -23,36 +23,36 @@ NAME = "adjoint"
 
 
 @dataclass(frozen=True)
-class Adjoint:
+class StepAdjoint:
     """Expressions of the adjoint of a step.
 
     `tape` are the symbols that the forward run records at every step: the state, and the unknowns of each stage.
     `systems` give the multipliers λ of the stages, last first, with the symbols that stand for them.
     """
 
-    plan: Plan
-    tape: list[Node]
-    record_bar: list[Node]
-    after_bar: list[Node]
-    systems: list[tuple[Increment, list[Node]]]
-    parameters_bar: list[Node]
-    h_bar: Node
-    state_bar: list[Node]
+    plan: StepPlan
+    tape: list[Expr]
+    record_bar: list[Expr]
+    after_bar: list[Expr]
+    systems: list[tuple[Increment, list[Expr]]]
+    parameters_bar: list[Expr]
+    h_bar: Expr
+    state_bar: list[Expr]
 
 
-def tape(plan: Plan) -> list[Node]:
+def tape(plan: StepPlan) -> list[Expr]:
     """What the adjoint needs of every step."""
     return [*plan.state, *(node for stage in plan.stages for node in stage.solution)]
 
 
-def adjoint(plan: Plan) -> Adjoint:
+def adjoint(plan: StepPlan) -> StepAdjoint:
     """The adjoint of a step whose parameters are all symbols; raises Untraceable where a stage may fail."""
     if any(stage.sound is not None for stage in plan.stages):
         raise Untraceable("advance", "a stage that may fail has no derivative in native code")
     graph = plan.graph
     record_bar = [graph.symbol(f"r{i}'") for i in range(len(plan.record))]
     after_bar = [graph.symbol(f"a{i}'") for i in range(len(plan.state))]
-    roots: dict[Node, Node] = {}
+    roots: dict[Expr, Expr] = {}
     _add(graph, roots, plan.record, record_bar)
     _add(graph, roots, plan.stages[-1].after, after_bar)
     systems = []
@@ -67,15 +67,15 @@ def adjoint(plan: Plan) -> Adjoint:
         _add(graph, roots, residual, multipliers)
     bars = backward(graph, roots, [*plan.parameters, plan.h, *plan.state])
     count = len(plan.parameters)
-    return Adjoint(plan, tape(plan), record_bar, after_bar, systems, bars[:count], bars[count], bars[count + 1 :])
+    return StepAdjoint(plan, tape(plan), record_bar, after_bar, systems, bars[:count], bars[count], bars[count + 1 :])
 
 
-def _add(graph: Graph, roots: dict[Node, Node], nodes: list[Node], bars: list[Node]) -> None:
+def _add(graph: Graph, roots: dict[Expr, Expr], nodes: list[Expr], bars: list[Expr]) -> None:
     for node, bar in zip(nodes, bars, strict=True):
         roots[node] = graph.add(roots[node], bar) if node in roots else bar
 
 
-def assemble(adjoint: Adjoint) -> str:
+def assemble(adjoint: StepAdjoint) -> str:
     """LLVM assembly of the adjoint of `steps` steps, backwards over a tape:
 
         void adjoint(parameters, h, tape, steps, record_bars, parameters_bar, h_bar, state_bar)
@@ -93,7 +93,7 @@ def assemble(adjoint: Adjoint) -> str:
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, 1)
 
-    def load(nodes: list[Node], place: ir.Value, start: Any) -> None:
+    def load(nodes: list[Expr], place: ir.Value, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(b.gep(place, [b.add(start, WHOLE(i))])))
 
@@ -118,7 +118,7 @@ def assemble(adjoint: Adjoint) -> str:
     return str(module)
 
 
-def _write(adjoint: Adjoint, emit: Emitter, places: tuple[ir.Value, ir.Value, ir.Value]) -> None:
+def _write(adjoint: StepAdjoint, emit: Emitter, places: tuple[ir.Value, ir.Value, ir.Value]) -> None:
     """Solve for the multipliers and put the cotangents where they belong."""
     b = emit.builder
     for increment, multipliers in adjoint.systems:
@@ -135,11 +135,11 @@ def _write(adjoint: Adjoint, emit: Emitter, places: tuple[ir.Value, ir.Value, ir
         b.store(value, b.gep(state_bar, [WHOLE(i)]))
 
 
-def _roots(adjoint: Adjoint) -> list[Node]:
+def _roots(adjoint: StepAdjoint) -> list[Expr]:
     solved = [node for increment, _ in adjoint.systems for node in (*increment.delta, increment.safe)]
     return [*solved, *adjoint.parameters_bar, adjoint.h_bar, *adjoint.state_bar]
 
 
-def _varying(adjoint: Adjoint) -> set[Node]:
+def _varying(adjoint: StepAdjoint) -> set[Expr]:
     multipliers = [node for _, symbols in adjoint.systems for node in symbols]
     return {*adjoint.tape, *adjoint.record_bar, *adjoint.after_bar, *multipliers}

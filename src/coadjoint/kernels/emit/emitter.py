@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 
-from coadjoint.kernels.expressions.expression import Node, reachable
+from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.untraceable import Untraceable
 
 DOUBLE = ir.DoubleType()
@@ -54,10 +54,10 @@ class Emitter:
         self.number = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
         self.counter = WHOLE if width == 1 else ir.VectorType(WHOLE, width)
-        self._exact: set[Node] | None = None
-        self._scopes: list[dict[Node, Any]] = [{}]
+        self._exact: set[Expr] | None = None
+        self._scopes: list[dict[Expr, Any]] = [{}]
 
-    def keep_exact(self, nodes: Iterable[Node]) -> None:
+    def keep_exact(self, nodes: Iterable[Expr]) -> None:
         """Say which expressions are results; all others may have their sums reordered."""
         self._exact = set(nodes)
 
@@ -70,7 +70,7 @@ class Emitter:
         finally:
             self._scopes.pop()
 
-    def bind(self, node: Node, value: Any) -> None:
+    def bind(self, node: Expr, value: Any) -> None:
         """The value of a symbol in this scope."""
         self._scopes[-1][node] = value
 
@@ -98,16 +98,16 @@ class Emitter:
         bits = self.builder.bitcast(mask, ir.IntType(self.width))
         return self.builder.icmp_unsigned("!=", bits, ir.IntType(self.width)(0))
 
-    def values(self, roots: Iterable[Node]) -> list[Any]:
+    def values(self, roots: Iterable[Expr]) -> list[Any]:
         """The values of the roots, with everything they need that is not there yet."""
         roots = list(roots)
         for node in self._missing(roots):
             self._scopes[-1][node] = self._instruction(node)
         return [self._known(root) for root in roots]
 
-    def _missing(self, roots: list[Node]) -> list[Node]:
+    def _missing(self, roots: list[Expr]) -> list[Expr]:
         """Nodes without a value, arguments first."""
-        found: dict[int, Node] = {}
+        found: dict[int, Expr] = {}
         stack = [root for root in roots if self._known(root) is None]
         while stack:
             node = stack.pop()
@@ -116,14 +116,14 @@ class Emitter:
                 stack.extend(a for a in node.args if self._known(a) is None)
         return [found[number] for number in sorted(found)]
 
-    def _known(self, node: Node) -> Any:
+    def _known(self, node: Expr) -> Any:
         for scope in reversed(self._scopes):
             value = scope.get(node)
             if value is not None:
                 return value
         return None
 
-    def _instruction(self, node: Node) -> Any:
+    def _instruction(self, node: Expr) -> Any:
         op, builder = node.op, self.builder
         if op == "const":
             return self.bit(node.value) if isinstance(node.value, bool) else self.constant(node.value)  # pyright: ignore
@@ -183,14 +183,14 @@ class Emitter:
         return function
 
 
-def outer(roots: Iterable[Node], inner: set[Node]) -> list[Node]:
+def outer(roots: Iterable[Expr], inner: set[Expr]) -> list[Expr]:
     """What a section uses from before it: nodes that do not depend on `inner` symbols but whose users do.
 
     Roots that do not depend on them count as used.
     """
     roots = list(roots)
-    dependent: set[Node] = set(inner)
-    used: dict[Node, None] = {}
+    dependent: set[Expr] = set(inner)
+    used: dict[Expr, None] = {}
     for node in reachable(roots):
         if any(a in dependent for a in node.args):
             dependent.add(node)

@@ -10,7 +10,7 @@ from typing import Any
 from coadjoint.kernels.emit.emitter import WHOLE, Emitter, outer
 from coadjoint.kernels.emit.plan import StagePlan
 from coadjoint.kernels.emit.solving import increment_values
-from coadjoint.kernels.expressions.expression import Node
+from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.newton.increments import Increment
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
 
@@ -175,7 +175,7 @@ class StageLoop:
         code = b.select(finite(emit, z), code, counts(Code.NOT_FINITE))
         return Outcome(sound, iterations, code)
 
-    def _tolerated(self, symbol: Node, z: list[Any], settled: Any, iterations: Any) -> Outcome:
+    def _tolerated(self, symbol: Expr, z: list[Any], settled: Any, iterations: Any) -> Outcome:
         """A stage that may fail says whether it did, and the step goes on."""
         b, emit = self.b, self.emit
         (chart,) = emit.values([self.stage.chart])

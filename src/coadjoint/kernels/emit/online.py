@@ -22,9 +22,9 @@ from llvmlite.ir.instructions import LoadInstr
 from coadjoint.kernels.emit.emitter import WHOLE
 from coadjoint.kernels.emit.lanes import LaneEmitter
 from coadjoint.kernels.emit.newton_loop import finite
-from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.stepping import POINTER, StepFunction
-from coadjoint.kernels.expressions.expression import Node
+from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.program import Told
 from coadjoint.kernels.trace.tracer import Tracer, flat
 
@@ -33,22 +33,22 @@ CONTEXT = ("parameters", "parameter_stride", "h", "state", "status", "commands",
 """What `context` points to: addresses, and how many numbers lie between the parameters of two groups, 0 if shared."""
 
 
-class Observed(NamedTuple):
+class Observing(NamedTuple):
     """What is observed of a state: symbols of parameters and state, and the expressions of the observations."""
 
-    parameters: list[Node]
-    state: list[Node]
-    values: list[Node]
+    parameters: list[Expr]
+    state: list[Expr]
+    values: list[Expr]
 
 
-def observed(function: Callable[[Any, Any], tuple[Any, ...]], parameters: Any, state: Any) -> Observed:
+def observed(function: Callable[[Any, Any], tuple[Any, ...]], parameters: Any, state: Any) -> Observing:
     """Trace function(parameters, state) → arrays. Untraceable names what the language lacks."""
     tracer = Tracer()
     p, s = tracer.symbols("p", parameters), tracer.symbols("s", state)
-    return Observed(flat(p), flat(s), flat(tracer.trace(function, p, s)))
+    return Observing(flat(p), flat(s), flat(tracer.trace(function, p, s)))
 
 
-def assemble(plan: Plan, watched: Observed, commanded: Sequence[int], width: int) -> str:
+def assemble(plan: StepPlan, watched: Observing, commanded: Sequence[int], width: int) -> str:
     """The module as LLVM assembly; `commanded` are the numbers of the state that the commands set, in their order."""
     return str(_Online(plan, watched, commanded, width).module)
 
@@ -58,7 +58,7 @@ class _Online(StepFunction):
 
     emitter = LaneEmitter
 
-    def __init__(self, plan: Plan, watched: Observed, commanded: Sequence[int], width: int) -> None:
+    def __init__(self, plan: StepPlan, watched: Observing, commanded: Sequence[int], width: int) -> None:
         self.commanded = list(commanded)
         super().__init__(plan, width)
         self.step = self.module.globals["step"]
@@ -95,7 +95,7 @@ class _Online(StepFunction):
 
     # Around it.
 
-    def _observe_function(self, watched: Observed) -> ir.Function:
+    def _observe_function(self, watched: Observing) -> ir.Function:
         """int64 observe(parameters, state, observations): the observations of a group, whether all are finite."""
         kind = ir.FunctionType(WHOLE, [POINTER, POINTER, POINTER])
         function = ir.Function(self.module, kind, name="observe")

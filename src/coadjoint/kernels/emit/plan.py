@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.kernels.expressions.expression import Graph, Node
+from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
 from coadjoint.kernels.program import Program, Stage
 from coadjoint.kernels.trace.symbolic import nodes
@@ -28,16 +28,16 @@ class StagePlan:
     unknowns of one kind each. `sound` is the symbol of a tolerant stage's success, None for others.
     """
 
-    h: Node
+    h: Expr
     blocks: list[range]
-    guess: list[Node]
-    residual: list[Node]
-    unknowns: list[Node]
+    guess: list[Expr]
+    residual: list[Expr]
+    unknowns: list[Expr]
     scheme: Scheme
-    solution: list[Node]
-    chart: Node
-    sound: Node | None
-    after: list[Node]
+    solution: list[Expr]
+    chart: Expr
+    sound: Expr | None
+    after: list[Expr]
 
     def increments(self) -> Iterator[Increment]:
         """The written-out first iteration and the loop, where there are any."""
@@ -52,14 +52,14 @@ class Inner:
     """
 
     fractions: tuple[float, ...]
-    h: Node
-    state: list[Node]
-    start: list[Node]
-    after: list[Node]
+    h: Expr
+    state: list[Expr]
+    start: list[Expr]
+    after: list[Expr]
 
 
 @dataclass(frozen=True)
-class Plan:
+class StepPlan:
     """A step: symbols of its arguments, its stages, and what is observed.
 
     With `inner`, the stages are those of one substep, and record and monitors belong to the first substep.
@@ -67,17 +67,17 @@ class Plan:
     """
 
     graph: Graph
-    parameters: list[Node]
-    h: Node
-    state: list[Node]
+    parameters: list[Expr]
+    h: Expr
+    state: list[Expr]
     inner: Inner | None
     stages: list[StagePlan]
-    record: list[Node]
+    record: list[Expr]
     record_tree: Any
-    monitors: list[Node]
+    monitors: list[Expr]
     monitor_shapes: dict[str, tuple[int, ...]]
-    certificates: dict[str, Node]
-    stop: Node | None
+    certificates: dict[str, Expr]
+    stop: Expr | None
 
 
 def specialised(values: Iterable[float]) -> tuple[int, ...]:
@@ -87,7 +87,7 @@ def specialised(values: Iterable[float]) -> tuple[int, ...]:
 
 def plan(
     program: Program, parameters: Any, state: Any, pattern: tuple[int, ...], observed: bool, unrolled: bool = False
-) -> Plan:
+) -> StepPlan:
     """Trace a program. `parameters` and `state` give shapes; `pattern` is that of `specialised`.
 
     `unrolled`: substeps are written out, stage after stage, rather than run in a loop.
@@ -105,7 +105,7 @@ def plan(
     changing = [*flat(opening), whole[()]] if looped else flat(s)
     current = opening
     stages: list[StagePlan] = []
-    certificates: dict[str, Node] = {}
+    certificates: dict[str, Expr] = {}
     first = None
     for number, (stage, fraction) in enumerate(parts):
         step = whole if fraction == 1.0 else np.asarray(graph.mul(whole[()], graph.constant(fraction)))
@@ -126,7 +126,7 @@ def plan(
         current = tracer.symbols("e", state)
         inner = Inner(program.substeps, whole[()], flat(opening), flat(prepared), flat(current))
     monitors: Mapping[str, Any] = tracer.trace(program.monitors, p, first, h) if observed else {}
-    return Plan(
+    return StepPlan(
         graph=graph,
         parameters=flat(tracer.symbols("p", parameters)),
         h=h[()],
@@ -143,7 +143,7 @@ def plan(
 
 
 def _stage(
-    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, changing: list[Node]
+    tracer: Tracer, stage: Stage, number: int, p: Any, state: Any, h: np.ndarray, changing: list[Expr]
 ) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
     """What a `StagePlan` holds before `advance`, and what `advance` is given: z and `sound`."""
     graph = tracer.graph

@@ -14,16 +14,16 @@ from llvmlite import ir
 
 from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
 from coadjoint.kernels.emit.newton_loop import StageLoop, finite
-from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.substeps import Done, substeps
-from coadjoint.kernels.expressions.expression import Node, reachable
+from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.program import Code
 
 NAME = "step"
 POINTER = DOUBLE.as_pointer()
 
 
-def assemble(plan: Plan, width: int = 1) -> str:
+def assemble(plan: StepPlan, width: int = 1) -> str:
     """The module as LLVM assembly."""
     return str(StepFunction(plan, width).module)
 
@@ -33,7 +33,7 @@ class StepFunction:
 
     emitter = Emitter
 
-    def __init__(self, plan: Plan, width: int) -> None:
+    def __init__(self, plan: StepPlan, width: int) -> None:
         self.plan, self.width = plan, width
         self.module = ir.Module(name="coadjoint")
         whole = WHOLE.as_pointer()
@@ -119,7 +119,7 @@ class StepFunction:
         """Number `number` of the state at the node where a step begins."""
         return self.builder.load(self.state[number])
 
-    def _results(self) -> list[Node]:
+    def _results(self) -> list[Expr]:
         """What must be computed as it is written, the residuals among them."""
         plan = self.plan
         roots = [*plan.record, *plan.monitors, *plan.certificates.values(), *([] if plan.stop is None else [plan.stop])]
@@ -130,14 +130,14 @@ class StepFunction:
                 roots += increment.right
         return roots
 
-    def _roots(self) -> list[Node]:
+    def _roots(self) -> list[Expr]:
         roots = self._results()
         for stage in self.plan.stages:
             for increment in stage.increments():
                 roots += [*increment.delta, increment.safe]
         return roots
 
-    def _varying(self) -> set[Node]:
+    def _varying(self) -> set[Expr]:
         symbols, inner = set(self.plan.state), self.plan.inner
         if inner is not None:
             symbols.update(inner.state, inner.after, [inner.h])

@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import ir
 
 from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
-from coadjoint.kernels.emit.plan import Inner, Plan
+from coadjoint.kernels.emit.plan import Inner, StepPlan
 
 
 @dataclass
@@ -30,7 +30,7 @@ class Done:
 
 
 def substeps(
-    emit: Emitter, plan: Plan, inner: Inner, kept: list[Any], stages: Callable[[Any], Done], idle: Any
+    emit: Emitter, plan: StepPlan, inner: Inner, kept: list[Any], stages: Callable[[Any], Done], idle: Any
 ) -> Done:
     """The stages over every substep; record and monitors are those of the first one, put into the variables `kept`."""
     b = emit.builder

@@ -15,10 +15,10 @@ from llvmlite import ir
 
 from coadjoint.kernels.emit.adjoint import tape
 from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter, outer
-from coadjoint.kernels.emit.plan import Plan
+from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.solving import increment_values
 from coadjoint.kernels.expressions.differentiation import directional, forward
-from coadjoint.kernels.expressions.expression import Node, substitute
+from coadjoint.kernels.expressions.expression import Expr, substitute
 from coadjoint.kernels.newton.increments import Increment, linear_solve
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -26,22 +26,22 @@ NAME = "tangent"
 
 
 @dataclass(frozen=True)
-class Tangent:
+class StepTangent:
     """Expressions of the tangent of a step along one direction.
 
     `systems` give δz of the stages, in their order, with the symbols that stand for it.
     """
 
-    plan: Plan
-    tape: list[Node]
-    parameters_dot: list[Node]
-    state_dot: list[Node]
-    systems: list[tuple[Increment, list[Node]]]
-    record_dot: list[Node]
-    after_dot: list[Node]
+    plan: StepPlan
+    tape: list[Expr]
+    parameters_dot: list[Expr]
+    state_dot: list[Expr]
+    systems: list[tuple[Increment, list[Expr]]]
+    record_dot: list[Expr]
+    after_dot: list[Expr]
 
 
-def tangent(plan: Plan, active: Sequence[int]) -> Tangent:
+def tangent(plan: StepPlan, active: Sequence[int]) -> StepTangent:
     """The tangent of a step along the parameters numbered `active`, which must be symbols, and along the state."""
     if any(stage.sound is not None for stage in plan.stages):
         raise Untraceable("advance", "a stage that may fail has no derivative in native code")
@@ -63,10 +63,10 @@ def tangent(plan: Plan, active: Sequence[int]) -> Tangent:
         changing.update(symbols)
     record_dot = directional(graph, plan.record, along)
     after_dot = directional(graph, plan.stages[-1].after, along)
-    return Tangent(plan, tape(plan), parameters_dot, state_dot, systems, record_dot, after_dot)
+    return StepTangent(plan, tape(plan), parameters_dot, state_dot, systems, record_dot, after_dot)
 
 
-def assemble(tangent: Tangent, width: int) -> str:
+def assemble(tangent: StepTangent, width: int) -> str:
     """LLVM assembly of the tangents of `steps` steps along `columns` directions, over a tape:
 
         void tangent(parameters, h, tape, steps, parameters_dot, columns, state_dot, record_dot)
@@ -88,7 +88,7 @@ def assemble(tangent: Tangent, width: int) -> str:
     def place(array: Any, index: Any) -> ir.Value:
         return b.gep(b.bitcast(array, emit.number.as_pointer()), [index])
 
-    def load(nodes: list[Node], array: Any, start: Any) -> None:
+    def load(nodes: list[Expr], array: Any, start: Any) -> None:
         for i, node in enumerate(nodes):
             emit.bind(node, b.load(place(array, b.add(start, WHOLE(i))), align=8))
 
@@ -135,13 +135,13 @@ def _loop(b: ir.IRBuilder, count: ir.Value, emit: Emitter, body: Any) -> None:
     b.position_at_end(end)
 
 
-def _roots(tangent: Tangent) -> list[Node]:
+def _roots(tangent: StepTangent) -> list[Expr]:
     roots = [*tangent.record_dot, *tangent.after_dot]
     for increment, _ in tangent.systems:
         roots += [*increment.delta, increment.safe, *increment.right, *(x for row in increment.jacobian for x in row)]
     return roots
 
 
-def _directions(tangent: Tangent) -> set[Node]:
+def _directions(tangent: StepTangent) -> set[Expr]:
     symbols = [node for _, symbols in tangent.systems for node in symbols]
     return {*tangent.parameters_dot, *tangent.state_dot, *symbols}

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from coadjoint.kernels.expressions.expression import TRUTH, Graph, Node, reachable
+from coadjoint.kernels.expressions.expression import TRUTH, Expr, Graph, reachable
 from coadjoint.kernels.untraceable import Untraceable
 
-Partial = Callable[[Graph, Node], Sequence[Node]]
+Partial = Callable[[Graph, Expr], Sequence[Expr]]
 
 
 def _reciprocal_of_root(sign: float) -> Partial:
     """1/√(1 + sign·x²), the derivative of asin (−1) and asinh (+1)."""
 
-    def rule(g: Graph, n: Node) -> Sequence[Node]:
+    def rule(g: Graph, n: Expr) -> Sequence[Expr]:
         square = g.mul(n.args[0], n.args[0])
         inner = g.add(g.one, square) if sign > 0 else g.sub(g.one, square)
         return (g.div(g.one, g.apply("sqrt", inner)),)
@@ -22,14 +22,14 @@ def _reciprocal_of_root(sign: float) -> Partial:
     return rule
 
 
-def _pow(g: Graph, n: Node) -> Sequence[Node]:
+def _pow(g: Graph, n: Expr) -> Sequence[Expr]:
     a, b = n.args
     by_base = g.mul(b, g.apply("pow", a, g.sub(b, g.one)))
     by_exponent = g.zero if b.op == "const" else g.mul(n, g.apply("log", a))
     return by_base, by_exponent
 
 
-def _atan2(g: Graph, n: Node) -> Sequence[Node]:
+def _atan2(g: Graph, n: Expr) -> Sequence[Expr]:
     y, x = n.args
     square = g.add(g.mul(x, x), g.mul(y, y))
     return g.div(x, square), g.neg(g.div(y, square))
@@ -38,7 +38,7 @@ def _atan2(g: Graph, n: Node) -> Sequence[Node]:
 def _extremum(op: str) -> Partial:
     """The share of each argument; at a tie each takes half, as in JAX."""
 
-    def rule(g: Graph, n: Node) -> Sequence[Node]:
+    def rule(g: Graph, n: Expr) -> Sequence[Expr]:
         a, b = n.args
         half = g.constant(0.5)
         first = g.select(g.apply("eq", a, b), half, g.select(g.apply(op, a, b), g.one, g.zero))
@@ -47,26 +47,26 @@ def _extremum(op: str) -> Partial:
     return rule
 
 
-def _rem(g: Graph, n: Node) -> Sequence[Node]:
+def _rem(g: Graph, n: Expr) -> Sequence[Expr]:
     a, b = n.args
     return g.one, g.neg(g.apply("truncate", g.div(a, b)))
 
 
-def _sign_of(g: Graph, n: Node) -> Sequence[Node]:
+def _sign_of(g: Graph, n: Expr) -> Sequence[Expr]:
     return (g.apply("sign", n.args[0]),)
 
 
 def _gauss(factor: float) -> Partial:
     scale = factor * 2.0 / math.sqrt(math.pi)
 
-    def rule(g: Graph, n: Node) -> Sequence[Node]:
+    def rule(g: Graph, n: Expr) -> Sequence[Expr]:
         x = n.args[0]
         return (g.mul(g.constant(scale), g.apply("exp", g.neg(g.mul(x, x)))),)
 
     return rule
 
 
-def _unary(rule: Callable[[Graph, Node, Node], Node]) -> Partial:
+def _unary(rule: Callable[[Graph, Expr, Expr], Expr]) -> Partial:
     """From (graph, argument, value) to the derivative."""
     return lambda g, n: (rule(g, n.args[0], n),)
 
@@ -114,25 +114,25 @@ PARTIALS: dict[str, Partial] = {
 """The partial derivatives of a node by its arguments; `select` and truth values are treated where they occur."""
 
 
-def _partials(graph: Graph, node: Node) -> Sequence[Node]:
+def _partials(graph: Graph, node: Expr) -> Sequence[Expr]:
     rule = PARTIALS.get(node.op)
     if rule is None:
         raise Untraceable(node.op, "it has no derivative here")
     return rule(graph, node)
 
 
-def forward(graph: Graph, roots: Sequence[Node], by: Sequence[Node]) -> list[dict[int, Node]]:
+def forward(graph: Graph, roots: Sequence[Expr], by: Sequence[Expr]) -> list[dict[int, Expr]]:
     """For each root its derivatives by the symbols `by`, {index in by: derivative}; what is absent is zero."""
     return _pushed(graph, roots, {symbol: {i: graph.one} for i, symbol in enumerate(by)})
 
 
-def directional(graph: Graph, roots: Sequence[Node], along: Mapping[Node, Node]) -> list[Node]:
+def directional(graph: Graph, roots: Sequence[Expr], along: Mapping[Expr, Expr]) -> list[Expr]:
     """For each root its derivative along one direction: `along` maps symbols to their tangents."""
     found = _pushed(graph, roots, {symbol: {0: tangent} for symbol, tangent in along.items()})
     return [row.get(0, graph.zero) for row in found]
 
 
-def _pushed(graph: Graph, roots: Sequence[Node], tangents: dict[Node, dict[int, Node]]) -> list[dict[int, Node]]:
+def _pushed(graph: Graph, roots: Sequence[Expr], tangents: dict[Expr, dict[int, Expr]]) -> list[dict[int, Expr]]:
     """The sparse tangents of the roots from those of the symbols, to which all others on the way are added."""
     for node in reachable(roots):
         inner = [tangents.get(a) for a in node.args]
@@ -145,14 +145,14 @@ def _pushed(graph: Graph, roots: Sequence[Node], tangents: dict[Node, dict[int, 
     return [{i: d for i, d in tangents.get(root, {}).items() if d is not graph.zero} for root in roots]
 
 
-def _tangent(graph: Graph, node: Node, inner: list[dict[int, Node] | None]) -> dict[int, Node]:
+def _tangent(graph: Graph, node: Expr, inner: list[dict[int, Expr] | None]) -> dict[int, Expr]:
     if node.op == "div":
         # (ȧ − (a/b) ḃ)/b has one division where ȧ/b − ḃ (a/b)/b would have two.
         top, bottom = inner[0] or {}, inner[1] or {}
         keys = {**top, **bottom}
         over = {i: graph.sub(top.get(i, graph.zero), graph.mul(node, bottom.get(i, graph.zero))) for i in keys}
         return {i: graph.div(d, node.args[1]) for i, d in over.items()}
-    total: dict[int, Node] = {}
+    total: dict[int, Expr] = {}
     for partial, tangent in zip(_partials(graph, node), inner, strict=True):
         for i, d in (tangent or {}).items():
             term = graph.mul(partial, d)
@@ -160,12 +160,12 @@ def _tangent(graph: Graph, node: Node, inner: list[dict[int, Node] | None]) -> d
     return total
 
 
-def _select_tangent(graph: Graph, node: Node, yes: dict[int, Node], no: dict[int, Node]) -> dict[int, Node]:
+def _select_tangent(graph: Graph, node: Expr, yes: dict[int, Expr], no: dict[int, Expr]) -> dict[int, Expr]:
     zero = graph.zero
     return {i: graph.select(node.args[0], yes.get(i, zero), no.get(i, zero)) for i in {**yes, **no}}
 
 
-def backward(graph: Graph, roots: Mapping[Node, Node], by: Sequence[Node]) -> list[Node]:
+def backward(graph: Graph, roots: Mapping[Expr, Expr], by: Sequence[Expr]) -> list[Expr]:
     """Σ cotangent·∂root/∂symbol for every symbol of `by`; `roots` maps each root to its cotangent."""
     wanted = set(by)
     order = reachable(roots)
@@ -173,9 +173,9 @@ def backward(graph: Graph, roots: Mapping[Node, Node], by: Sequence[Node]) -> li
     for node in order:
         if any(a in active for a in node.args):
             active.add(node)
-    bars: dict[Node, Node] = dict(roots)
+    bars: dict[Expr, Expr] = dict(roots)
 
-    def send(to: Node, bar: Node) -> None:
+    def send(to: Expr, bar: Expr) -> None:
         if to in active and bar is not graph.zero:
             bars[to] = graph.add(bars[to], bar) if to in bars else bar
 

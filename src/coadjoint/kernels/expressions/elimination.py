@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from coadjoint.kernels.expressions.expression import Graph, Node
+from coadjoint.kernels.expressions.expression import Expr, Graph
 
-Matrix = list[list[Node]]
+Matrix = list[list[Expr]]
 
 MAX_SIZE = 12
 """A larger coupled system, with its pivoting, would be mostly selections; it goes to XLA instead."""
 
 
-def dot(graph: Graph, xs: Sequence[Node], ys: Sequence[Node]) -> Node:
+def dot(graph: Graph, xs: Sequence[Expr], ys: Sequence[Expr]) -> Expr:
     """Σ x·y, left to right."""
     total = graph.zero
     for x, y in zip(xs, ys, strict=True):
@@ -32,7 +32,7 @@ def cofactors(graph: Graph, a: Matrix) -> Matrix:
     if n == 2:
         return [[a[1][1], graph.neg(a[1][0])], [graph.neg(a[0][1]), a[0][0]]]
 
-    def minor(i: int, j: int) -> Node:
+    def minor(i: int, j: int) -> Expr:
         (r, s), (c, d) = ((i + 1) % 3, (i + 2) % 3), ((j + 1) % 3, (j + 2) % 3)
         return graph.sub(graph.mul(a[r][c], a[s][d]), graph.mul(a[r][d], a[s][c]))
 
@@ -47,14 +47,14 @@ def inverse(graph: Graph, a: Matrix) -> Matrix:
     return [[graph.mul(adjugate[j][i], over) for j in n] for i in n]
 
 
-def _solve_closed(graph: Graph, a: Matrix, right: list[Node]) -> list[Node]:
+def _solve_closed(graph: Graph, a: Matrix, right: list[Expr]) -> list[Expr]:
     adjugate = cofactors(graph, a)
     over = graph.div(graph.one, dot(graph, a[0], adjugate[0]))
     n = range(len(a))
     return [graph.mul(dot(graph, [adjugate[j][i] for j in n], right), over) for i in n]
 
 
-def _swap_up(graph: Graph, rows: Matrix, k: int, i: int) -> Node:
+def _swap_up(graph: Graph, rows: Matrix, k: int, i: int) -> Expr:
     """Exchanges rows k and i where |rows[i][k]| is larger; returns the condition."""
     pivot, other = rows[k][k], rows[i][k]
     if other is graph.zero:
@@ -68,7 +68,7 @@ def _swap_up(graph: Graph, rows: Matrix, k: int, i: int) -> Node:
     return swap
 
 
-def _eliminate(graph: Graph, rows: Matrix, n: int) -> Node:
+def _eliminate(graph: Graph, rows: Matrix, n: int) -> Expr:
     """Upper triangular form of the first n columns with the largest pivots; returns the sign of the exchanges."""
     sign = graph.one
     for k in range(n):
@@ -86,7 +86,7 @@ def _eliminate(graph: Graph, rows: Matrix, n: int) -> Node:
     return sign
 
 
-def solve(graph: Graph, a: Matrix, right: Sequence[Sequence[Node]]) -> list[list[Node]]:
+def solve(graph: Graph, a: Matrix, right: Sequence[Sequence[Expr]]) -> list[list[Expr]]:
     """x with a x = b for every b of `right`; a singular system gives infinities or NaN, as division does."""
     if len(a) <= 3:
         return [_solve_closed(graph, a, list(b)) for b in right]
@@ -95,7 +95,7 @@ def solve(graph: Graph, a: Matrix, right: Sequence[Sequence[Node]]) -> list[list
     _eliminate(graph, rows, n)
     solutions = []
     for column in range(n, n + len(right)):
-        x: list[Node] = [graph.zero] * n
+        x: list[Expr] = [graph.zero] * n
         for i in reversed(range(n)):
             known = dot(graph, rows[i][i + 1 : n], x[i + 1 :])
             x[i] = graph.div(graph.sub(rows[i][column], known), rows[i][i])
@@ -103,7 +103,7 @@ def solve(graph: Graph, a: Matrix, right: Sequence[Sequence[Node]]) -> list[list
     return solutions
 
 
-def determinant(graph: Graph, a: Matrix) -> Node:
+def determinant(graph: Graph, a: Matrix) -> Expr:
     """The determinant."""
     if len(a) <= 3:
         return dot(graph, a[0], cofactors(graph, a)[0])
@@ -114,7 +114,7 @@ def determinant(graph: Graph, a: Matrix) -> Node:
     return result
 
 
-def factors(graph: Graph, a: Matrix) -> tuple[Matrix, list[Node], list[Node]]:
+def factors(graph: Graph, a: Matrix) -> tuple[Matrix, list[Expr], list[Expr]]:
     """L below the diagonal and U above it, the row taken as each pivot, and the order of the rows: a[order] = L U.
 
     As LAPACK does it: a column without a pivot is left as it is.
@@ -157,10 +157,10 @@ def cholesky(graph: Graph, a: Matrix) -> Matrix:
     return lower
 
 
-def triangular(graph: Graph, a: Matrix, b: list[Node], lower: bool, unit: bool) -> list[Node]:
+def triangular(graph: Graph, a: Matrix, b: list[Expr], lower: bool, unit: bool) -> list[Expr]:
     """x with a x = b for a triangular a."""
     n = len(a)
-    x: list[Node] = [graph.zero] * n
+    x: list[Expr] = [graph.zero] * n
     for i in range(n) if lower else reversed(range(n)):
         done = range(i) if lower else range(i + 1, n)
         rest = graph.sub(b[i], dot(graph, [a[i][j] for j in done], [x[j] for j in done]))

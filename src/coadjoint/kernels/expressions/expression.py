@@ -24,12 +24,12 @@ TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite
 """Operations whose results are true or false."""
 
 
-class Node:
+class Expr:
     """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth."""
 
     __slots__ = ("args", "number", "op", "value")
 
-    def __init__(self, op: str, args: tuple[Node, ...], value: float | bool | str | None, number: int) -> None:
+    def __init__(self, op: str, args: tuple[Expr, ...], value: float | bool | str | None, number: int) -> None:
         self.op = op
         self.args = args
         self.value = value
@@ -57,43 +57,43 @@ class Graph:
     """All expressions of one program; the methods build nodes."""
 
     def __init__(self) -> None:
-        self._table: dict[tuple, Node] = {}
+        self._table: dict[tuple, Expr] = {}
         self._count = 0
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
         self.true = self.constant(True)
         self.false = self.constant(False)
 
-    def _node(self, op: str, args: tuple[Node, ...] = (), value: float | bool | str | None = None) -> Node:
+    def _node(self, op: str, args: tuple[Expr, ...] = (), value: float | bool | str | None = None) -> Expr:
         key = (op, value, type(value), *args)
         node = self._table.get(key)
         if node is None:
             if self._count > MAX_NODES:
                 raise TooLarge(MAX_NODES)
-            node = self._table[key] = Node(op, args, value, self._count)
+            node = self._table[key] = Expr(op, args, value, self._count)
             self._count += 1
         return node
 
-    def constant(self, value: float | bool) -> Node:
+    def constant(self, value: float | bool) -> Expr:
         """A number or a truth value."""
         if isinstance(value, (bool, np.bool_)):
             return self._node("const", (), bool(value))
         number = float(value)
         return self._node("const", (), math.nan if number != number else number + 0.0)
 
-    def symbol(self, name: str) -> Node:
+    def symbol(self, name: str) -> Expr:
         """An unknown, by its name."""
         return self._node("symbol", (), name)
 
-    def unknown(self) -> Node:
+    def unknown(self) -> Expr:
         """A symbol that is no other symbol."""
         return self._node("symbol", (), f"unknown {self._count}")
 
-    def placeholder(self, primitive: str) -> Node:
+    def placeholder(self, primitive: str) -> Expr:
         """Stands for a result of `primitive` that has no expression; using its value is an error."""
         return self._node("placeholder", (), primitive)
 
-    def apply(self, op: str, *args: Node) -> Node:
+    def apply(self, op: str, *args: Expr) -> Expr:
         """The operation `op` of operations.UNARY and operations.BINARY, "div" or "select", simplified."""
         special = getattr(self, f"_{op}", None)
         if special is not None:
@@ -102,12 +102,12 @@ class Graph:
             return self._fold(op, *args)
         return self._node(op, args)
 
-    def _fold(self, op: str, *args: Node) -> Node:
+    def _fold(self, op: str, *args: Expr) -> Expr:
         function = (UNARY if len(args) == 1 else BINARY)[op]
         with np.errstate(all="ignore"):
             return self.constant(function(*(a.value for a in args)))
 
-    def neg(self, a: Node) -> Node:
+    def neg(self, a: Expr) -> Expr:
         if a.op == "const":
             return self.constant(-a.value)  # pyright: ignore[reportOperatorIssue, reportOptionalOperand]
         if a.op == "neg":
@@ -116,7 +116,7 @@ class Graph:
             return self._node("sub", (a.args[1], a.args[0]))
         return self._node("neg", (a,))
 
-    def add(self, a: Node, b: Node) -> Node:
+    def add(self, a: Expr, b: Expr) -> Expr:
         if a.op == "const" and b.op == "const":
             return self._fold("add", a, b)
         if a.is_constant(0.0):
@@ -129,7 +129,7 @@ class Graph:
             return self.sub(b, a.args[0])
         return self._node("add", (a, b) if a.number < b.number else (b, a))
 
-    def sub(self, a: Node, b: Node) -> Node:
+    def sub(self, a: Expr, b: Expr) -> Expr:
         if a.op == "const" and b.op == "const":
             return self._fold("sub", a, b)
         if b.is_constant(0.0):
@@ -144,7 +144,7 @@ class Graph:
             return self.neg(self.add(a.args[0], b))
         return self._node("sub", (a, b))
 
-    def mul(self, a: Node, b: Node) -> Node:
+    def mul(self, a: Expr, b: Expr) -> Expr:
         if a.op == "const" and b.op == "const":
             return self._fold("mul", a, b)
         if a.op == "const":
@@ -162,7 +162,7 @@ class Graph:
             return self.neg(self.mul(a, b.args[0]))
         return self._node("mul", (a, b) if a.number < b.number else (b, a))
 
-    def div(self, a: Node, b: Node) -> Node:
+    def div(self, a: Expr, b: Expr) -> Expr:
         """a/b; by a variable it is a·(1/b), so that a shared or constant denominator is divided by once."""
         if b.op == "const" and b.value != 0.0:
             value = float(b.value)  # pyright: ignore[reportArgumentType]
@@ -180,7 +180,7 @@ class Graph:
             return self.neg(self.div(a, b.args[0]))
         return self.mul(a, self._node("div", (self.one, b)))
 
-    def select(self, condition: Node, yes: Node, no: Node) -> Node:
+    def select(self, condition: Expr, yes: Expr, no: Expr) -> Expr:
         """`yes` where the condition holds, else `no`."""
         if condition.op == "const":
             return yes if condition.value else no
@@ -196,7 +196,7 @@ class Graph:
 
     _neg, _add, _sub, _mul, _div, _select = neg, add, sub, mul, div, select
 
-    def power(self, a: Node, exponent: int) -> Node:
+    def power(self, a: Expr, exponent: int) -> Expr:
         """a to an integer power, by repeated squaring."""
         if exponent < 0:
             return self.div(self.one, self.power(a, -exponent))
@@ -209,32 +209,32 @@ class Graph:
                 square = self.mul(square, square)
         return result
 
-    def _pow(self, a: Node, b: Node) -> Node:
+    def _pow(self, a: Expr, b: Expr) -> Expr:
         if a.op == "const" and b.op == "const":
             return self._fold("pow", a, b)
         if b.op == "const" and float(b.value).is_integer() and abs(b.value) <= 64:  # pyright: ignore
             return self.power(a, int(b.value))  # pyright: ignore[reportArgumentType]
         return self.apply("sqrt", a) if b.is_constant(0.5) else self._node("pow", (a, b))
 
-    def _gt(self, a: Node, b: Node) -> Node:
+    def _gt(self, a: Expr, b: Expr) -> Expr:
         return self._compare("lt", b, a)
 
-    def _ge(self, a: Node, b: Node) -> Node:
+    def _ge(self, a: Expr, b: Expr) -> Expr:
         return self._compare("le", b, a)
 
-    def _lt(self, a: Node, b: Node) -> Node:
+    def _lt(self, a: Expr, b: Expr) -> Expr:
         return self._compare("lt", a, b)
 
-    def _le(self, a: Node, b: Node) -> Node:
+    def _le(self, a: Expr, b: Expr) -> Expr:
         return self._compare("le", a, b)
 
-    def _eq(self, a: Node, b: Node) -> Node:
+    def _eq(self, a: Expr, b: Expr) -> Expr:
         return self._compare("eq", a, b)
 
-    def _ne(self, a: Node, b: Node) -> Node:
+    def _ne(self, a: Expr, b: Expr) -> Expr:
         return self._compare("ne", a, b)
 
-    def _compare(self, op: str, a: Node, b: Node) -> Node:
+    def _compare(self, op: str, a: Expr, b: Expr) -> Expr:
         """A comparison; one with a truth value written as a number is that truth value again."""
         if a.op == "const" and b.op == "const":
             return self._fold(op, a, b)
@@ -246,51 +246,51 @@ class Graph:
                 return self.select(x.args[0], *cases)
         return self._node(op, (a, b))
 
-    def _compare_truth(self, op: str, a: Node, b: Node) -> Node:
+    def _compare_truth(self, op: str, a: Expr, b: Expr) -> Expr:
         """False is less than True."""
         if op in ("eq", "ne"):
             differ = self.apply("xor", a, b)
             return differ if op == "ne" else self._not(differ)
         return self._and(self._not(a), b) if op == "lt" else self._or(self._not(a), b)
 
-    def _and(self, a: Node, b: Node) -> Node:
+    def _and(self, a: Expr, b: Expr) -> Expr:
         for x, y in ((a, b), (b, a)):
             if x.op == "const":
                 return y if x.value else self.false
         return a if a is b else self._node("and", (a, b))
 
-    def _or(self, a: Node, b: Node) -> Node:
+    def _or(self, a: Expr, b: Expr) -> Expr:
         for x, y in ((a, b), (b, a)):
             if x.op == "const":
                 return self.true if x.value else y
         return a if a is b else self._node("or", (a, b))
 
-    def _not(self, a: Node) -> Node:
+    def _not(self, a: Expr) -> Expr:
         if a.op == "const":
             return self.false if a.value else self.true
         return a.args[0] if a.op == "not" else self._node("not", (a,))
 
-    def _abs(self, a: Node) -> Node:
+    def _abs(self, a: Expr) -> Expr:
         if a.op == "const":
             return self._fold("abs", a)
         if a.op == "neg":
             return self._abs(a.args[0])
         return a if a.op == "abs" else self._node("abs", (a,))
 
-    def _cos(self, a: Node) -> Node:
+    def _cos(self, a: Expr) -> Expr:
         if a.op == "const":
             return self._fold("cos", a)
         return self._node("cos", (a.args[0] if a.op == "neg" else a,))
 
-    def _sin(self, a: Node) -> Node:
+    def _sin(self, a: Expr) -> Expr:
         if a.op == "const":
             return self._fold("sin", a)
         return self.neg(self._sin(a.args[0])) if a.op == "neg" else self._node("sin", (a,))
 
 
-def reachable(roots: Iterable[Node]) -> list[Node]:
+def reachable(roots: Iterable[Expr]) -> list[Expr]:
     """Every node that the roots use, arguments before their users."""
-    seen: dict[int, Node] = {}
+    seen: dict[int, Expr] = {}
     stack = list(roots)
     while stack:
         node = stack.pop()
@@ -300,10 +300,10 @@ def reachable(roots: Iterable[Node]) -> list[Node]:
     return [seen[number] for number in sorted(seen)]
 
 
-def substitute(graph: Graph, roots: Iterable[Node], mapping: Mapping[Node, Node]) -> list[Node]:
+def substitute(graph: Graph, roots: Iterable[Expr], mapping: Mapping[Expr, Expr]) -> list[Expr]:
     """The roots with symbols replaced, simplified anew."""
     roots = list(roots)
-    new: dict[Node, Node] = dict(mapping)
+    new: dict[Expr, Expr] = dict(mapping)
     for node in reachable(roots):
         if node in new:
             continue

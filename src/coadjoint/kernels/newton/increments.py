@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.differentiation import forward
 from coadjoint.kernels.expressions.elimination import Matrix, dot
-from coadjoint.kernels.expressions.expression import Graph, Node, reachable, substitute
+from coadjoint.kernels.expressions.expression import Expr, Graph, reachable, substitute
 from coadjoint.kernels.newton.structure import blocks, matching
 
 CANCELLATION = 1e-4
@@ -19,10 +19,10 @@ CANCELLATION = 1e-4
 class Increment:
     """δ (n,) and the system J δ = −r (n, n), (n,) it solves; where `safe` fails, solve that with pivots."""
 
-    delta: list[Node]
-    safe: Node
+    delta: list[Expr]
+    safe: Expr
     jacobian: Matrix
-    right: list[Node]
+    right: list[Expr]
 
     @property
     def always_safe(self) -> bool:
@@ -41,13 +41,17 @@ class Scheme:
     """
 
     first: Increment | None
-    settled: dict[int, Node]
+    settled: dict[int, Expr]
     looped: list[int]
     loop: Increment | None
 
 
 def scheme(
-    graph: Graph, unknowns: Sequence[Node], guess: Sequence[Node], residual: Sequence[Node], state: Sequence[Node]
+    graph: Graph,
+    unknowns: Sequence[Expr],
+    guess: Sequence[Expr],
+    residual: Sequence[Expr],
+    state: Sequence[Expr],
 ) -> Scheme:
     """Arrange Newton for residual(unknowns) = 0 from `guess`; what depends on `state` changes at every step."""
     changing = {*unknowns, *state}
@@ -80,7 +84,7 @@ def scheme(
     return Scheme(first, settled, looped, loop)
 
 
-def _affine(parts: list[list[int]], rows: list[dict[int, Node]], unknowns: Sequence[Node]) -> set[int]:
+def _affine(parts: list[list[int]], rows: list[dict[int, Expr]], unknowns: Sequence[Expr]) -> set[int]:
     """Unknowns whose rows have constant derivatives and hold only such unknowns."""
     variable = set(unknowns)
     found: set[int] = set()
@@ -92,7 +96,7 @@ def _affine(parts: list[list[int]], rows: list[dict[int, Node]], unknowns: Seque
     return found
 
 
-def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node], changing: set[Node]) -> Increment:
+def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Expr], changing: set[Expr]) -> Increment:
     """δ with matrix δ = −right, in the order that its zeros allow."""
     rows = [[j for j, x in enumerate(row) if x is not graph.zero] for row in matrix]
     order = matching(rows)
@@ -103,9 +107,9 @@ def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Node], changing: 
 
 
 def _increment(
-    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Node], changing: set[Node]
+    graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Expr], changing: set[Expr]
 ) -> Increment:
-    delta: list[Node] = [graph.zero] * len(residual)
+    delta: list[Expr] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]
     safe = graph.true
     solved: list[int] = []
@@ -120,7 +124,7 @@ def _increment(
     return Increment(delta, safe, jacobian, right)
 
 
-def _solve(graph: Graph, a: Matrix, b: list[Node], changing: set[Node]) -> tuple[list[Node], Node]:
+def _solve(graph: Graph, a: Matrix, b: list[Expr], changing: set[Expr]) -> tuple[list[Expr], Expr]:
     """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
     n = len(a)
     if n <= 3:
@@ -133,7 +137,7 @@ def _solve(graph: Graph, a: Matrix, b: list[Node], changing: set[Node]) -> tuple
     return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
 
 
-def _pivots(graph: Graph, a: Matrix, changing: set[Node]) -> list[int]:
+def _pivots(graph: Graph, a: Matrix, changing: set[Expr]) -> list[int]:
     """Unknowns to eliminate first: a block that never changes, such as a mass matrix, is inverted once in a run."""
     dependent = set(changing)
     for node in reachable(x for row in a for x in row):
@@ -147,7 +151,7 @@ def _pivots(graph: Graph, a: Matrix, changing: set[Node]) -> list[int]:
     return chosen or list(range(2 if len(a) == 4 else 3))
 
 
-def _eliminate(graph: Graph, a: Matrix, b: list[Node], k: int, changing: set[Node]) -> tuple[list[Node], Node]:
+def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: set[Expr]) -> tuple[list[Expr], Expr]:
     """Solve with the leading k×k block as pivot."""
     n = len(a)
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
@@ -163,7 +167,7 @@ def _eliminate(graph: Graph, a: Matrix, b: list[Node], k: int, changing: set[Nod
     return [*head, *tail], graph.apply("and", sound, _sound(graph, corner))
 
 
-def _sound(graph: Graph, a: Matrix) -> Node:
+def _sound(graph: Graph, a: Matrix) -> Expr:
     """Whether the determinant keeps its digits; the test does not depend on how rows and columns are scaled."""
     signed = elimination.determinant(graph, a)
     sizes = [[graph.apply("abs", x) for x in row] for row in a]
@@ -171,7 +175,7 @@ def _sound(graph: Graph, a: Matrix) -> Node:
     return graph.apply("lt", graph.mul(graph.constant(CANCELLATION), bound), graph.apply("abs", signed))
 
 
-def _permanent(graph: Graph, a: Matrix) -> Node:
+def _permanent(graph: Graph, a: Matrix) -> Expr:
     if len(a) == 1:
         return a[0][0]
     minors = [_permanent(graph, [row[:j] + row[j + 1 :] for row in a[1:]]) for j in range(len(a))]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.kernels.chunk import Chunk
-from coadjoint.kernels.emit.plan import Plan, plan, specialised
+from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
 from coadjoint.kernels.packing import Layout, layout, pack
 from coadjoint.kernels.program import Code, Program
@@ -78,7 +78,7 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
     return made
 
 
-def load(planned: Plan, width: int) -> Kernel:
+def load(planned: StepPlan, width: int) -> Kernel:
     """The kernel of a plan; `record` is a layout of the plan's record, or a row of numbers if that was replaced."""
     code = machine(assemble(planned, width))
     return Kernel(
@@ -90,7 +90,7 @@ def load(planned: Plan, width: int) -> Kernel:
     )
 
 
-def _record_layout(planned: Plan) -> Layout:
+def _record_layout(planned: StepPlan) -> Layout:
     shaped = layout(planned.record_tree)
     if shaped.size == len(planned.record):
         return shaped

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jax import lax
 
-from coadjoint.kernels.expressions.expression import Graph, Node, reachable
+from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.trace.movement import MOVEMENT, arranged, scatters
 from coadjoint.kernels.untraceable import Untraceable
@@ -44,13 +44,13 @@ def indexing_rules(graph: Graph, lift: Callable[[Array], Array]) -> dict[str, Ru
     return {"dynamic_slice": dynamic_slice, "gather": gather, "scatter-add": scatter_add}
 
 
-def _entry(graph: Graph, index: Array) -> Node:
+def _entry(graph: Graph, index: Array) -> Expr:
     """An index as an expression."""
     value = index[()]
-    return value if isinstance(value, Node) else graph.constant(float(value))
+    return value if isinstance(value, Expr) else graph.constant(float(value))
 
 
-def window(graph: Graph, x: Array, starts: Sequence[Node], sizes: Sequence[int]) -> Array:
+def window(graph: Graph, x: Array, starts: Sequence[Expr], sizes: Sequence[int]) -> Array:
     """x[start : start + size] along every axis, the starts moved inside as XLA does."""
     for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
         last = x.shape[axis] - size
@@ -86,7 +86,7 @@ def _require_few(primitive: str, operand: Array, lead: tuple[int, ...]) -> None:
 
 def _starts(
     graph: Graph, indices: Array, position: tuple[int, ...], rank: int, into: Sequence[int], batching: tuple
-) -> list[Node]:
+) -> list[Expr]:
     """Where the window of one row of indices begins, along each axis."""
     starts = [graph.zero] * rank
     for column, axis in enumerate(into):
@@ -98,7 +98,7 @@ def _starts(
 
 def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: Array) -> Array:
     """Each window of the updates is added wherever it may belong, times one where it does and zero elsewhere."""
-    if any(node.op == "placeholder" for node in reachable([n for n in indices.reshape(-1) if isinstance(n, Node)])):
+    if any(node.op == "placeholder" for node in reachable([n for n in indices.reshape(-1) if isinstance(n, Expr)])):
         raise Untraceable("lu", "its factors are used outside a linear solve, for more than 3 unknowns")
     d, lead = p.fields("dimension_numbers"), indices.shape[:-1]
     _require_few("scatter-add", operand, lead)
@@ -127,7 +127,7 @@ def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: 
     return out
 
 
-def _filled(graph: Graph, p: Any, found: Array, starts: Sequence[Node], last: Sequence[int]) -> Array:
+def _filled(graph: Graph, p: Any, found: Array, starts: Sequence[Expr], last: Sequence[int]) -> Array:
     """A window outside its array is filled, by NaN unless JAX says otherwise."""
     inside = graph.true
     for start, end in zip(starts, last, strict=True):

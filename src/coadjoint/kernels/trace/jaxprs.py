@@ -119,7 +119,7 @@ def type_name(atom: Atom) -> str:
     return atom.aval.str_short()
 
 
-class Parameters(dict[str, Any]):
+class EquationParameters(dict[str, Any]):
     """The parameters of an equation; one that is missing is reported as a difference of versions."""
 
     def __init__(self, primitive: str, given: Mapping[str, Any]):
@@ -159,7 +159,7 @@ class Equation:
 
     def __init__(self, equation: Any):
         self.name: str = equation.primitive.name
-        self.parameters = Parameters(self.name, equation.params)
+        self.parameters = EquationParameters(self.name, equation.params)
         self.inputs: Sequence[Atom] = equation.invars
         self.outputs: Sequence[Atom] = equation.outvars
         self.several: bool = equation.primitive.multiple_results

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.kernels.expressions import elimination
 from coadjoint.kernels.expressions.differentiation import forward
-from coadjoint.kernels.expressions.expression import Graph, Node
+from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.trace.indexing import indexing_rules
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
@@ -27,12 +27,12 @@ def lift(graph: Graph, array: Array) -> Array:
     return np.asarray(each(graph.constant, array))
 
 
-def each(function: Callable[..., Node], *arrays: Any) -> Any:
+def each(function: Callable[..., Expr], *arrays: Any) -> Any:
     """`function` of every element; arrays of one element may come back bare."""
     return np.frompyfunc(function, len(arrays), 1)(*arrays)
 
 
-def nodes(items: Iterable[Node], shape: tuple[int, ...]) -> Array:
+def nodes(items: Iterable[Expr], shape: tuple[int, ...]) -> Array:
     """An array of expressions from their list."""
     items = list(items)
     out = np.empty(len(items), object)
@@ -43,11 +43,11 @@ def nodes(items: Iterable[Node], shape: tuple[int, ...]) -> Array:
 def expression_rules(graph: Graph) -> dict[str, Rule]:
     """The rules that build expressions in `graph`."""
 
-    def elementwise(function: Callable[..., Node], count: int) -> Rule:
+    def elementwise(function: Callable[..., Expr], count: int) -> Rule:
         over_arrays = np.frompyfunc(function, count, 1)
         return lambda p, *xs: over_arrays(*(lift(graph, x) for x in xs))
 
-    def named(name: str) -> Callable[..., Node]:
+    def named(name: str) -> Callable[..., Expr]:
         return lambda *args: graph.apply(name, *args)
 
     unary = {name: elementwise(named(name), 1) for name in UNARY}
@@ -77,11 +77,11 @@ def _lifted(graph: Graph, rule: Rule, whole: bool = False) -> Rule:
     return lifted
 
 
-def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rule]) -> dict[str, Rule]:
-    def clamp(low: Node, x: Node, high: Node) -> Node:
+def _derived(graph: Graph, elementwise: Callable[[Callable[..., Expr], int], Rule]) -> dict[str, Rule]:
+    def clamp(low: Expr, x: Expr, high: Expr) -> Expr:
         return graph.apply("min", graph.apply("max", x, low), high)
 
-    def logistic(x: Node) -> Node:
+    def logistic(x: Expr) -> Expr:
         return graph.div(graph.one, graph.add(graph.one, graph.apply("exp", graph.neg(x))))
 
     def convert(p: Any, x: Array) -> Array:
@@ -125,12 +125,12 @@ def _derived(graph: Graph, elementwise: Callable[[Callable[..., Node], int], Rul
     }
 
 
-def _truth(graph: Graph, node: Node) -> Node:
+def _truth(graph: Graph, node: Expr) -> Expr:
     """A condition from a truth value or from a number that is zero or not."""
     return node if node.is_truth else graph.apply("ne", node, graph.zero)
 
 
-def _converted(graph: Graph, node: Node, kind: str) -> Node:
+def _converted(graph: Graph, node: Expr, kind: str) -> Expr:
     """Integers that depend on values are whole float64 numbers here."""
     if kind == "b":
         return _truth(graph, node)
@@ -146,7 +146,7 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         count = math.prod(x.shape[axis] for axis in axes)
         return x.transpose([*kept, *axes]).reshape(math.prod(shape), count), shape
 
-    def reduction(function: Callable[[Node, Node], Node], start: Node) -> Rule:
+    def reduction(function: Callable[[Expr, Expr], Expr], start: Expr) -> Rule:
         def rule(p: Any, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
             return nodes((reduce(function, row) if row.size else start for row in rows), shape)
@@ -160,7 +160,7 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
 
         return rule
 
-    def cumulative(function: Callable[[Node, Node], Node]) -> Rule:
+    def cumulative(function: Callable[[Expr, Expr], Expr]) -> Rule:
         def rule(p: Any, x: Array) -> Array:
             line = np.moveaxis(x, p["axis"], 0).copy()
             order = range(len(line) - 2, -1, -1) if p["reverse"] else range(1, len(line))
@@ -171,7 +171,7 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
 
         return rule
 
-    def named(name: str) -> Callable[[Node, Node], Node]:
+    def named(name: str) -> Callable[[Expr, Expr], Expr]:
         return lambda a, b: graph.apply(name, a, b)
 
     return {
@@ -190,7 +190,7 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
     }
 
 
-def _arg(graph: Graph, op: str, row: list[Node]) -> Node:
+def _arg(graph: Graph, op: str, row: list[Expr]) -> Expr:
     """The index of the first extreme element, as a number."""
     best, index = row[0], graph.zero
     for i, x in enumerate(row[1:], start=1):
@@ -208,7 +208,7 @@ def _linear(graph: Graph) -> dict[str, Rule]:
     def solve(operator: Callable[[list[Array]], list[Array]], right: list[Array]) -> list[Array]:
         return _solve_operator(graph, operator, right)
 
-    def stacked(function: Callable[[list[list[Node]]], Any], rank: int) -> Rule:
+    def stacked(function: Callable[[list[list[Expr]]], Any], rank: int) -> Rule:
         def rule(p: Any, a: Array) -> Array:
             matrices = a.reshape(-1, *a.shape[-2:])
             flat = [x for matrix in matrices for x in np.ravel(np.asarray(function(matrix.tolist()), object))]
@@ -264,7 +264,7 @@ def _solve_operator(graph: Graph, operator: Callable[[list[Array]], list[Array]]
     images = [node for image in operator(placed) for node in lift(graph, image).reshape(-1)]
     rows = forward(graph, images, unknowns)
     groups = elimination.parts(len(flat), lambda i: list(rows[i]))
-    solution: list[Node] = [graph.zero] * len(flat)
+    solution: list[Expr] = [graph.zero] * len(flat)
     by_matrix: dict[tuple, list[list[int]]] = {}
     for group in groups:
         if len(group) > elimination.MAX_SIZE:

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.kernels.expressions.expression import Graph, Node
+from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.interpreter import Interpreter
@@ -63,6 +63,6 @@ class Tracer:
         return self._jaxprs[key]
 
 
-def flat(tree: Any) -> list[Node]:
+def flat(tree: Any) -> list[Expr]:
     """Every expression of a PyTree of arrays of expressions, in order."""
     return [node for leaf in jax.tree_util.tree_leaves(tree) for node in np.asarray(leaf).reshape(-1)]

@@ -15,7 +15,7 @@ TIME = "time"
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvFile:
     """The columns of a CSV file in SI units and rad, by their names without the unit."""
 
     path: str
@@ -23,7 +23,7 @@ class Table:
     columns: dict[str, np.ndarray]
 
 
-def read_csv(path: str | os.PathLike[str]) -> Table:
+def read_csv(path: str | os.PathLike[str]) -> CsvFile:
     """The table in a CSV file: a line of column names that end in their units, `time_s` among them, then numbers.
 
     Raises FileError with file, line and column for what is no number, is missing, or comes twice, and for times that
@@ -48,4 +48,4 @@ def read_csv(path: str | os.PathLike[str]) -> Table:
     if len(late := np.flatnonzero(np.diff(time) <= 0)):
         row = int(late[0]) + 1
         raise sheet.refuse(row, at, f"times must grow, but {time[row]:g} s comes after {time[row - 1]:g} s.")
-    return Table(str(path), time, columns)
+    return CsvFile(str(path), time, columns)

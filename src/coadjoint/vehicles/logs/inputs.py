@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.signals import Held, Linear
-from coadjoint.vehicles.logs.csv_file import Table, read_csv
+from coadjoint.vehicles.logs.csv_file import CsvFile, read_csv
 
 MOST_ROWS = 1000
 """The most rows of an input: every row costs a selection at every node, and code that must be compiled."""
@@ -44,7 +44,7 @@ def inputs_from_csv(
     return {name: _signal(table, name, values, between, every) for name, values in chosen.items()}
 
 
-def _gathered(table: Table) -> dict[str, np.ndarray]:
+def _gathered(table: CsvFile) -> dict[str, np.ndarray]:
     """The columns, those of the components of one thing put together."""
     found: dict[str, Any] = {}
     for name, values in table.columns.items():
@@ -56,7 +56,7 @@ def _gathered(table: Table) -> dict[str, np.ndarray]:
     return {name: _stacked(table, name, part) if isinstance(part, dict) else part for name, part in found.items()}
 
 
-def _stacked(table: Table, name: str, parts: dict[int, np.ndarray]) -> np.ndarray:
+def _stacked(table: CsvFile, name: str, parts: dict[int, np.ndarray]) -> np.ndarray:
     if sorted(parts) != list(range(1, len(parts) + 1)):
         raise ArgumentError(
             f"The components of `{name}` in {table.path} must be numbered from 1, but are {sorted(parts)}."
@@ -72,14 +72,14 @@ def _default(whole: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return whole
 
 
-def _column(table: Table, whole: dict[str, np.ndarray], name: str) -> np.ndarray:
+def _column(table: CsvFile, whole: dict[str, np.ndarray], name: str) -> np.ndarray:
     for column in (f"set_{name}", f"command_{name}", name):
         if column in whole:
             return whole[column]
     raise ArgumentError(f"The file {table.path} has no column of `{name}`: it has {', '.join(whole)}.")
 
 
-def _signal(table: Table, name: str, values: np.ndarray, between: str, every: float) -> Any:
+def _signal(table: CsvFile, name: str, values: np.ndarray, between: str, every: float) -> Any:
     kept = _kept(table.time, values, between, every)
     if len(kept) > MOST_ROWS:
         raise ArgumentError(
