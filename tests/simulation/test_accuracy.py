@@ -89,13 +89,20 @@ def exact_errors(run):
             case
             for case in RESOLVED
             if not case.name.startswith(
-                ("at rest", "body that does not", "stiff drag", "slow spring", "body, 0.2 rad a step, v")
+                (
+                    "at rest",
+                    "body that does not",
+                    "stiff drag",
+                    "stiff spring",
+                    "slow spring",
+                    "body, 0.2 rad a step, v",
+                )
             )
         ]
     ),
 )
 def test_the_local_error_is_that_against_a_step_of_h_64(case):
-    """Within a factor of 3 at 95 % of the steps judged, down to round-off."""
+    """Within a factor of 3 at 95 % of the steps judged, down to round-off; stiff modes, hω ≫ 1, have no order there."""
     found, exact = exact_errors(case.simulate())
     well = (found < 3 * exact + 1e-12) & (exact < 3 * found + 1e-12)
     assert np.mean(well) >= 0.95
