@@ -24,7 +24,7 @@ class Layout(NamedTuple):
 
     def unpack(self, numbers: np.ndarray) -> Any:
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
-        return jax.tree.map(np.copy, self.views(numbers))
+        return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))
 
     def views(self, numbers: np.ndarray) -> Any:
         """The same as views into the numbers: for long rows that are copied later anyway."""
