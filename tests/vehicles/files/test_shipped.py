@@ -142,3 +142,43 @@ def test_gliders_are_in_balance_with_what_moves_in_them() -> None:
         vehicle = vehicles.load(name)
         assert loads(vehicle).mass == pytest.approx(mass)
         assert loads(vehicle).volume * vehicle.fluid_density == pytest.approx(mass, rel=1e-12)
+
+
+def _planar(name: str, delta: float):
+    """(v, r) ↦ (Y, N) at 1.5 m/s ahead with the rudder at `delta`, and the masses of sway and yaw."""
+    from coadjoint.kernels.trace.evaluate import tabulate
+    from coadjoint.vehicles.trim.under_way import Level
+
+    level = Level(vehicles.load(name))
+    names = [part.name for part in level.vehicle.commanded]
+    commands = np.array([delta if found == "rudder" else 0.0 for found in names])
+    push = tabulate(level.push, np.zeros(6), commands)
+    rows = [1, 5]
+    return lambda x: np.asarray(push(np.array([1.5, x[0], 0, 0, 0, x[1]]), commands))[rows], level.mass[
+        np.ix_(rows, rows)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "growth", "turn"),
+    [("remus_100_prestero", 0.995, 10.38), ("remus_100_sgarioto", 0.995, 10.38), ("remus_100", -0.194, 10.69)],
+)
+def test_sets_of_remus_turn_and_grow_as_the_page_says(name: str, growth: float, turn: float) -> None:
+    """The whole sets are unstable in sway and yaw; only the composed one, with larger fins further aft, is not."""
+    from scipy.optimize import fsolve
+
+    ahead, M = _planar(name, 0.0)
+    h = 1e-6
+    slope = np.array([(ahead(e) - ahead(-e)) / (2 * h) for e in h * np.eye(2)]).T
+    assert np.max(np.linalg.eigvals(np.linalg.solve(M, slope)).real) == pytest.approx(growth, abs=2e-3)
+    steered, _ = _planar(name, np.radians(5.0))
+    rate = fsolve(steered, [-0.08, 0.18], xtol=1e-12)[1]
+    assert np.degrees(rate) == pytest.approx(turn, abs=0.03)
+
+
+def test_the_rudder_of_prestero_has_the_slopes_of_his_code() -> None:
+    rudder = vehicles.load("remus_100_prestero").part("rudder").coefficients
+    assert rudder == {"Y_uu_rudder": -9.64, "N_uu_rudder": 6.15}
+    fin = vehicles.load("remus_100").part("rudder")
+    slope = 0.5 * 1026 * float(fin.area) * float(fin.lift_slope)
+    assert slope / 9.64 == pytest.approx(2.21, abs=0.01) and 0.8 * slope / 6.15 == pytest.approx(2.77, abs=0.01)
