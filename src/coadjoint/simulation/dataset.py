@@ -16,7 +16,7 @@ from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.card import accuracy_numbers
-from coadjoint.simulation.monitors import WATCHED
+from coadjoint.simulation.monitors import watched
 from coadjoint.simulation.step_sizes import times
 from coadjoint.spaces import Space
 
@@ -35,10 +35,12 @@ _MEANINGS = {
     "mu": "μ = ∂ℓ/∂ξ, body frame",
     "pi": "π = ∂ℓ/∂ν, body frame",
     "euler_angles": "yaw, pitch, roll (ZYX)",
-    **{one.name: one.meaning for one in WATCHED},
 }
 
-_AXES = {one.name: one.axis for one in WATCHED}
+
+def _told() -> dict[str, str]:
+    """What each variable means."""
+    return _MEANINGS | {one.name: one.meaning for one in watched()}
 
 
 def reserved(system: System) -> set[str]:
@@ -46,7 +48,7 @@ def reserved(system: System) -> set[str]:
     group, Q, V = system.places
     parts = [Q.components(group, name) for name in ("n", "nu", "pi", "q", "qdot")] + [V.components(group, "a")]
     always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
-    return always.union(_MEANINGS, *parts)
+    return always.union(_told(), *parts)
 
 
 Variables = dict[str, tuple[tuple[str, ...], Any]]
@@ -142,8 +144,9 @@ def variables(
     found.update(reported(system, records))
     if rotation is not None:
         found["euler_angles"] = (("time", "angle"), np.stack(attitude.zyx_angles(rotation), axis=-1))
+    axes = {one.name: one.axis for one in watched()}
     for name, values in monitors.items():
-        found[name] = (("time", _AXES.get(name, "quantity"))[: values.ndim], values)
+        found[name] = (("time", axes.get(name, "quantity"))[: values.ndim], values)
     return found
 
 
@@ -178,13 +181,13 @@ def derived(records: State) -> dict[str, Any]:
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any]]:
     """Unit and meaning of each variable, where known, and the limits of an internal state."""
     units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
-    units = {one.name: one.unit or units[one.like] for one in WATCHED if one.unit or one.like in units} | units
+    units = {one.name: one.unit or units[one.like] for one in watched() if one.unit or one.like in units} | units
     found: dict[str, dict[str, Any]] = {}
-    watched = dict(system.quantities)
+    own, known = dict(system.quantities), _told()
     for name in (*map(str, made), "time"):
-        base = name if name in _MEANINGS or name in watched else name.split("_")[0]
+        base = name if name in known or name in own else name.split("_")[0]
         unit = units.get(name, units.get(base))
-        told = {"units": unit, "long_name": meaning(watched[name]) if name in watched else _MEANINGS.get(base)}
+        told = {"units": unit, "long_name": meaning(own[name]) if name in own else known.get(base)}
         found[name] = {key: value for key, value in told.items() if value is not None}
     for name, ends in declared(system.internal).limits(system.parameters).items():
         if (variable := f"internal_{name}") in found:

@@ -177,8 +177,10 @@ SOLVED = (
 )
 """What every step reports of its own solution; only the largest of it is kept."""
 
-WATCHED = tuple(one for made in (*BEFORE, kelvin_noether, *AFTER) for one in made.watched)
-"""All variables that monitors give, but for the system's own quantities."""
+
+def watched() -> list[Watched]:
+    """All variables that monitors give, but for the system's own quantities."""
+    return [one for made in (*BEFORE, kelvin_noether, *AFTER) for one in made.watched]
 
 
 def watching(system: System, method: Method, state: State, noether: Monitor | None) -> tuple[Monitor, ...]:
@@ -189,15 +191,15 @@ def watching(system: System, method: Method, state: State, noether: Monitor | No
 
 def changing(system: System) -> list[tuple[str, str]]:
     """Names and titles of what the card shows the change of, the system's own quantities last."""
-    named = {one.name: one.title for one in WATCHED if one.line == "change"}
+    named = {one.name: one.title for one in watched() if one.line == "change"}
     return [*named.items(), *((name, name.replace("_", " ")) for name, _ in system.quantities)]
 
 
 def budgets() -> list[Watched]:
     """What the card shows as a budget."""
-    return [one for one in WATCHED if one.line == "budget"]
+    return [one for one in watched() if one.line == "budget"]
 
 
 def residuals() -> list[Watched]:
     """What the card shows the largest value of."""
-    return [*SOLVED, *(one for one in reversed(WATCHED) if one.line == "residual")]
+    return [*SOLVED, *(one for one in reversed(watched()) if one.line == "residual")]

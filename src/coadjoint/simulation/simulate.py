@@ -62,25 +62,26 @@ def simulate(
     Arguments:
         system: the mechanical system, a `co.System`.
         start: the state at t = t₀, from `system.state(…)`, or a record of another run, whose momenta stay.
-        dt: h, the length of a step, s; positive. A method with variable steps scales its steps by it, takes duration/dt
-            of them, and the card gives the t that they led to.
-        duration: t_end − t₀, s; a whole number of steps. Give either this or `steps`.
-        steps: the number of steps, at least 1.
+        dt: h, the length of a step, s; positive, without a default. A method with variable steps scales its steps by
+            it, takes duration/dt of them, and the card gives the t that they led to.
+        duration: t_end − t₀, s, a whole number of steps; by default steps·dt. Give either this or `steps`.
+        steps: the number of steps, at least 1; by default duration/dt.
         method: the integrator, by default `co.Midpoint(co.Cayley())`: order 2, symmetric, symplectic.
         save_every: every how many steps a record is kept, by default 1, and the last node always. Monitors and extrema
             cover every step nevertheless.
         monitors: whether energies, Kelvin–Noether quantities, budgets, residuals and the system's `quantities` are
             observed at every step; by default True. `system.watching({name: function})` adds quantities.
-        kelvin_noether: a `co.KelvinNoether(c0)` or several, instead of the default: one for each c₀ of a basis of
+        kelvin_noether: a `co.KelvinNoether(c0)` or several; by default one for each c₀ of a basis of
             {c₀ ∈ 𝔤 : c₀·a₀ = 0}.
         inputs: what forces and ℓ read as `inputs`, by default nothing: a signal such as `co.Linear(times, values)`,
             evaluated at the method's own nodes; a number or an array, constant; a function of the `co.Motion`, held
             over each step; or a dictionary of these, read as `inputs.name`.
         until: a function of the state to a number, or a `co.Event` with a direction: the run ends where it crosses
-            zero, located on the dense output, and `run.event` is that time in s, or None. It is evaluated on records:
-            ξ and ν are those of the step that starts there, μ and π those of the time itself. Needs fixed steps.
-        events: name → function of the state or `co.Event`; `run.events[name]` are the records where it crosses zero.
-            Needs fixed steps; neither `events` nor `until` of an ensemble goes with `store`.
+            zero, located on the dense output, and `run.event` is that time in s, or None; by default it runs to its
+            end. It is evaluated on records: ξ and ν are those of the step that starts there, μ and π those of the time
+            itself. Needs fixed steps.
+        events: name → function of the state or `co.Event`, by default none; `run.events[name]` are the records
+            where it crosses zero. Needs fixed steps; neither `events` nor `until` of an ensemble goes with `store`.
         progress: None, a progress bar on a terminal for runs over a second (the default); False, never.
         backend: "native", machine code, for small systems; "xla", JAX's compiler, for what cannot be traced to machine
             code; "auto", native where it can be (the default).
