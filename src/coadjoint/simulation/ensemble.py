@@ -22,11 +22,10 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.accuracy.judgement import Accuracy
-from coadjoint.simulation.card import ensemble_card
 from coadjoint.simulation.driver import Extrema, Memory, Plan
 from coadjoint.simulation.ensemble_driver import MembersPosition
+from coadjoint.simulation.finished import Finished, Shown
 from coadjoint.simulation.monitors import kelvin_noether
-from coadjoint.simulation.recording import Recording
 from coadjoint.simulation.run import stacked_records
 
 if TYPE_CHECKING:
@@ -115,7 +114,7 @@ def member_constants(constants: Constants, axes: Constants, index: int = 0) -> C
 
 
 @dataclass(repr=False, eq=False)
-class Ensemble(Recording):
+class Ensemble(Finished):
     """What `co.simulate` returns for many members; `print` it for the certificate.
 
     `records` have axes (member, node, …); members that failed are NaN from there on, with `steps_done` and `codes`
@@ -132,6 +131,7 @@ class Ensemble(Recording):
     position: MembersPosition
     memory: Memory
     warnings: list[str]
+    shown: Shown
     set_up_seconds: float = 0.0
     crossed: dict[str, list[list[State]]] = field(default_factory=dict)
     ended: dict[int, State] = field(default_factory=dict)
@@ -165,31 +165,11 @@ class Ensemble(Recording):
         return self.position.iterations
 
     @property
-    def seconds(self) -> float:
-        """The time spent in the kernel, s; compiling and set-up are in `set_up_seconds`."""
-        return self.position.seconds
-
-    @property
-    def extrema(self) -> Extrema:
-        """(minimum, maximum) of monitors and certificates over every step, one row a member."""
-        return self.position.extrema
-
-    @property
     def failures(self) -> dict[int, str]:
         """What happened to the members that failed, by their index."""
         failed = np.flatnonzero(self.codes)
         words = {int(code): code.name.lower().replace("_", " ") for code in Code}
         return {int(i): f"{words[int(self.codes[i])]} at step {self.steps_done[i]}" for i in failed}
-
-    @property
-    def count(self) -> int:
-        """The number of saved nodes."""
-        return sum(len(steps) for steps in self.memory.steps)
-
-    @cached_property
-    def steps_saved(self) -> np.ndarray:
-        """The step index of every saved node."""
-        return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
 
     @cached_property
     def records(self) -> State:
@@ -251,9 +231,6 @@ class Ensemble(Recording):
         size = np.linalg.norm(first, axis=1)
         change = np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low)), axis=1)
         return change / np.where(size > 0, size, 1.0)
-
-    def __str__(self) -> str:
-        return ensemble_card(self)
 
     def __repr__(self) -> str:
         return f"<Ensemble of {self.title}: {len(self.failures)} failed; print it for the certificate>"

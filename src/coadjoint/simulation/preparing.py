@@ -24,6 +24,8 @@ from coadjoint.methods.program import RENEWED, Constants, StepProgram
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import require_kinds, require_quantities
 from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.card import card as run_card
+from coadjoint.simulation.card import certificate, ensemble_card
 from coadjoint.simulation.driver import Memory, Plan, Position
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -35,8 +37,13 @@ from coadjoint.simulation.ensemble import (
 )
 from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.events import Event, as_event, named_events, require_event
+from coadjoint.simulation.finished import Shown
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.run import Run
+
+ALONE = Shown(run_card, certificate)
+TOGETHER = Shown(ensemble_card)
+"""How runs and ensembles are told."""
 
 
 def prepare(
@@ -60,7 +67,7 @@ def prepare(
     chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
-    return Run(system, method, start, plan, Position(state), Memory(), warnings, crossed=crossed)
+    return Run(system, method, start, plan, Position(state), Memory(), warnings, ALONE, crossed=crossed)
 
 
 def require_events(method: Method, state: State, until: Any, events: Any) -> tuple[tuple[str, Event], ...]:
@@ -146,7 +153,7 @@ def _prepare_members(
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     position = MembersPosition.at_start(members.states, count)
     crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}
-    return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings, crossed=crossed)
+    return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings, TOGETHER, crossed=crossed)
 
 
 def require_chart(system: System, method: Method, state: State, h: float) -> None:

@@ -15,16 +15,15 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.accuracy.judgement import Accuracy
-from coadjoint.simulation.card import card, certificate
 from coadjoint.simulation.driver import Memory, Plan, Position
-from coadjoint.simulation.recording import Recording
+from coadjoint.simulation.finished import Finished, Shown
 
 if TYPE_CHECKING:
     import xarray
 
 
 @dataclass(repr=False, eq=False)
-class Run(Recording):
+class Run(Finished):
     """What `co.simulate` returns; `print` it for the certificate.
 
     records: the saved states, with a leading axis of nodes in every leaf. final: the last of them. monitors: name →
@@ -40,6 +39,7 @@ class Run(Recording):
     position: Position
     memory: Memory
     warnings: list[str]
+    shown: Shown
     set_up_seconds: float = 0.0
     crossed: dict[str, list[State]] = field(default_factory=dict)
     accuracy: Accuracy | None = None
@@ -70,16 +70,6 @@ class Run(Recording):
         return self.position.steps
 
     @property
-    def seconds(self) -> float:
-        """The time spent in the kernel, s; compiling and set-up are in `set_up_seconds`."""
-        return self.position.seconds
-
-    @property
-    def extrema(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """(minimum, maximum) of monitors and certificates over every step."""
-        return self.position.extrema
-
-    @property
     def event(self) -> float | None:
         """When `until` crossed zero and ended the run, s; None where it did not."""
         return self.position.event
@@ -99,16 +89,6 @@ class Run(Recording):
         from coadjoint.simulation.dense import at_times
 
         return self._of_this(at_times(self.plan, self.records, times))
-
-    @property
-    def count(self) -> int:
-        """The number of records."""
-        return sum(len(steps) for steps in self.memory.steps)
-
-    @cached_property
-    def steps_saved(self) -> np.ndarray:
-        """The step index of every record."""
-        return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
 
     @cached_property
     def records(self) -> State:
@@ -168,10 +148,7 @@ class Run(Recording):
 
     def summary(self) -> dict[str, Any]:
         """The certificate as plain numbers."""
-        return certificate(self)
-
-    def __str__(self) -> str:
-        return card(self)
+        return dict(self.shown.numbers(self))
 
     def __repr__(self) -> str:
         return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
