@@ -170,12 +170,12 @@ def lag(time_constant, dt=0.05, steps=200, rate=0.3):
     return make
 
 
-def near_collision(dt, steps=400):
-    """A planet on a long ellipse: slow for most of the time, fast where it passes the sun."""
+def near_collision(dt, steps=400, core=0.0):
+    """A planet on a long ellipse: slow for most of the time, fast where it passes a sun with a core of this radius."""
 
     def make():
         def lagrangian(xi, n, nu):
-            return 0.5 * xi @ xi + 0.5 * nu @ nu + 1.0 / jnp.sqrt(n @ n)
+            return 0.5 * xi @ xi + 0.5 * nu @ nu + 1.0 / jnp.sqrt(n @ n + core**2)
 
         system = co.System(co.SO3(), lagrangian, additional=co.Defining())
         return system, system.state(q=[1.0, 0, 0], qdot=[0, 0.25, 0]), {"dt": dt, "steps": steps}

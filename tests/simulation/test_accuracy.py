@@ -8,7 +8,7 @@ import coadjoint as co
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.metric import relative
 from coadjoint.simulation.accuracy.trajectory_error import trajectory_errors
-from resolution import RESOLVED, UNRESOLVED, driven, lag, spring, top
+from resolution import RESOLVED, UNRESOLVED, driven, lag, near_collision, spring, top
 
 QUICK = (
     "spring, hω = 100.0",
@@ -59,6 +59,17 @@ def test_a_run_that_is_resolved_is_no_alarm(case):
     run = case.simulate()
     assert warned(run) == [] and run.accuracy is not None and run.accuracy.resolved
     assert run.summary()["resolved"] == 1 and "local error" in str(run)
+
+
+@pytest.mark.parametrize("members", [None, 3])
+def test_a_collision_between_two_saved_records_is_seen(members):
+    system, start, arguments = near_collision(0.02, steps=2000, core=0.05)()
+    if members is not None:
+        speeds = np.linspace(0.2, 0.25, members)[:, None] * [0, 1, 0]
+        start = system.state(q=[1.0, 0, 0], qdot=co.each(speeds))
+    every, tenth = (co.simulate(system, start, **arguments, save_every=n) for n in (1, 50))
+    assert not every.accuracy.resolved and not tenth.accuracy.resolved
+    assert np.any(tenth.accuracy.steps % 50)
 
 
 @pytest.mark.parametrize("case", selected([case for case in UNRESOLVED if case.name in QUICK[:2]]))

@@ -59,11 +59,25 @@ class Probe:
         """`steps` steps of size h (rows,) from every row."""
         whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
         whose = np.minimum(whose, len(self._p) - 1)
-        if self._kernel is not None:
-            return self._native(self._kernel, rows, h, steps, whose)
-        return self._xla(rows, h, steps, whose)
+        if self._kernel is None:
+            return self._xla(rows, h, steps, whose)
+        after, records, status = self._native(self._kernel, rows, h, 1, steps, whose)
+        return Probed(after, records[:, 0], status[:, 1])
 
-    def _native(self, kernel: Kernel, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
+    def records(self, rows: np.ndarray, h: float, steps: int, members: Sequence[int] | None = None) -> np.ndarray:
+        """The records of `steps` steps from every row, (rows, steps, size); NaN from a step that fails on. Native."""
+        if self._kernel is None:
+            raise ValueError("Records of all steps are made by native code only.")
+        whose = np.zeros(len(rows), int) if members is None else np.asarray(members)
+        whose = np.minimum(whose, len(self._p) - 1)
+        _, records, status = self._native(self._kernel, rows, np.full(len(rows), h), steps, 1, whose)
+        records[np.arange(steps) >= status[:, :1]] = np.nan
+        return records
+
+    def _native(
+        self, kernel: Kernel, rows: np.ndarray, h: np.ndarray, kept: int, every: int, whose: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where kept·every steps lead (rows, size), each `every`-th record (rows, kept, size), and status (rows, 4)."""
         width = 1 if self.axes is None else ensemble.lanes()
         count = -(-len(rows) // width)
         index = np.minimum(np.arange(count * width), len(rows) - 1).reshape(count, width)
@@ -73,21 +87,21 @@ class Probe:
 
         s, step = grouped(rows), np.ascontiguousarray(h[index], np.float64)
         p = np.ascontiguousarray(self._p[:1].T)[None] if len(self._p) == 1 and width == 1 else grouped(self._p[whose])
-        records = np.empty((count, kernel.record.size, width))
-        spare = np.zeros((1, max(kernel.monitor_size, 1), width))
+        records = np.empty((count, kept, kernel.record.size, width))
+        spare = np.zeros((kept, max(kernel.monitor_size, 1), width))
         extrema = np.zeros((kernel.monitor_size + len(kernel.certificates), 2, width))
         status = np.zeros((count, 4, width), np.int64)
         places = [(a.ctypes.data, a.strides[0] if len(a) > 1 else 0) for a in (p, step, s, records, status)]
         beside = spare.ctypes.data, extrema.ctypes.data
         for i in range(count):
             p_i, h_i, s_i, records_i, status_i = (start + i * stride for start, stride in places)
-            # One record is kept, that of the first of `steps`.
-            kernel.function(p_i, h_i, s_i, 1, steps, records_i, *beside, status_i)
+            kernel.function(p_i, h_i, s_i, kept, every, records_i, *beside, status_i)
 
         def rowed(values: np.ndarray) -> np.ndarray:
-            return values.swapaxes(1, 2).reshape(count * width, -1)[: len(rows)]
+            lanes = np.moveaxis(values, -1, 1)
+            return lanes.reshape(count * width, *lanes.shape[2:])[: len(rows)]
 
-        return Probed(rowed(s), rowed(records), rowed(status)[:, 1])
+        return rowed(s), rowed(records), rowed(status)
 
     def _xla(self, rows: np.ndarray, h: np.ndarray, steps: int, whose: np.ndarray) -> Probed:
         """Row by row; of an ensemble many at once."""

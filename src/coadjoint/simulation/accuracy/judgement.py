@@ -16,6 +16,7 @@ from coadjoint.simulation.accuracy.pulses import unseen_pulses
 from coadjoint.simulation.accuracy.rates import fastest_rate
 from coadjoint.simulation.accuracy.sample import Kept, Sampler
 from coadjoint.simulation.accuracy.signals import unresolved_inputs
+from coadjoint.simulation.accuracy.stretches import with_steps_between
 
 if TYPE_CHECKING:
     from coadjoint.simulation.ensemble import Ensemble
@@ -125,6 +126,7 @@ def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
     if kept is None:
         return None
     axes, count = (run.axes, run.members.count) if many else (None, 1)  # pyright: ignore[reportAttributeAccessIssue]
+    kept = with_steps_between(kept, sampler.largest, run.plan, run.one[1], sampler.members, axes, count)
     doubling = Doubling(run.plan, run.one[1], axes, count)
     steps, rows, members = _finite(kept, sampler.members, np.ravel(doubling.places.xi))
     if not len(rows):

@@ -157,6 +157,12 @@ class Sampler:
         index = np.sort(np.concatenate([np.flatnonzero(always), some]))
         return Kept(steps[index], rows[index])
 
+    @property
+    def largest(self) -> list[int]:
+        """The steps of the records from which to the next one momenta, then velocities, change most, each once."""
+        fields = [field for field in reversed(CHANGING) if field in self._largest]
+        return list(dict.fromkeys(self._largest[field].step for field in fields))
+
     # A run that was interrupted goes on with the sample that its checkpoint has.
 
     def numbers(self) -> dict[str, np.ndarray]:
