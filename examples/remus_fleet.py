@@ -26,7 +26,7 @@ def about(value, deviation):
     return co.each(value * (1 + deviation * random.standard_normal(members)))
 
 
-craft = Craft(vehicles.load("remus_100"), pilot=Cruise(), water=UniformWater())
+craft = Craft(vehicles.load("remus_100"), controller=Cruise(), water=UniformWater())
 craft = craft.replace(
     mass=about(craft.vehicle.mass, 0.002),  # not quite neutrally buoyant
     hull_axial_drag=about(0.42, 0.1),

@@ -10,7 +10,7 @@ _OF_VEHICLES = (
     ("inputs_depth", "m"),
     ("inputs_heading", "rad"),
     ("internal_rudder", "rad"),
-    ("internal_pilot_value_rudder", "rad"),
+    ("internal_controller_value_rudder", "rad"),
     ("internal_thrusters", "N"),
 )
 VEHICLE = dict.fromkeys(("a_down", "a_north"))
@@ -42,7 +42,7 @@ def dataset(nodes: int = 200, group: str = "SO3()", method: str = "Midpoint(Cayl
         "inputs_depth": np.where(time < 5, 0.5, 1.0),
         "inputs_heading": np.where(time < 5, 0.0, 1.0),
         "internal_rudder": 0.2 * np.sin(time),
-        "internal_pilot_value_rudder": 0.25 * np.sin(time),
+        "internal_controller_value_rudder": 0.25 * np.sin(time),
         "internal_thrusters": waves[:, :2],
         **variables,
     }

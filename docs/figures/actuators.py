@@ -39,7 +39,7 @@ def thruster() -> None:
 def glider() -> None:
     """An hour of a Slocum-like glider, beside the closed form of its steady glides."""
     vehicle = vehicles.load("slocum_graver")
-    craft = Craft(vehicle, pilot=vehicle.pilot)
+    craft = Craft(vehicle, controller=vehicle.controller)
     start = craft.start(position=(0, 0, 4), velocity=(0.1, 0, 0))
     depths = {"shallow": co.Held([0.0], [5.0]), "deep": co.Held([0.0], [50.0])}
     made = co.simulate(craft.system, start, dt=0.05, duration=3600, inputs=depths, save_every=20).dataset

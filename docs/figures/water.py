@@ -45,7 +45,7 @@ def draw() -> None:
     figure = style.canvas(style.PAGE, 3.1)
     track, shape, felt = figure.subplots(1, 3, width_ratios=[1.1, 0.7, 1.2])
     for colour, (label, water) in zip(style.COLOURS, WATERS.items(), strict=False):
-        craft = Craft(vehicle, pilot=vehicle.pilot, water=water)
+        craft = Craft(vehicle, controller=vehicle.controller, water=water)
         start = craft.start(position=(0.0, 0.0, 3.0), speed=1.5, euler_zyx=(np.pi / 2, 0.0, 0.0))
         run = co.simulate(craft.system, start, dt=0.05, duration=HOURS * 3600, inputs=mission(), save_every=100)
         print(label, run, sep="\n")

@@ -1,4 +1,4 @@
-"""The command `vehicles`: the shelf, one vehicle with all that is known of it, its file to start from."""
+"""The command `vehicles`: the registry, one vehicle with all that is known of it, its file to start from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from coadjoint import vehicles
 from coadjoint.cli.main import main
-from coadjoint.vehicles.files.shelf import vehicle_text
+from coadjoint.vehicles.files.registry import vehicle_text
 from coadjoint.vehicles.files.summary import summary
 
 
@@ -21,7 +21,7 @@ def told(capsys, *arguments: str, status: int = 0) -> str:
     return captured.err if status else captured.out
 
 
-def test_all_vehicles_are_listed_with_mass_length_parts_pilot_and_source(capsys) -> None:
+def test_all_vehicles_are_listed_with_mass_length_parts_controller_and_source(capsys) -> None:
     lines = told(capsys).splitlines()
     assert lines[0].split("  ")[0] == "vehicle" and len(lines) == 1 + len(vehicles.names())
     row = next(line for line in lines if line.startswith("remus_100 "))

@@ -40,7 +40,7 @@ def test_intervals_of_a_vehicle_hold_the_truth(vehicle):
     scores = []
     for seed in range(2):
         found = identify(guess, synthetic_log(run, noise=page.NOISE, seed=seed), start=start, parameters=names)
-        assert not found.doubts
+        assert not found.warnings
         scores += [(e.value - page.truth(system, n)) / e.standard_error for n, e in found.estimates.items()]
     print(np.round(scores, 1))
     assert np.sum(np.abs(scores) > 1.96) <= stats.binom.ppf(1 - 1 / 2000, len(scores), 0.05)
@@ -146,10 +146,10 @@ def test_a_column_that_the_simulation_misses_is_told(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
     names = ["hull_axial_drag"]
-    assert not any("misses" in doubt for doubt in identify(system, log, start=start, parameters=names).doubts)
+    assert not any("misses" in doubt for doubt in identify(system, log, start=start, parameters=names).warnings)
     wrong = replace(log, columns={**log.columns, "roll": np.degrees(log.columns["roll"])})
-    doubts = identify(system, wrong, start=start, parameters=names).doubts
-    assert any(doubt.startswith("The simulation misses roll (") and "axes and units" in doubt for doubt in doubts)
+    warnings = identify(system, wrong, start=start, parameters=names).warnings
+    assert any(doubt.startswith("The simulation misses roll (") and "axes and units" in doubt for doubt in warnings)
 
 
 def test_the_tables_of_all_thrusters_are_too_many_numbers_to_seek():

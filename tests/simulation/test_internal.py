@@ -52,8 +52,8 @@ def test_the_rule_is_applied_once_a_step_whatever_the_stages_and_the_backend(bac
 
 
 # A digital PID on the angle of a body with a motor that lags: the angle is measured by a vector of the space frame.
-def _pilot(motion, h, p):
-    held = motion.internal.pilot
+def _controller(motion, h, p):
+    held = motion.internal.controller
     error = jnp.arctan2(motion.a[1], motion.a[0]) + p.target  # a = R⁻¹e₁ = (cos θ, −sin θ)
 
     def update(last):
@@ -61,9 +61,9 @@ def _pilot(motion, h, p):
         slope = (error - last.error) / p.period
         return {"torque": jnp.clip(4 * error + integral + 3 * slope, -2, 2), "integral": integral, "error": error}
 
-    pilot = co.sampled(motion, h, held, update, period=p.period, delay=p.delay)
+    controller = co.sampled(motion, h, held, update, period=p.period, delay=p.delay)
     motor = motion.internal.rudder
-    return {"pilot": pilot, "rudder": motor + (1 - jnp.exp(-h / p.lag)) * (held.value.torque - motor)}
+    return {"controller": controller, "rudder": motor + (1 - jnp.exp(-h / p.lag)) * (held.value.torque - motor)}
 
 
 def turntable(**changes):
@@ -74,13 +74,13 @@ def turntable(**changes):
         advected=co.Defining(),
         parameters=p,
         forces=_torque,
-        internal=_pilot,
+        internal=_controller,
     )
 
 
 def begin(system):
-    pilot = co.sampling({"torque": 0.0, "integral": 0.0, "error": 1.0})
-    return system.state(a0=[1.0, 0.0], internal={"rudder": 0.0, "pilot": pilot})
+    controller = co.sampling({"torque": 0.0, "integral": 0.0, "error": 1.0})
+    return system.state(a0=[1.0, 0.0], internal={"rudder": 0.0, "controller": controller})
 
 
 def same(one, other):
@@ -92,7 +92,7 @@ def test_a_sampled_pid_turns_a_body_to_its_target_and_holds_its_torque_between_s
     system = turntable()
     run = co.simulate(system, begin(system), dt=H, duration=20)
     assert run.dataset.a[-1, 0] == pytest.approx(np.cos(1.0), abs=2e-3)
-    torque = run.dataset.internal_pilot_value_torque.values
+    torque = run.dataset.internal_controller_value_torque.values
     changes = np.flatnonzero(np.diff(torque[: int(2 / H)])) + 1
     # Samples at multiples of 0.1 s, in force 0.04 s later: nodes 2, 7, 12, … after the first sample.
     assert set(changes[1:] % 5) == {2}

@@ -1,4 +1,4 @@
-"""REMUS 100: terminal speeds, signs, stability by its fins, and a mission by its cruise pilot."""
+"""REMUS 100: terminal speeds, signs, stability by its fins, and a mission by its cruise controller."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ MISSION = {
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_a_mission_dives_turns_and_surfaces_within_the_limits_of_its_actuators(delay):
     current = np.array([0.1, 0.2, 0.0])
-    vehicle = remus_100(current=current).replace(pilot_delay=delay)
+    vehicle = remus_100(current=current).replace(controller_delay=delay)
     run = co.simulate(vehicle, remus_start(vehicle, speed=1.5, revolutions=15.0), dt=DT, duration=200.0, inputs=MISSION)
     assert run.plan.backend == "native" and 200.0 / run.seconds > 1000
     made = run.dataset

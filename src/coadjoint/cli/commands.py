@@ -191,7 +191,7 @@ class Vehicles:
         if self.action == "list":
             if self.name or self.toml:
                 raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
-            rows = vehicles.shelf()
+            rows = vehicles.registry()
             if self.json:
                 print(json_text.dumps(rows, indent=2, ensure_ascii=False))
             else:

@@ -86,7 +86,7 @@ def _text(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-_DETAILS = ("inputs_", "internal_pilot", "a_", "work_")
+_DETAILS = ("inputs_", "internal_controller", "a_", "work_")
 """Variables that only the JSON tells of."""
 _FIRST = ("q", "euler_angles", "xi", "nu", "mu", "pi")
 

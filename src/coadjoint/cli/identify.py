@@ -52,7 +52,7 @@ class Identify:
 
     def __call__(self) -> int:
         from coadjoint.identification import identify
-        from coadjoint.vehicles.files.shelf import load_vehicle
+        from coadjoint.vehicles.files.registry import load_vehicle
         from coadjoint.vehicles.logs import read_log
         from coadjoint.vehicles.model.craft import Craft
 
@@ -113,5 +113,5 @@ def _summary(found: Identification) -> dict[str, Any]:
         "correlation": found.correlation.tolist(),
         "noise": found.noise,
         "lag_one_correlation": found.whiteness,
-        "doubts": list(found.doubts),
+        "warnings": list(found.warnings),
     }

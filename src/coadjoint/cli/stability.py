@@ -48,7 +48,7 @@ class Stability:
     """Print JSON, and nothing else."""
 
     def __call__(self) -> int:
-        from coadjoint.vehicles.files.shelf import load_vehicle
+        from coadjoint.vehicles.files.registry import load_vehicle
         from coadjoint.vehicles.trim.flight import SteadyFlight
 
         speeds = speeds_from(self.speed)

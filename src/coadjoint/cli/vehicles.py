@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 
-def shelf() -> list[dict[str, Any]]:
-    """Every shipped vehicle: name, mass, length, kinds of parts, pilot, first source, description."""
-    from coadjoint.vehicles.files.shelf import load_vehicle, vehicle_names
+def registry() -> list[dict[str, Any]]:
+    """Every shipped vehicle: name, mass, length, kinds of parts, controller, first source, description."""
+    from coadjoint.vehicles.files.registry import load_vehicle, vehicle_names
 
     return [_row(name, load_vehicle(name)) for name in vehicle_names()]
 
 
 def loaded(name: str) -> Vehicle:
     """A shipped vehicle, or that of a path; its warnings are shown, not warned of. Raises ArgumentError, FileError."""
-    from coadjoint.vehicles.files.shelf import load_vehicle
+    from coadjoint.vehicles.files.registry import load_vehicle
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -33,7 +33,7 @@ def text_of(name: str) -> str:
     """The file of a vehicle, as it stands."""
     from pathlib import Path
 
-    from coadjoint.vehicles.files.shelf import is_path, vehicle_text
+    from coadjoint.vehicles.files.registry import is_path, vehicle_text
 
     if is_path(name):
         loaded(name)
@@ -52,7 +52,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
         "summary": summary(vehicle)._asdict(),
         "driven": {name: _listed(found) for name, found in _driven(vehicle).items()},
         "parts": [_part(part) for part in vehicle.parts],
-        "pilot": _pilot(vehicle),
+        "controller": _controller(vehicle),
         "numbers": {key: told._asdict() for key, told in vehicle.provenance.items()},
         "sources": dict(vehicle.sources),
         "warnings": list(vehicle.warnings),
@@ -61,11 +61,13 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
 
 def show_shelf(rows: list[dict[str, Any]]) -> None:
     """A table of all vehicles."""
-    columns = ("vehicle", "mass (kg)", "length (m)", "parts", "pilot", "source")
+    columns = ("vehicle", "mass (kg)", "length (m)", "parts", "controller", "source")
     shown = []
     for row in rows:
         length = "" if row["length"] is None else f"{row['length']:g}"
-        shown.append((row["name"], f"{row['mass']:.5g}", length, ", ".join(row["parts"]), row["pilot"], row["source"]))
+        shown.append(
+            (row["name"], f"{row['mass']:.5g}", length, ", ".join(row["parts"]), row["controller"], row["source"])
+        )
     terminal.table(columns, shown)
 
 
@@ -83,7 +85,7 @@ def show(vehicle: Vehicle) -> None:
         ("metacentric height", _height(height)),
         ("terminal speed", _terminal(vehicle, speed)),
         ("passivity", _passivity(vehicle)),
-        ("pilot", "" if found["pilot"] is None else _told_pilot(found["pilot"])),
+        ("controller", "" if found["controller"] is None else _told_controller(found["controller"])),
     ]
     terminal.fields([(name, text) for name, text in fields if text])
     if found["parts"]:
@@ -97,17 +99,17 @@ def show(vehicle: Vehicle) -> None:
         terminal.line("")
         terminal.table(("source", "citation"), list(vehicle.sources.items()))
     for sentence in vehicle.warnings:
-        terminal.line(f"\nDoubtful: {sentence}")
+        terminal.line(f"\nWarning: {sentence}")
 
 
 def _row(name: str, vehicle: Vehicle) -> dict[str, Any]:
-    pilot = _pilot(vehicle)
+    controller = _controller(vehicle)
     return {
         "name": name,
         "mass": _total(vehicle),
         "length": None if vehicle.length is None else float(vehicle.length),
         "parts": sorted({_kind(part) for part in vehicle.parts}),
-        "pilot": "" if pilot is None else pilot["kind"],
+        "controller": "" if controller is None else controller["kind"],
         "source": _cited(vehicle),
         "description": vehicle.description,
     }
@@ -136,15 +138,15 @@ def _part(part: Any) -> dict[str, Any]:
     return {"name": part.name, "kind": _kind(part), "command": None if command is None else f"{command.unit}{shape}"}
 
 
-def _pilot(vehicle: Vehicle) -> dict[str, Any] | None:
-    if vehicle.pilot is None:
+def _controller(vehicle: Vehicle) -> dict[str, Any] | None:
+    if vehicle.controller is None:
         return None
-    return {"kind": _kind(vehicle.pilot), "inputs": dict(vehicle.pilot.inputs)}
+    return {"kind": _kind(vehicle.controller), "inputs": dict(vehicle.controller.inputs)}
 
 
-def _told_pilot(pilot: dict[str, Any]) -> str:
-    inputs = ", ".join(f"{name} ({unit})" for name, unit in pilot["inputs"].items())
-    return f"{pilot['kind']}; set points: {inputs}"
+def _told_controller(controller: dict[str, Any]) -> str:
+    inputs = ", ".join(f"{name} ({unit})" for name, unit in controller["inputs"].items())
+    return f"{controller['kind']}; set points: {inputs}"
 
 
 def _net(net: float, weight: float) -> str:

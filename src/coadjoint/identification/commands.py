@@ -26,7 +26,7 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
                 f"The log's commands of `{name}` are in {given}, but `{name}` takes {wanted}: give them in that unit."
             )
     parts = start.internal.asdict() if isinstance(start.internal, Named) else {}
-    commanded = [] if "pilot" in parts else [name for name in parts if name in units]
+    commanded = [] if "controller" in parts else [name for name in parts if name in units]
     for name in commanded:
         if name in log.inputs and np.size(parts[name]) != log.inputs[name][0].size:
             raise ArgumentError(

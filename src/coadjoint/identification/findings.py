@@ -53,7 +53,7 @@ class Identification:
 
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
     `system` has the values that were found. `whiteness`: lag-one correlation of each column's residuals.
-    `doubts`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
+    `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
     """
 
     system: System
@@ -69,7 +69,7 @@ class Identification:
     dt: float
     level: float
     iterations: int
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def __getitem__(self, name: str) -> Estimate:
         return self.estimates[name]
@@ -130,10 +130,10 @@ def judged(found: Fitted, level: float) -> Identification:
     whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
-    doubts = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
-    doubts += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
-    doubts += _missed(fit.log, names, rms, found.estimated)
-    doubts += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
+    warnings = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
+    warnings += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
+    warnings += _missed(fit.log, names, rms, found.estimated)
+    warnings += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
     return Identification(
         system=shooting.unknowns.replaced(found.solution.place.shared),
         log=fit.log,
@@ -148,7 +148,7 @@ def judged(found: Fitted, level: float) -> Identification:
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        doubts=(*fit.log.notes, *doubts),
+        warnings=(*fit.log.notes, *warnings),
     )
 
 

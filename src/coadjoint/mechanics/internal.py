@@ -127,9 +127,9 @@ def failure(system: System, t: float, h: float) -> str | None:
 def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
     """The start of what `co.sampled` advances: `values`, in force from t on; the first sample is at the node after t.
 
-        start = system.state(…, internal={"pilot": co.sampling({"rudder": 0.0, "integral": 0.0}), …})
+        start = system.state(…, internal={"controller": co.sampling({"rudder": 0.0, "integral": 0.0}), …})
 
-    It becomes `motion.internal.pilot`, with the parts `value`, which forces read, `pending`,
+    It becomes `motion.internal.controller`, with the parts `value`, which forces read, `pending`,
     `sample` and `release` (s).
     """
     return {"value": dict(values), "pending": dict(values), "sample": t, "release": t}
@@ -140,7 +140,7 @@ def sampled(
 ) -> dict[str, Any]:
     """A digital controller inside a rule: `update` at every multiple of `period`, in force `delay` later.
 
-        pilot = co.sampled(motion, h, motion.internal.pilot, lambda last: {...}, period=0.2, delay=0.05)
+        controller = co.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2, delay=0.05)
 
     motion, h: those of the rule. held: what `co.sampling` began. update: from the values computed last to the next
     ones. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the node nearest to its time, so that a

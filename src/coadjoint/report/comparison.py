@@ -21,7 +21,7 @@ CONSERVED = (
 )
 """Numbers of the certificate that tell how well a run keeps what the mechanics keep."""
 SET = ("system", "group", "method", "dt", "steps")
-LEFT_OUT = ("internal_pilot_sample", "internal_pilot_release", "internal_pilot_pending")
+LEFT_OUT = ("internal_controller_sample", "internal_controller_release", "internal_controller_pending")
 
 
 @dataclass(frozen=True)

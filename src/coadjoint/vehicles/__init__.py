@@ -1,7 +1,8 @@
 """Underwater vehicles: from a file of numbers and their sources to a craft that flies its mission.
 
     vehicle = co.vehicles.load("remus_100")
-    craft = co.vehicles.Craft(vehicle, pilot=vehicle.pilot, water=co.vehicles.water.UniformWater((0.1, 0.2, 0.0)))
+    water = co.vehicles.water.UniformWater((0.1, 0.2, 0.0))
+    craft = co.vehicles.Craft(vehicle, controller=vehicle.controller, water=water)
     run = co.vehicles.load_mission("square.toml").run()
 
 The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
@@ -28,12 +29,12 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import trim as trim
     from coadjoint.vehicles import water as water
     from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
-    from coadjoint.vehicles.files.shelf import load_vehicle as load  # noqa: F401
-    from coadjoint.vehicles.files.shelf import vehicle_names as names  # noqa: F401
+    from coadjoint.vehicles.files.registry import load_vehicle as load  # noqa: F401
+    from coadjoint.vehicles.files.registry import vehicle_names as names  # noqa: F401
     from coadjoint.vehicles.missions.mission import load_mission as load_mission
+    from coadjoint.vehicles.model.controller import Controller as Controller
+    from coadjoint.vehicles.model.controller import Feedback as Feedback
     from coadjoint.vehicles.model.craft import Craft as Craft
-    from coadjoint.vehicles.model.pilot import Pilot as Pilot
-    from coadjoint.vehicles.model.pilot import Sight as Sight
     from coadjoint.vehicles.model.vehicle import Vehicle as Vehicle
     from coadjoint.vehicles.parts.part import Command as Command
     from coadjoint.vehicles.parts.part import Flow as Flow

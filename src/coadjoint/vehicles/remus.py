@@ -1,4 +1,4 @@
-"""REMUS 100: the shipped torpedo as a system, with or without a cruise pilot, in a steady current."""
+"""REMUS 100: the shipped torpedo as a system, with or without a cruise controller, in a steady current."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.controllers.cruise import Cruise
-from coadjoint.vehicles.files.shelf import load_vehicle
+from coadjoint.vehicles.files.registry import load_vehicle
 from coadjoint.vehicles.model.craft import Craft, craft_of
 from coadjoint.vehicles.water.water import UniformWater
 
@@ -18,13 +18,13 @@ FINS = ("stern_planes", "rudder")
 def remus_100(*, automatic: bool = True, current: Any = (0.0, 0.0, 0.0)) -> System:
     """REMUS 100 on SO(3) × ℝ³ in a steady current: `Craft(load_vehicle("remus_100"), …).system`.
 
-    automatic: whether the `Cruise` pilot flies it, by the inputs `depth` (m), `heading` (rad) and `speed` (m/s through
-    the water); without, inputs `stern_planes`, `rudder` (rad) and `propeller` (1/s) command the actuators, or they stay
-    as they start. current: (3,) m/s, north, east, down; the parameter `water_velocity`.
+    automatic: whether the `Cruise` controller flies it, by the inputs `depth` (m), `heading` (rad) and `speed` (m/s
+    through the water); without, inputs `stern_planes`, `rudder` (rad) and `propeller` (1/s) command the actuators, or
+    they stay as they start. current: (3,) m/s, north, east, down; the parameter `water_velocity`.
     Energy has a line for each of `damping`, `hull`, `stern_planes`, `rudder`, `propeller`.
     """
-    pilot = Cruise() if automatic else None
-    return Craft(load_vehicle("remus_100"), pilot=pilot, water=UniformWater(current)).system
+    controller = Cruise() if automatic else None
+    return Craft(load_vehicle("remus_100"), controller=controller, water=UniformWater(current)).system
 
 
 def remus_start(
@@ -46,7 +46,7 @@ def remus_start(
 
 
 def open_loop(*, fluid_density: Any, axial_drag: Any, crossflow_drag: Any, fin_lift_slope: Any, current: Any) -> System:
-    """REMUS 100 without a pilot, neutrally buoyant, with other values of what is known worst."""
+    """REMUS 100 without a controller, neutrally buoyant, with other values of what is known worst."""
     made = remus_100(automatic=False, current=current)
     density = positive(fluid_density, "fluid_density")
     given = {"hull_axial_drag": axial_drag, "hull_crossflow_drag": crossflow_drag}

@@ -33,11 +33,11 @@ def slocum_of_dave() -> Vehicle:
     )
     # 69.751 kg float in 0.068 m³: ballast that much lower leaves nothing to carry.
     neutral = float(shipped.mass / shipped.fluid_density - shipped.volume)
-    pilot = Sawtooth(
+    controller = Sawtooth(
         neutral=neutral, volume=2.5e-4, pitch=np.radians(26), shift=0.1, gains=(0.3, 0.01, 0.3), reach=0.2, period=1.0,
         ballast="tank", moving_mass="mass",
     )  # fmt: skip
-    return replace(shipped, mass=shipped.mass - 9.5, parts=parts, pilot=pilot)
+    return replace(shipped, mass=shipped.mass - 9.5, parts=parts, controller=controller)
 
 
 def free_body(added_mass: Any = (0.0,) * 6) -> Craft:
@@ -183,10 +183,12 @@ def test_a_trim_out_of_range_and_a_vehicle_without_wings_are_told_in_one_sentenc
 
 @pytest.mark.parametrize("vehicle", [GLIDER, slocum_of_dave()], ids=lambda vehicle: vehicle.name)
 def test_a_glider_flies_a_sawtooth_of_an_hour(vehicle):
-    pilot = vehicle.pilot
-    assert isinstance(pilot, Sawtooth)
-    craft = Craft(vehicle, pilot=pilot)
-    start = craft.start(position=(0, 0, 4), velocity=(0.1, 0.001, 0), actuators={pilot.ballast: pilot.neutral})
+    controller = vehicle.controller
+    assert isinstance(controller, Sawtooth)
+    craft = Craft(vehicle, controller=controller)
+    start = craft.start(
+        position=(0, 0, 4), velocity=(0.1, 0.001, 0), actuators={controller.ballast: controller.neutral}
+    )
     run = co.simulate(craft.system, start, dt=0.05, duration=3600.0, inputs=DEPTHS, save_every=20)
     assert run.plan.backend == "native" and run.seconds < 3.6
     made = run.dataset
@@ -231,9 +233,9 @@ def test_members_of_a_fleet_of_gliders_have_wings_of_their_own():
 
 
 WRONG = {
-    "`volume` of the pilot `sawtooth` must be positive": {"volume": -1e-4},
-    "`gains` of the pilot `sawtooth` must have shape": {"gains": (1.0, 2.0)},
-    "`reach` of the pilot `sawtooth` must be at least 0": {"reach": -0.1},
+    "`volume` of the controller `sawtooth` must be positive": {"volume": -1e-4},
+    "`gains` of the controller `sawtooth` must have shape": {"gains": (1.0, 2.0)},
+    "`reach` of the controller `sawtooth` must be at least 0": {"reach": -0.1},
 }
 
 

@@ -50,7 +50,7 @@ def test_speeds_are_those_through_the_water():
 
 def test_actuators_stand_beside_what_they_were_told_and_near_limits():
     rudder, thrusters = Plots(dataset()).actuators().axes
-    assert np.allclose(line(rudder, "command").get_ydata(), np.degrees(dataset().internal_pilot_value_rudder))
+    assert np.allclose(line(rudder, "command").get_ydata(), np.degrees(dataset().internal_controller_value_rudder))
     heights = sorted(np.ravel([curve.get_ydata()[0] for curve in rudder.get_lines() if curve.get_linewidth() == 0.8]))
     assert heights[0] == pytest.approx(np.degrees(-0.25))
     assert heights[-1] == pytest.approx(np.degrees(0.25))
@@ -132,7 +132,7 @@ def test_a_run_of_no_vehicle_has_none_of_these():
 
 
 def test_a_vehicle_without_actuators_or_current_is_told_so():
-    run = dataset(current=None, internal_rudder=None, internal_thrusters=None, internal_pilot_value_rudder=None)
+    run = dataset(current=None, internal_rudder=None, internal_thrusters=None, internal_controller_value_rudder=None)
     assert available(run)[-4:] == ["mission", "track", "depth", "speeds"]
     with pytest.raises(ArgumentError, match="no actuators"):
         Plots(run).actuators()

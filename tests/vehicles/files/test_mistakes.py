@@ -13,7 +13,7 @@ from coadjoint import vehicles
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.units import unit_of
 from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.shelf import vehicle_text
+from coadjoint.vehicles.files.registry import vehicle_text
 
 REMUS, NPS, REXROV, LRAUV = (vehicle_text(name) for name in ("remus_100", "nps_auv_ii", "rexrov", "lrauv_raanan"))
 MASS = 'mass = { value = 31.029384975800244, unit = "kg", source = "PVS"'
@@ -30,7 +30,7 @@ PLANES = 'name = "stern_planes"\nposition = { value = [-0.8, 0, 0]'
 REFUSED = {
     "no TOML": (REMUS, "[body]", "[body", r"not valid TOML"),
     "a section that is none": (REMUS, "[body]", "[bodies]", r"no key `bodies`: did you mean `body`\?"),
-    "a missing section": (REMUS, "[added_mass]\nmatrix", "[pilots]\nmatrix", r"no key `pilots`: did you mean `pilot`\?"),
+    "a missing section": (REMUS, "[added_mass]\nmatrix", "[controllers]\nmatrix", r"no key `controllers`: did you mean `controller`\?"),
     "a misspelt key": (REMUS, "center_of_mass", "centre_of_mass", r"\[body\] needs center_of_mass = \{ value"),
     "a misspelt key of a part": (
         REMUS, "axial_drag = {", "axialdrag = {",
@@ -87,9 +87,9 @@ REFUSED = {
     "a thrust of three numbers": (REMUS, "thrust = { value = [0.4566,", "thrust = { value = [0, 0.4566,", r"shape \(2,\)"),
     "a unit for several things": (
         REMUS, '3.4262], unit = "SI"', '3.4262], unit = "kg"', r'unit = "SI" or "prime"'),
-    "a pilot that is none": (REMUS, 'kind = "cruise"', 'kind = "cruiser"', r"Did you mean 'cruise'\?"),
-    "a pilot without what it needs": (REMUS, 'kind = "cruise"', 'kind = "sawtooth"', r"\[pilot\] needs volume = "),
-    "a pilot's misspelt key": (
+    "a controller that is none": (REMUS, 'kind = "cruise"', 'kind = "cruiser"', r"Did you mean 'cruise'\?"),
+    "a controller without what it needs": (REMUS, 'kind = "cruise"', 'kind = "sawtooth"', r"\[controller\] needs volume = "),
+    "a controller's misspelt key": (
         REMUS, 'kind = "cruise"', 'kind = "cruise"\nperiode = { value = 1, unit = "s" }', r"did you mean `period`"),
     "a derivative that is none": (NPS, "X_pp = 0.007", "X_pz = 0.007", r"'X_pz' of the derivatives `manoeuvring`"),
     "an acceleration among derivatives": (NPS, "X_pp = 0.007", "X_udot = 0.007", r"'X_udot' of the derivatives"),

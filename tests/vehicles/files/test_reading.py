@@ -16,7 +16,7 @@ from coadjoint.vehicles.files import vehicle_to_toml
 from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.files.read_derivatives import _without_added_mass
-from coadjoint.vehicles.files.shelf import vehicle_text
+from coadjoint.vehicles.files.registry import vehicle_text
 from coadjoint.vehicles.hydrodynamics import added_mass_about, ellipsoid_added_mass, slender_body_added_mass
 from coadjoint.vehicles.parts.measured import measured, measures, not_negative, place
 from coadjoint.vehicles.parts.part import acting_at

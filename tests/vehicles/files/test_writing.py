@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coadjoint import vehicles
-from coadjoint.vehicles import Pilot, Vehicle
+from coadjoint.vehicles import Controller, Vehicle
 from coadjoint.vehicles.controllers import Attitude, Cruise
 from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.files.writing import vehicle_to_toml
@@ -26,9 +26,9 @@ def require_same(one: Vehicle, other: Vehicle) -> None:
         for key, value in ours.parameters().items():
             assert np.array_equal(value, theirs.parameters()[key]), (ours.name, key)
         assert ours.command == theirs.command
-    assert type(one.pilot) is type(other.pilot)
-    for field in fields(one.pilot) if one.pilot is not None else ():
-        assert np.array_equal(getattr(one.pilot, field.name), getattr(other.pilot, field.name)), field.name
+    assert type(one.controller) is type(other.controller)
+    for field in fields(one.controller) if one.controller is not None else ():
+        assert np.array_equal(getattr(one.controller, field.name), getattr(other.controller, field.name)), field.name
 
 
 @pytest.mark.parametrize("name", vehicles.names())
@@ -43,11 +43,11 @@ def test_a_shipped_vehicle_that_is_written_reads_as_itself(name: str) -> None:
     }
 
 
-@pytest.mark.parametrize("pilot", [Cruise(speed=1.2), Attitude()])
-def test_a_pilot_that_has_been_fitted_is_written_with_its_gains(pilot: Pilot) -> None:
+@pytest.mark.parametrize("controller", [Cruise(speed=1.2), Attitude()])
+def test_a_controller_that_has_been_fitted_is_written_with_its_gains(controller: Controller) -> None:
     vehicle = vehicles.load("remus_100")
-    fitted = pilot.fitted(vehicle)
-    again = vehicle_from_text(vehicle_to_toml(replace(vehicle, pilot=fitted)), "again.toml").pilot
+    fitted = controller.fitted(vehicle)
+    again = vehicle_from_text(vehicle_to_toml(replace(vehicle, controller=fitted)), "again.toml").controller
     assert again is not None
     refitted = again.fitted(vehicle).parameters()
     assert refitted.keys() == fitted.parameters().keys()

@@ -50,7 +50,7 @@ def test_a_log_tells_place_attitude_and_velocities_of_the_run(run, tmp_path):
     for name, component in (("heading_deg", 0), ("pitch_deg", 1), ("roll_deg", 2)):
         assert np.allclose(found[name], np.degrees(data.euler_angles[:, component]), atol=1e-8)
     assert np.allclose(found["rudder_deg"], np.degrees(data.internal_rudder), atol=1e-9)
-    assert np.allclose(found["command_propeller_per_s"], data.internal_pilot_value_propeller, atol=1e-9)
+    assert np.allclose(found["command_propeller_per_s"], data.internal_controller_value_propeller, atol=1e-9)
     assert np.allclose(found["set_heading_deg"], np.degrees(data.inputs_heading), atol=1e-9)
     assert np.allclose(found["current_east_m_s"], 0.2, atol=1e-9)
 
@@ -163,8 +163,8 @@ def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
         ):
             assert np.allclose(log.columns[name], values, atol=1e-8), name
         assert np.allclose(np.sin(log.columns["heading"]), np.sin(data.euler_angles[:, 0]), atol=1e-8)
-        assert np.allclose(log.inputs["rudder"], data.internal_pilot_value_rudder, atol=1e-9)
-        assert np.allclose(log.inputs["propeller"], data.internal_pilot_value_propeller, atol=1e-8)
+        assert np.allclose(log.inputs["rudder"], data.internal_controller_value_rudder, atol=1e-9)
+        assert np.allclose(log.inputs["propeller"], data.internal_controller_value_propeller, atol=1e-8)
 
 
 def test_what_is_no_vehicle_has_no_log(tmp_path):

@@ -1,4 +1,4 @@
-"""Mission files: a vehicle, its water, its pilot and its legs, from one TOML to results."""
+"""Mission files: a vehicle, its water, its controller and its legs, from one TOML to results."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def by_hand():
     from coadjoint.vehicles import Craft, water
 
     vehicle = vehicles.load("remus_100")
-    craft = Craft(vehicle, pilot=vehicle.pilot, water=water.UniformWater((0.0, 0.2, 0.0)))
+    craft = Craft(vehicle, controller=vehicle.controller, water=water.UniformWater((0.0, 0.2, 0.0)))
     start = craft.start(position=(0, 0, 0.5), speed=3 * 1852 / 3600, actuators={"propeller": 15.0})
     legs = [0.0, 5.0]
     inputs = {"depth": co.Held(legs, [1.0, 2.0]), "heading": co.Held(legs, np.radians([0.0, 40.0])), "speed": 1.5}
@@ -134,7 +134,7 @@ def test_numbers_of_hundreds_of_digits_are_refused(key, digits, tmp_path):
 
 
 def test_a_start_in_east_north_up_is_the_same_start():
-    alone = {"pilot": {"kind": "none"}, "mission": None}
+    alone = {"controller": {"kind": "none"}, "mission": None}
     given = {"position_m": [1, 2, 3], "speed": 1.0, "heading_deg": 30, "pitch_deg": 10}
     ned = set_up(mission(initial=given, **alone)).start
     given = {"axes": "ENU/FLU", "position_m": [2, 1, -3], "speed": 1.0, "yaw_deg": 60, "pitch_deg": -10}
@@ -223,11 +223,11 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({**FLEET, "perturb": {"mass": 0.1}, "mission": {**LEVEL, "ends": "surface"}}, "ends would end each"),
         ({**FLEET, "perturb": {"mass": "nan %"}}, "must be finite"),
         ({"parameters": {"rudder_limit_kg": 1}}, "unit of mass, but `rudder_limit` measures angle"),
-        ({"pilot": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
+        ({"controller": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
         ({"run": {"dt": 1, "steps": 1, "members": 2}, "perturb": {"mass_m": 1}}, "`mass` measures mass"),
-        ({"pilot": {"kind": "cruse"}}, "did you mean `cruise`"),
-        ({"pilot": {"periods": 1}}, "did you mean `period`"),
-        ({"pilot": {"kind": "none"}}, "no set point `depth`"),
+        ({"controller": {"kind": "cruse"}}, "did you mean `cruise`"),
+        ({"controller": {"periods": 1}}, "did you mean `period`"),
+        ({"controller": {"kind": "none"}}, "no set point `depth`"),
         ({"parameters": {"rudder_aera": 1}}, "did you mean `rudder_area`"),
         ({"parameters": {"rudder_lag": -0.1}}, "`lag` of the fin `rudder` must be at least 0"),
         (
@@ -269,7 +269,7 @@ def test_a_method_that_does_not_fit_is_refused_before_the_mission(change, words,
 
 
 def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(capsys):
-    from coadjoint.vehicles.files.shelf import vehicle_text
+    from coadjoint.vehicles.files.registry import vehicle_text
 
     Path("mine.toml").write_text(vehicle_text("remus_100"))
     Path("dive.toml").write_text(MISSION)
@@ -289,13 +289,13 @@ def test_units_of_parameters_are_those_that_they_measure():
         "propeller_limit_rpm": 900,
         "rudder_limit_deg": 20,
         "center_of_mass_mm": [0, 0, 20],
-        "pilot_period_ms": 100,
+        "controller_period_ms": 100,
     }
     found = set_up(mission(parameters=given)).system.parameters
     assert found.propeller_limit == pytest.approx(15.0)
     assert found.rudder_limit == pytest.approx(np.radians(20))
     assert found.center_of_mass == pytest.approx([0, 0, 0.02])
-    assert found.pilot_period == pytest.approx(0.1)
+    assert found.controller_period == pytest.approx(0.1)
 
 
 def test_every_kind_of_current_can_be_said(tmp_path):
@@ -362,7 +362,7 @@ def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys
     points = np.reshape(data.attrs["way_points"], (-1, 3))
     assert points.tolist() == [[60, 0, 3], [60, 60, 6], [0, 60, 3], [0, 0, 1]]
     gaps = np.linalg.norm(data.q.values[:, None, :2] - points[None, :, :2], axis=2)
-    legs = data.internal_pilot_value_memory_leg.values
+    legs = data.internal_controller_value_memory_leg.values
     assert np.all(np.isin(np.diff(legs), (0, 1)))
     assert legs[-1] == 3
     for leg in range(3):

@@ -1,4 +1,4 @@
-"""Crafts: vehicles put together from parts, with pilots in water that moves."""
+"""Crafts: vehicles put together from parts, with controllers in water that moves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import general_vehicle, paper_form
-from coadjoint.vehicles import Craft, Pilot, Vehicle
+from coadjoint.vehicles import Controller, Craft, Vehicle
 from coadjoint.vehicles.controllers import Cruise
 from coadjoint.vehicles.model import craft_of
 from coadjoint.vehicles.model.actuators import seen
@@ -47,29 +47,29 @@ def test_an_actuator_that_lags_acts_half_a_step_late_so_that_the_order_is_one():
     assert 2 * fine == pytest.approx(0.07, abs=0.005)
 
 
-def test_a_pilot_sees_where_the_craft_is_and_how_it_moves():
+def test_a_controller_sees_where_the_craft_is_and_how_it_moves():
     craft = Craft(remus(), water=UniformWater(CURRENT))
     angles, place, v, omega = (2.0, -0.4, 0.3), (3.0, 5.0, 10.0), (1.2, 0.1, -0.2), (0.1, 0.2, 0.3)
     start = craft.start(
         position=place, velocity=v, euler_zyx=angles, angular_velocity=omega, actuators={"rudder": 0.1}, t=2.0
     )
     motion = craft.system.motion(start.xi, start.n, start.nu, start.a, start.t, None, start.internal)
-    sight = evaluate(lambda m, p: seen(craft.water, craft.vehicle, m, p, co.Parameters()), motion, craft.parameters)
+    feedback = evaluate(lambda m, p: seen(craft.water, craft.vehicle, m, p, co.Parameters()), motion, craft.parameters)
     qdot = co.attitude.zyx(*angles) @ v + CURRENT
-    np.testing.assert_allclose([sight.heading, sight.pitch, sight.roll], angles, rtol=1e-13)
-    np.testing.assert_allclose(sight.position, place, rtol=1e-13)
-    np.testing.assert_allclose(sight.velocity, v, rtol=1e-13)
-    np.testing.assert_allclose(sight.ground_velocity, co.attitude.zyx(*angles).T @ qdot, rtol=1e-13)
-    np.testing.assert_allclose([sight.depth, sight.sink, sight.t], [10.0, qdot[2], 2.0], rtol=1e-13)
-    np.testing.assert_allclose(sight.omega, omega, rtol=1e-13)
-    assert sight.actual.rudder == 0.1
+    np.testing.assert_allclose([feedback.heading, feedback.pitch, feedback.roll], angles, rtol=1e-13)
+    np.testing.assert_allclose(feedback.position, place, rtol=1e-13)
+    np.testing.assert_allclose(feedback.velocity, v, rtol=1e-13)
+    np.testing.assert_allclose(feedback.ground_velocity, co.attitude.zyx(*angles).T @ qdot, rtol=1e-13)
+    np.testing.assert_allclose([feedback.depth, feedback.sink, feedback.t], [10.0, qdot[2], 2.0], rtol=1e-13)
+    np.testing.assert_allclose(feedback.omega, omega, rtol=1e-13)
+    assert feedback.actual.rudder == 0.1
 
 
-def test_a_function_of_what_a_pilot_sees_steers():
-    def pilot(sight, p):
-        return {"rudder": 1.2 * (sight.inputs.heading - sight.heading) - sight.omega[2]}
+def test_a_function_of_what_a_controller_sees_steers():
+    def controller(feedback, p):
+        return {"rudder": 1.2 * (feedback.inputs.heading - feedback.heading) - feedback.omega[2]}
 
-    craft = Craft(remus(), pilot=pilot)
+    craft = Craft(remus(), controller=controller)
     start = craft.start(speed=1.5, actuators={"propeller": 12.0})
     run = co.simulate(craft.system, start, dt=0.05, duration=60.0, inputs={"heading": co.Held([0.0], [0.5])})
     assert run.dataset.euler_angles[-1, 0] == pytest.approx(0.5, abs=1e-3)
@@ -243,30 +243,30 @@ def test_a_start_is_the_same_in_the_axes_of_robotics():
         np.testing.assert_allclose(getattr(robotic, name), getattr(naval, name), atol=1e-14)
 
 
-class Helmsman(Pilot):
+class Helmsman(Controller):
     """Holds a heading."""
 
     @property
     def inputs(self):
         return {"heading": "rad"}
 
-    def steer(self, sight, memory, own, vehicle):
-        return {"rudder": sight.inputs.heading - sight.heading}, {}
+    def steer(self, feedback, memory, own, vehicle):
+        return {"rudder": feedback.inputs.heading - feedback.heading}, {}
 
 
-class ByHand(Pilot):
+class ByHand(Controller):
     """A person's rudder, damped."""
 
     @property
     def inputs(self):
         return {"rudder": "rad"}
 
-    def steer(self, sight, memory, own, vehicle):
-        return {"rudder": sight.inputs.rudder - 0.5 * sight.omega[2]}, {}
+    def steer(self, feedback, memory, own, vehicle):
+        return {"rudder": feedback.inputs.rudder - 0.5 * feedback.omega[2]}, {}
 
 
-def test_a_set_point_of_a_pilot_may_have_the_name_of_the_part_that_it_steers():
-    craft = Craft(remus(), pilot=ByHand())
+def test_a_set_point_of_a_controller_may_have_the_name_of_the_part_that_it_steers():
+    craft = Craft(remus(), controller=ByHand())
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
     run = co.simulate(craft.system, start, dt=0.05, duration=20.0, inputs={"rudder": 0.05, "stern_planes": 0.02})
     made = run.dataset
@@ -277,8 +277,8 @@ def test_a_set_point_of_a_pilot_may_have_the_name_of_the_part_that_it_steers():
 STILL = co.Held([0.0], [0.0])
 
 
-def steered(pilot, **inputs: Any):
-    craft = Craft(remus(), pilot=pilot)
+def steered(controller, **inputs: Any):
+    craft = Craft(remus(), controller=controller)
     return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs or None)
 
 
@@ -296,7 +296,7 @@ def drifting(**inputs: Any):
     ("call", "sentence"),
     [
         (lambda: remus(parts=(Damping("drag"), Damping("drag"))), "Two parts are named `drag`"),
-        (lambda: remus(parts=(Damping("pilot"),)), "The name `pilot` is taken"),
+        (lambda: remus(parts=(Damping("controller"),)), "The name `controller` is taken"),
         (lambda: remus(parts=(Damping("water_brake"),)), "`water_brake` begins like the records"),
         (lambda: remus(parts=({"kind": "fin"},)), "`parts` must hold parts such as Fin"),
         (lambda: remus().part("ruder"), "has no part `ruder`; its parts are: damping, hull"),
@@ -305,7 +305,10 @@ def drifting(**inputs: Any):
         (lambda: Craft(remus()).replace(mass=-5.0), "`mass` must be positive"),
         (lambda: Craft(remus()).replace(rudder_normal=[0, 2, 0]), "`normal` of the fin `rudder` must be a unit vector"),
         (lambda: Craft(remus()).replace(hull_length=[1, 2]), "`length` of the hull `hull` must be one number"),
-        (lambda: Craft(remus(), pilot=Helmsman()).replace(water_velocity=1.0), r"`velocity` must have shape \(3,\)"),
+        (
+            lambda: Craft(remus(), controller=Helmsman()).replace(water_velocity=1.0),
+            r"`velocity` must have shape \(3,\)",
+        ),
         (lambda: Craft(remus()).start(actuators={"ruder": 0.1}), "`ruder` in `actuators` is no actuator .* are: stern"),
         (lambda: Craft(remus()).start(actuators={"rudder": [0.1, 0.2]}), r"`rudder` .* must be one number, .* \(2,\)"),
         (lambda: Craft(remus()).start(actuators={"rudder": 10.0}), "`rudder` cannot start at 10 rad: it goes"),
@@ -318,13 +321,19 @@ def drifting(**inputs: Any):
         (lambda: steered(Helmsman()), r"needs the input `heading` \(rad\): give it to co.simulate"),
         (lambda: steered(Helmsman(), heading=STILL, depth=STILL), "knows the input `depth`: .* take heading, stern"),
         (lambda: steered(None, depth=STILL), "knows the input `depth`: .* take stern_planes, rudder, propeller"),
-        (lambda: steered(Helmsman(), heading=STILL, rudder=STILL), "The pilot commands `rudder` already"),
-        (lambda: towed(rudder=STILL), "knows the input `rudder`: pilot and actuators take none"),
+        (lambda: steered(Helmsman(), heading=STILL, rudder=STILL), "The controller commands `rudder` already"),
+        (lambda: towed(rudder=STILL), "knows the input `rudder`: controller and actuators take none"),
         (lambda: drifting(rudder=STILL), "Nothing takes these inputs"),
         (lambda: steered(None, rudder=co.Held([0.0], [[0.0, 1.0]])), r"`rudder` with shape \(2,\), but it takes one"),
-        (lambda: steered(lambda sight, p: {"sail": 0.0}), "The pilot commands `sail`, which is no actuator of `REMUS"),
-        (lambda: steered(lambda sight, p: {"rudder": sight.omega}), r"`rudder` with shape \(3,\), but it takes one"),
-        (lambda: steered(lambda sight, p: sight.omega), "must return a dictionary of commands"),
+        (
+            lambda: steered(lambda feedback, p: {"sail": 0.0}),
+            "The controller commands `sail`, which is no actuator of `REMUS",
+        ),
+        (
+            lambda: steered(lambda feedback, p: {"rudder": feedback.omega}),
+            r"`rudder` with shape \(3,\), but it takes one",
+        ),
+        (lambda: steered(lambda feedback, p: feedback.omega), "must return a dictionary of commands"),
     ],
 )
 def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
@@ -345,17 +354,17 @@ def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
         ({"inertia": [1.0, 2.0, 2.0]}, r"`inertia` must be of shape \(3, 3\), but has shape \(3,\)"),
         ({"inertia": np.diag([1.0, -2.0, 2.0])}, "`inertia` must be positive definite"),
         ({"water_velocity": [0.1, 0.2]}, r"`velocity` must have shape \(3,\)"),
-        ({"pilot_period": 0.0}, "`period` of the pilot `Cruise` must be positive"),
-        ({"pilot_mixing": [1.0]}, r"`pilot_mixing` must be of shape"),
+        ({"controller_period": 0.0}, "`period` of the controller `Cruise` must be positive"),
+        ({"controller_mixing": [1.0]}, r"`controller_mixing` must be of shape"),
     ],
 )
 def test_what_replaces_a_parameter_is_checked_as_where_it_was_made(changed, sentence):
     with pytest.raises(ArgumentError, match=sentence):
-        Craft(remus(), pilot=Cruise()).replace(**changed)
+        Craft(remus(), controller=Cruise()).replace(**changed)
 
 
 def test_what_can_be_replaces_a_parameter_also_where_it_is_traced():
-    craft = Craft(remus(), pilot=Cruise()).replace(rudder_area=co.each(np.linspace(0, 0.1, 5)), mass=32.0)
+    craft = Craft(remus(), controller=Cruise()).replace(rudder_area=co.each(np.linspace(0, 0.1, 5)), mass=32.0)
     assert len(craft.parameters.rudder_area) == 5
 
     def area(value):

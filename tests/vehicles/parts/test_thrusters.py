@@ -222,14 +222,14 @@ def test_every_member_of_an_ensemble_has_its_curve_and_gradients_go_through_it()
         assert jax.grad(speed)(0.5) == pytest.approx(float(speeds[1]) / 0.5, rel=1e-10)
 
 
-def test_a_pilot_may_allocate_inside_the_native_kernel():
+def test_a_controller_may_allocate_inside_the_native_kernel():
     part = Thrusters("thrusters", "T200", allocation=BLUEROV_TAM, lag=0.1, unit="µs")
 
-    def keep(sight: Any, p: Any) -> dict[str, Any]:
-        force = -60.0 * (sight.depth - 1.0) * sight.down - 60.0 * sight.velocity
-        return {"thrusters": part.allocate(jnp.concatenate([force, -5.0 * sight.omega]))}
+    def keep(feedback: Any, p: Any) -> dict[str, Any]:
+        force = -60.0 * (feedback.depth - 1.0) * feedback.down - 60.0 * feedback.velocity
+        return {"thrusters": part.allocate(jnp.concatenate([force, -5.0 * feedback.omega]))}
 
-    craft = Craft(vehicle(part), pilot=keep)
+    craft = Craft(vehicle(part), controller=keep)
     run = co.simulate(craft.system, craft.start(), dt=0.05, duration=60.0)
     assert run.plan.backend == "native"
     assert run.final.q[2] == pytest.approx(1.0, abs=0.03)

@@ -1,4 +1,4 @@
-"""Pilots: what sees a craft, at its sample times, and says what its actuators shall do."""
+"""Controllers: what sees a craft, at its sample times, and says what its actuators shall do."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.controllers.hover import Manoeuvre as Manoeuvre
     from coadjoint.vehicles.controllers.hover import Pose as Pose
     from coadjoint.vehicles.controllers.line_of_sight import LineOfSight as LineOfSight
-    from coadjoint.vehicles.controllers.proposed import proposed_pilot as proposed_pilot
+    from coadjoint.vehicles.controllers.proposed import proposed_controller as proposed_controller
     from coadjoint.vehicles.controllers.sawtooth import Sawtooth as Sawtooth
-    from coadjoint.vehicles.model.function_pilot import FunctionPilot as FunctionPilot
-    from coadjoint.vehicles.model.pilot import Pilot as Pilot
-    from coadjoint.vehicles.model.pilot import Sight as Sight
+    from coadjoint.vehicles.model.controller import Controller as Controller
+    from coadjoint.vehicles.model.controller import Feedback as Feedback
+    from coadjoint.vehicles.model.function_controller import FunctionController as FunctionController
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -11,10 +11,10 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import positive, vector
+from coadjoint.vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint.vehicles.controllers.design import TurningModel, propose_attitude
-from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
 from coadjoint.vehicles.controllers.pid import pull
-from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.parts.measured import measured
 
 
@@ -63,7 +63,7 @@ def angular_acceleration(gains: Any, R: Array, wanted: Array, omega: Array) -> A
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Attitude(Pilot):
+class Attitude(Controller):
     """Any attitude, by fins under way: a vertical dive, or a loop, is no special place.
 
         α = −k_R e_R − k_I ∫e_R − k_ω ω,    δ = (U/u)² G⁺ (α − (u/U) A (v, w, ω) − b)
@@ -73,7 +73,7 @@ class Attitude(Pilot):
     alone, `pointing_error`. Fins are scaled down alike at fin_limit; the integral stops there and where |e_R| > ½.
 
     Set points: `attitude`, R_d, (3, 3), body to space, and `speed` (m/s through the water).
-    Fields, the keys of [pilot] with kind = "attitude", all optional: speed (1.5 m/s); period, delay (s);
+    Fields, the keys of [controller] with kind = "attitude", all optional: speed (1.5 m/s); period, delay (s);
     attitude_gains: k_R (1/s²), k_I (1/s³), k_ω (1/s); speed_gains, feed_forward, fin_limit, thrust_limit as of
     `Cruise`. What is left out is proposed. Raises ArgumentError.
     """
@@ -85,7 +85,7 @@ class Attitude(Pilot):
     feed_forward: Any = measured(None, default=None)
     fin_limit: Any = measured(u.ANGLE, positive, default=None)
     thrust_limit: Any = measured(None, positive, default=None)
-    mixing: Mixing | None = None
+    allocation: Allocation | None = None
     model: TurningModel | None = None
 
     def fitted(self, vehicle: Any) -> Attitude:
@@ -102,17 +102,17 @@ class Attitude(Pilot):
     def memory(self) -> dict[str, Any]:
         return {"attitude": np.zeros(3), "speed": 0.0}
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        assert self.mixing is not None
-        v, faster = sight.velocity, sight.velocity[0] / own.speed
-        R, goal = attitude_of(sight.down, sight.north), sight.inputs.attitude
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        assert self.allocation is not None
+        v, faster = feedback.velocity, feedback.velocity[0] / own.speed
+        R, goal = attitude_of(feedback.down, feedback.north), feedback.inputs.attitude
         error = jnp.where(own.rolls > 0, attitude_error(R, goal), pointing_error(R, goal))
         gains, following = own.attitude_gains, memory.attitude + own.period * error
-        wanted = -gains[0] * error - gains[1] * following - gains[2] * sight.omega
-        natural = faster * own.flow @ jnp.concatenate([v[1:], sight.omega]) + own.weight @ sight.down
+        wanted = -gains[0] * error - gains[1] * following - gains[2] * feedback.omega
+        natural = faster * own.flow @ jnp.concatenate([v[1:], feedback.omega]) + own.weight @ feedback.down
         fins = own.inverse @ (wanted - natural) / jnp.maximum(faster, 0.5) ** 2
         scale = jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
-        ahead, of_speed = pull(sight, memory.speed, own)
-        commands = commands_of(self.mixing, scale * fins + own.ahead * ahead, vehicle)
+        ahead, of_speed = pull(feedback, memory.speed, own)
+        commands = commands_of(self.allocation, scale * fins + own.ahead * ahead, vehicle)
         grows = (scale == 1.0) & (error @ error < 0.25)
         return commands, {"attitude": jnp.where(grows, following, memory.attitude), "speed": of_speed}

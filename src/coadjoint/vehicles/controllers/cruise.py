@@ -12,27 +12,27 @@ from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import positive, vector
+from coadjoint.vehicles.controllers.allocation import Allocation, commands_of
 from coadjoint.vehicles.controllers.design import propose
-from coadjoint.vehicles.controllers.mixing import Mixing, commands_of
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid, pull
-from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.parts.measured import measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Cruise(Pilot):
+class Cruise(Controller):
     """Depth, heading and speed by PID controllers, mixed over whatever fins and propulsion the vehicle has.
 
         θ_c = −PID(depth error), |θ_c| ≤ pitch_limit;    n = n₀ U_c + PID(U_c − u), 0 ≤ n ≤ thrust_limit
         δ_pitch = PID(θ_c − θ),    δ_heading = PID(ψ_c − ψ),    δ_roll = PID(−φ)
-        δ_i = Σ_j mixing_ij δ_j over the fins, scaled down alike where one is beyond fin_limit
+        δ_i = Σ_j allocation_ij δ_j over the fins, scaled down alike where one is beyond fin_limit
 
     Positive δ_pitch turns the nose up, δ_heading the nose and δ_roll the mast to starboard, whatever the fins' signs.
     The gains are made for going at `speed`: at another u, rates count by speed/u, as fins push with its square.
 
     Set points: `depth` (m; or `altitude` over a flat `bottom`, or `pitch` (rad), by `vertical`), `heading` (rad),
     `speed` (m/s through the water).
-    Fields, the keys of [pilot] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
+    Fields, the keys of [controller] with kind = "cruise", all optional: speed (1.5 m/s); period, delay (s); depth_gains
     (rad/m, rad/(m s), rad s/m), pitch_gains, heading_gains, roll_gains (1, 1/s, s), speed_gains (command per m/s, per
     m, per m/s²): k_p, k_i, k_d of each; feed_forward: n₀, command per m/s; pitch_reach, heading_reach (rad): larger
     errors count as these, so that turns stay within what fins can hold; pitch_limit, fin_limit (rad); thrust_limit
@@ -55,19 +55,21 @@ class Cruise(Pilot):
     thrust_limit: Any = measured(None, positive, default=None)
     vertical: str = measured(None, None, words=("depth", "altitude", "pitch"), default="depth")
     bottom: Any = measured(u.LENGTH, default=None)
-    mixing: Mixing | None = None
+    allocation: Allocation | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.vertical == "altitude") != (self.bottom is not None):
-            raise ArgumentError('The pilot `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
+            raise ArgumentError('The controller `cruise` takes `bottom` (m) with vertical = "altitude", and only then.')
 
     def fitted(self, vehicle: Any) -> Cruise:
-        """With its mixing, and what gains were left out, for a vehicle; raises ArgumentError where that cannot be."""
-        return self if self.mixing is not None else propose(self, vehicle)
+        """With its allocation, and what gains were left out, for a vehicle; raises ArgumentError where that cannot
+        be.
+        """
+        return self if self.allocation is not None else propose(self, vehicle)
 
     def parameters(self) -> dict[str, Any]:
-        return {**super().parameters(), **({} if self.mixing is None else {"mixing": self.mixing.matrix})}
+        return {**super().parameters(), **({} if self.allocation is None else {"allocation": self.allocation.matrix})}
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -76,22 +78,22 @@ class Cruise(Pilot):
     def memory(self) -> dict[str, Any]:
         return dict.fromkeys(("depth", "pitch", "heading", "roll", "speed"), 0.0)
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        assert self.mixing is not None
-        T, omega = own.period, sight.omega
-        faster = own.speed / jnp.maximum(sight.velocity[0], own.speed / 3)
-        climb, of_depth = self._climb(sight, memory, own)
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        assert self.allocation is not None
+        T, omega = own.period, feedback.omega
+        faster = own.speed / jnp.maximum(feedback.velocity[0], own.speed / 3)
+        climb, of_depth = self._climb(feedback, memory, own)
         # Depth that pitch has yet to follow is no error to be remembered.
-        of_depth = jnp.where(jnp.abs(climb - sight.pitch) > own.pitch_reach, memory.depth, of_depth)
-        up, of_pitch = self._turn("pitch", climb - sight.pitch, omega[1], memory.pitch, faster, own)
-        turned = nearest_turn(sight.inputs.heading - sight.heading)
-        turn = (omega[1] * jnp.sin(sight.roll) + omega[2] * jnp.cos(sight.roll)) / jnp.cos(sight.pitch)
+        of_depth = jnp.where(jnp.abs(climb - feedback.pitch) > own.pitch_reach, memory.depth, of_depth)
+        up, of_pitch = self._turn("pitch", climb - feedback.pitch, omega[1], memory.pitch, faster, own)
+        turned = nearest_turn(feedback.inputs.heading - feedback.heading)
+        turn = (omega[1] * jnp.sin(feedback.roll) + omega[2] * jnp.cos(feedback.roll)) / jnp.cos(feedback.pitch)
         round_, of_heading = self._turn("heading", turned, turn, memory.heading, faster, own)
-        over, of_roll = pid(_at(faster, own.roll_gains), -sight.roll, omega[0], memory.roll, T, own.fin_limit)
-        ahead, of_speed = pull(sight, memory.speed, own)
-        fins = own.mixing[:, :3] @ jnp.stack([over, up, round_])
+        over, of_roll = pid(_at(faster, own.roll_gains), -feedback.roll, omega[0], memory.roll, T, own.fin_limit)
+        ahead, of_speed = pull(feedback, memory.speed, own)
+        fins = own.allocation[:, :3] @ jnp.stack([over, up, round_])
         fins = fins * jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
-        commands = commands_of(self.mixing, fins + own.mixing[:, 3] * ahead, vehicle)
+        commands = commands_of(self.allocation, fins + own.allocation[:, 3] * ahead, vehicle)
         return commands, {
             "depth": of_depth,
             "pitch": of_pitch,
@@ -107,13 +109,13 @@ class Cruise(Pilot):
         angle, following = pid(gains, near, rate, integral, own.period, own.fin_limit)
         return angle, jnp.where(near == error, following, integral)
 
-    def _climb(self, sight: Sight, memory: Any, own: Any) -> tuple[Array, Array]:
+    def _climb(self, feedback: Feedback, memory: Any, own: Any) -> tuple[Array, Array]:
         """θ_c, rad, and the integral of the depth error."""
         if self.vertical == "pitch":
-            return jnp.clip(sight.inputs.pitch, -own.pitch_limit, own.pitch_limit), memory.depth
-        wanted = sight.inputs.depth if self.vertical == "depth" else own.bottom - sight.inputs.altitude
+            return jnp.clip(feedback.inputs.pitch, -own.pitch_limit, own.pitch_limit), memory.depth
+        wanted = feedback.inputs.depth if self.vertical == "depth" else own.bottom - feedback.inputs.altitude
         dive, integral = pid(
-            own.depth_gains, wanted - sight.depth, sight.sink, memory.depth, own.period, own.pitch_limit
+            own.depth_gains, wanted - feedback.depth, feedback.sink, memory.depth, own.period, own.pitch_limit
         )
         return -dive, integral
 

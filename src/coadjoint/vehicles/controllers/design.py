@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.vehicles.controllers.mixing import Mixing, mixing, propulsion
+from coadjoint.vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way
 
@@ -19,13 +19,13 @@ FULL_FIN = 0.25
 TURNING = 0.6
 """The part of the fins that a steady turn may use; the rest is for what comes on top."""
 PLANES = {"roll": (0, 3, 1), "pitch": (1, 4, 2), "heading": (2, 5, 1)}
-"""The column of the mixing, and the rows of the torque and of the slip, of a turn."""
+"""The column of the allocation, and the rows of the torque and of the slip, of a turn."""
 WELL_DAMPED = 0.7
 """The damping ratio that is enough for any mode."""
 
 
-def propose(pilot: Any, vehicle: Any) -> Any:
-    """A cruise pilot with its mixing and with the gains that were left out, for a vehicle at pilot.speed.
+def propose(controller: Any, vehicle: Any) -> Any:
+    """A cruise controller with its allocation and with the gains that were left out, for a vehicle at controller.speed.
 
     Turns: θ̈ = a_q θ̇ + a_θ θ + b δ, with the side slip that a turn begins with in a_θ (w = Uθ, v = −Uψ: the Munk
     moment, and what fins take from the flow), gets the poles of s² + 2ζωs + ω², k_p = (ω² + a_θ)/b and
@@ -34,28 +34,32 @@ def propose(pilot: Any, vehicle: Any) -> Any:
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
-    motion = under_way(vehicle, pilot.speed)
-    mixed = mixing(motion)
+    motion = under_way(vehicle, controller.speed)
+    mixed = allocation(motion)
     screws = propulsion(motion)
-    fin, late, wanted = means(pilot, vehicle, motion)
+    fin, late, wanted = means(controller, vehicle, motion)
     turns = {axis: turning(motion, mixed, axis) for axis in ("roll", "pitch", "heading")}
     given: dict[str, Any] = {f"{axis}_gains": placed(turn, wanted, fin) for axis, turn in turns.items()}
     for axis in ("pitch", "heading"):
         given[f"{axis}_gains"] = damped(motion, mixed, axis, given[f"{axis}_gains"], late)
-    pitch = given["pitch_gains"] if pilot.pitch_gains is None else pilot.pitch_gains
+    pitch = given["pitch_gains"] if controller.pitch_gains is None else controller.pitch_gains
     for axis in ("pitch", "heading"):
-        gains = given[f"{axis}_gains"] if getattr(pilot, f"{axis}_gains") is None else getattr(pilot, f"{axis}_gains")
+        gains = (
+            given[f"{axis}_gains"]
+            if getattr(controller, f"{axis}_gains") is None
+            else getattr(controller, f"{axis}_gains")
+        )
         given[f"{axis}_reach"] = reach(motion, mixed, axis, gains, fin)
     thrust = motion.limits[screws].min()
     given |= {
         "depth_gains": diving(motion, mixed, pitch, late),
-        "speed_gains": surging(motion, mixed, pilot.period + pilot.delay),
+        "speed_gains": surging(motion, mixed, controller.period + controller.delay),
         "feed_forward": motion.trim[screws].max() / motion.speed,
         "fin_limit": fin,
         "thrust_limit": thrust,
     }
-    chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
-    return replace(pilot, mixing=mixed, **chosen)
+    chosen = {key: value for key, value in given.items() if getattr(controller, key) is None}
+    return replace(controller, allocation=mixed, **chosen)
 
 
 class TurningModel(NamedTuple):
@@ -71,7 +75,7 @@ class TurningModel(NamedTuple):
     rolls: np.ndarray
 
 
-def turning_model(motion: UnderWay, mixed: Mixing, fin: float) -> TurningModel:
+def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningModel:
     """How a vehicle turns near straight motion, by fins up to `fin` (rad); axes that they do not master count as 0."""
     M = np.linalg.inv(motion.mass)
     all_of = loads(motion.level.vehicle)
@@ -86,29 +90,29 @@ def turning_model(motion: UnderWay, mixed: Mixing, fin: float) -> TurningModel:
     return TurningModel((M @ motion.damping)[3:, 1:], weight, inverse, ahead, np.asarray(float(rolls)))
 
 
-def propose_attitude(pilot: Any, vehicle: Any) -> Any:
-    """An attitude pilot with its model of a vehicle at pilot.speed, and with the gains that were left out."""
-    motion = under_way(vehicle, pilot.speed)
-    mixed = mixing(motion)
-    fin, _, wanted = means(pilot, vehicle, motion)
+def propose_attitude(controller: Any, vehicle: Any) -> Any:
+    """An attitude controller with its model of a vehicle at controller.speed, and with the gains that were left out."""
+    motion = under_way(vehicle, controller.speed)
+    mixed = allocation(motion)
+    fin, _, wanted = means(controller, vehicle, motion)
     screws = propulsion(motion)
     given = {
         "attitude_gains": np.array([wanted**2, wanted**3 / 8, 2 * DAMPING_RATIO * wanted]),
-        "speed_gains": surging(motion, mixed, pilot.period + pilot.delay),
+        "speed_gains": surging(motion, mixed, controller.period + controller.delay),
         "feed_forward": motion.trim[screws].max() / motion.speed,
         "fin_limit": fin,
         "thrust_limit": motion.limits[screws].min(),
     }
     model = turning_model(motion, mixed, fin)
-    chosen = {key: value for key, value in given.items() if getattr(pilot, key) is None}
-    return replace(pilot, mixing=mixed, model=model, **chosen)
+    chosen = {key: value for key, value in given.items() if getattr(controller, key) is None}
+    return replace(controller, allocation=mixed, model=model, **chosen)
 
 
-def means(pilot: Any, vehicle: Any, motion: UnderWay) -> tuple[float, float, float]:
+def means(controller: Any, vehicle: Any, motion: UnderWay) -> tuple[float, float, float]:
     """The fins' limit (rad), how late they follow (s), and how fast a turn is wanted to be (rad/s)."""
     screws = propulsion(motion)
-    fin = min(motion.limits[~screws].min(), np.radians(45)) if pilot.fin_limit is None else pilot.fin_limit
-    late = motion.lags[~screws].max(initial=0.0) + 0.5 * pilot.period + pilot.delay
+    fin = min(motion.limits[~screws].min(), np.radians(45)) if controller.fin_limit is None else controller.fin_limit
+    late = motion.lags[~screws].max(initial=0.0) + 0.5 * controller.period + controller.delay
     length = vehicle.length if vehicle.length is not None else 10 * np.cbrt(vehicle.volume)
     return float(fin), float(late), float(min(LENGTHS * motion.speed / length, 0.35 / late))
 
@@ -121,14 +125,14 @@ class Turn(NamedTuple):
     effect: float
 
 
-def turning(motion: UnderWay, mixed: Mixing, axis: str) -> Turn:
+def turning(motion: UnderWay, mixed: Allocation, axis: str) -> Turn:
     """Roll, pitch or heading of a vehicle whose path does not turn yet."""
     slip = {"roll": 0.0, "pitch": 1.0, "heading": -1.0}[axis]
     A = plane(motion, mixed, axis)
     return Turn(A[1, 1], A[1, 0] * slip * motion.speed + A[1, 2], A[1, 3])
 
 
-def plane(motion: UnderWay, mixed: Mixing, axis: str) -> np.ndarray:
+def plane(motion: UnderWay, mixed: Allocation, axis: str) -> np.ndarray:
     """d(slip, rate)/dt = A (slip, rate, angle, δ), A of shape (2, 4): slip is v or w, δ the mixed angle of the fins."""
     column, row, across = PLANES[axis]
     both = [across, row]
@@ -138,7 +142,7 @@ def plane(motion: UnderWay, mixed: Mixing, axis: str) -> np.ndarray:
     return np.linalg.solve(motion.mass[np.ix_(both, both)], pushes)
 
 
-def reach(motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: float) -> float:
+def reach(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, fin: float) -> float:
     """The error, rad, that asks for the fastest turn that a part of the fins holds: e = (δ + k_d rate)/k_p.
 
     Half a turn where k_p is 0, and no error asks for anything.
@@ -150,7 +154,7 @@ def reach(motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, fin: fl
     return max((angle + gains[2] * rate) / gains[0], 0.02)
 
 
-def damped(motion: UnderWay, mixed: Mixing, axis: str, gains: np.ndarray, late: float) -> np.ndarray:
+def damped(motion: UnderWay, mixed: Allocation, axis: str, gains: np.ndarray, late: float) -> np.ndarray:
     """The gains with the least k_d that damps the modes of (slip, rate, angle, δ) well, or as well as can be."""
     found = []
     for more in np.linspace(0.0, 3.0, 61):
@@ -173,7 +177,7 @@ def placed(turn: Turn, wanted: float, fin: float) -> np.ndarray:
     return np.array([k_p, k_p * frequency / 40, k_d])
 
 
-def diving(motion: UnderWay, mixed: Mixing, pitch: np.ndarray, late: float) -> np.ndarray:
+def diving(motion: UnderWay, mixed: Allocation, pitch: np.ndarray, late: float) -> np.ndarray:
     """(k_p, k_i, k_d) of depth: the fastest that leave every mode about as well damped as those of pitch alone."""
     U = motion.speed
     alone = damping_ratio(depth_loop(motion, mixed, np.zeros(3), pitch, late)[:4, :4])
@@ -191,7 +195,7 @@ def damping_ratio(A: np.ndarray) -> float:
     return float(np.min(-modes.real / np.abs(modes)))
 
 
-def depth_loop(motion: UnderWay, mixed: Mixing, depth: np.ndarray, pitch: np.ndarray, late: float) -> np.ndarray:
+def depth_loop(motion: UnderWay, mixed: Allocation, depth: np.ndarray, pitch: np.ndarray, late: float) -> np.ndarray:
     """The closed loop of x = (w, q, θ, δ, z, ∫e), ẋ = Ax, of depth and pitch controllers; the fins are `late` (s)."""
     U = motion.speed
     A = np.zeros((6, 6))
@@ -206,7 +210,7 @@ def depth_loop(motion: UnderWay, mixed: Mixing, depth: np.ndarray, pitch: np.nda
     return A
 
 
-def surging(motion: UnderWay, mixed: Mixing, late: float) -> np.ndarray:
+def surging(motion: UnderWay, mixed: Allocation, late: float) -> np.ndarray:
     """(k_p, k_i, 0) of speed for two poles, as fast as the propulsion's lag and the sampling allow, at most in 2 s."""
     m, screws = motion.mass[0, 0], mixed.matrix[:, 3] > 0
     a, b = motion.damping[0, 0] / m, (motion.effects[0] @ mixed.matrix[:, 3]) / m

@@ -12,7 +12,7 @@ from coadjoint.models.quantities import vector
 from coadjoint.vehicles.controllers.attitude import attitude_of, level
 from coadjoint.vehicles.controllers.pid import nearest_turn, pid
 from coadjoint.vehicles.controllers.thrusting import AXES, LARGEST_TURN, SHARE, Thrusting, poles
-from coadjoint.vehicles.model.pilot import Sight
+from coadjoint.vehicles.model.controller import Feedback
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.trim.under_way import Level
 
@@ -26,8 +26,8 @@ class Hover(Thrusting):
         w = M (a, α) − (0, Munk moment) − weigh · (net weight, righting torque), shared out over the thrusters
 
     Set points: `north`, `east`, `depth` (m), `heading` (rad).
-    Fields, the keys of [pilot] with kind = "hover", all optional: thrusters (the name of the part); period, delay (s);
-    position_gains (1/s², 1/s³, 1/s), attitude_gains (1/s², 1/s³, 1/s): k_p, k_i, k_d of each; reach (1 m): a place
+    Fields, the keys of [controller] with kind = "hover", all optional: thrusters (the name of the part); period, delay
+    (s); position_gains (1/s², 1/s³, 1/s), attitude_gains (1/s², 1/s³, 1/s): k_p, k_i, k_d of each; reach (1 m): a place
     further off is approached as if it were there; weigh: how much of net weight and righting torque is fed forward, 0
     to 1. Gains that are left out are proposed from the mass and what the thrusters give. Raises ArgumentError.
     """
@@ -48,21 +48,21 @@ class Hover(Thrusting):
         given = {"position_gains": poles(min(SHARE * moving.min(initial=np.inf) / self.reach, 1.0), late)}
         return {**super().proposed(most, late), **given}
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        wanted, R = sight.inputs, attitude_of(sight.down, sight.north)
-        away = jnp.stack([wanted.north, wanted.east, wanted.depth]) - sight.position
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        wanted, R = feedback.inputs, attitude_of(feedback.down, feedback.north)
+        away = jnp.stack([wanted.north, wanted.east, wanted.depth]) - feedback.position
         distance = jnp.sqrt(away @ away + 1e-12)
         near = distance < own.reach
         integral = jnp.where(near, memory.position + own.period * away, memory.position)
         aim = own.position_gains[0] * away * jnp.minimum(1.0, own.reach / distance) + own.position_gains[1] * integral
-        acceleration = R.T @ aim - own.position_gains[2] * sight.ground_velocity
-        turn, of_attitude = self.turn_to(self.wanted(sight), sight, memory.attitude, own)
-        commands = self.commands(acceleration, turn, sight, own, vehicle)
+        acceleration = R.T @ aim - own.position_gains[2] * feedback.ground_velocity
+        turn, of_attitude = self.turn_to(self.wanted(feedback), feedback, memory.attitude, own)
+        commands = self.commands(acceleration, turn, feedback, own, vehicle)
         return commands, {"position": integral, "attitude": of_attitude}
 
-    def wanted(self, sight: Sight) -> Any:
+    def wanted(self, feedback: Feedback) -> Any:
         """R_d, (3, 3)."""
-        return heading_near(sight)
+        return heading_near(feedback)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,8 +80,8 @@ class Pose(Hover):
     def inputs(self) -> dict[str, str]:
         return {"north": "m", "east": "m", "depth": "m", "attitude": "1"}
 
-    def wanted(self, sight: Sight) -> Any:
-        return sight.inputs.attitude
+    def wanted(self, feedback: Feedback) -> Any:
+        return feedback.inputs.attitude
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,9 +93,10 @@ class Manoeuvre(Thrusting):
 
     and the rest as `Hover` does; k_d is that of `depth_gains`.
     Set points: `depth` (m), `heading` (rad), `speed` (m/s through the water), so that missions for torpedoes fit.
-    Fields, the keys of [pilot] with kind = "manoeuvre", all optional: thrusters; period, delay (s); depth_gains (1/s²,
-    1/s³, 1/s), attitude_gains (the same), speed_gains (1/s, 1/s², 1): k_p, k_i, k_d of each; surge_limit, heave_limit
-    (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). What is left out is proposed. Raises ArgumentError.
+    Fields, the keys of [controller] with kind = "manoeuvre", all optional: thrusters; period, delay (s); depth_gains
+    (1/s², 1/s³, 1/s), attitude_gains (the same), speed_gains (1/s, 1/s², 1): k_p, k_i, k_d of each; surge_limit,
+    heave_limit (m/s²), reach (1 m), weigh (0 to 1), drag (N s/m, N s²/m²). What is left out is proposed. Raises
+    ArgumentError.
     """
 
     kind: ClassVar[str] = "manoeuvre"
@@ -131,21 +132,21 @@ class Manoeuvre(Thrusting):
         }
         return {**super().proposed(most, late), **given}
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        T, v, zero, U = own.period, sight.velocity, jnp.zeros(()), sight.inputs.speed
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        T, v, zero, U = own.period, feedback.velocity, jnp.zeros(()), feedback.inputs.speed
         drag = (own.drag[0] + own.drag[1] * jnp.abs(U)) * U / own.mass[0, 0]
         ahead, of_speed = pid(own.speed_gains, U - v[0], zero, memory.speed, T, own.surge_limit, base=drag)
-        off = sight.inputs.depth - sight.depth
+        off = feedback.inputs.depth - feedback.depth
         near = jnp.clip(off, -own.reach, own.reach)
-        down, of_depth = pid(own.depth_gains, near, sight.sink, memory.depth, T, own.heave_limit)
+        down, of_depth = pid(own.depth_gains, near, feedback.sink, memory.depth, T, own.heave_limit)
         of_depth = jnp.where(near == off, of_depth, memory.depth)
-        turn, of_attitude = self.turn_to(heading_near(sight), sight, memory.attitude, own)
-        acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * sight.down
-        commands = self.commands(acceleration, turn, sight, own, vehicle)
+        turn, of_attitude = self.turn_to(heading_near(feedback), feedback, memory.attitude, own)
+        acceleration = jnp.stack([ahead, -own.depth_gains[2] * v[1], zero]) + down * feedback.down
+        commands = self.commands(acceleration, turn, feedback, own, vehicle)
         return commands, {"depth": of_depth, "speed": of_speed, "attitude": of_attitude}
 
 
-def heading_near(sight: Sight) -> Any:
+def heading_near(feedback: Feedback) -> Any:
     """Level with the heading wanted, or with one LARGEST_TURN from the present one on the way there."""
-    turned = nearest_turn(sight.inputs.heading - sight.heading)
-    return level(sight.heading + jnp.clip(turned, -LARGEST_TURN, LARGEST_TURN))
+    turned = nearest_turn(feedback.inputs.heading - feedback.heading)
+    return level(feedback.heading + jnp.clip(turned, -LARGEST_TURN, LARGEST_TURN))

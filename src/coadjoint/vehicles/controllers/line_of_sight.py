@@ -16,8 +16,8 @@ from coadjoint.mechanics.signals import Held
 from coadjoint.models.quantities import positive
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.numbers import float64
-from coadjoint.vehicles.controllers.proposed import own_pilot
-from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.controllers.proposed import own_controller
+from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.parts.measured import measured, not_negative
 
 
@@ -69,8 +69,8 @@ def arrived(position: Array, here: Leg, end: Array, acceptance: Any) -> Array:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LineOfSight(Pilot):
-    """Follows the straight legs between way points, by the pilot at the helm, whose heading it sets.
+class LineOfSight(Controller):
+    """Follows the straight legs between way points, by the controller at the helm, whose heading it sets.
 
         ψ_c = χ − atan((y + σI)/Δ);    θ_c = γ + atan((z + σI_z)/Δ) where the helm takes `pitch`, or the depth of the
         way point ahead where it takes `depth`
@@ -79,17 +79,17 @@ class LineOfSight(Pilot):
     next leg begins within `acceptance` of a way point, or beside it; the last one is followed on.
 
     way_points: (n, 3) m, north, east, depth; n ≥ 2. look_ahead: Δ, m, by default four lengths of the vehicle. gain: σ,
-    m/s, 0.2 by default; 0 follows without integral. acceptance: m over ground, by default two lengths. helm: a pilot
-    with the set points `heading` and `depth` or `pitch`, by default the vehicle's own or one that is proposed; its
-    gains are `pilot_helm_…`, and its period and delay those of the path. Its other set points, such as `speed`, are
-    those of the run. Raises ArgumentError.
+    m/s, 0.2 by default; 0 follows without integral. acceptance: m over ground, by default two lengths. helm: a
+    controller with the set points `heading` and `depth` or `pitch`, by default the vehicle's own or one that is
+    proposed; its gains are `controller_helm_…`, and its period and delay those of the path. Its other set points, such
+    as `speed`, are those of the run. Raises ArgumentError.
     """
 
     way_points: Any = measured(u.LENGTH, None)
     look_ahead: Any = measured(u.LENGTH, positive, default=None)
     gain: Any = measured(u.SPEED, not_negative, default=0.2)
     acceptance: Any = measured(u.LENGTH, positive, default=None)
-    helm: Pilot | None = None
+    helm: Controller | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,11 +105,11 @@ class LineOfSight(Pilot):
 
     def fitted(self, vehicle: Any) -> LineOfSight:
         length = vehicle.length if vehicle.length is not None else 10 * np.cbrt(vehicle.volume)
-        helm = own_pilot(vehicle) if self.helm is None else self.helm
+        helm = own_controller(vehicle) if self.helm is None else self.helm
         helm = replace(helm, period=self.period, delay=self.delay).fitted(vehicle)
         if "heading" not in helm.inputs or not {"depth", "pitch"} & set(helm.inputs):
             raise ArgumentError(
-                f"The pilot at the helm must take the set points `heading` and `depth` or `pitch`, but takes: "
+                f"The controller at the helm must take the set points `heading` and `depth` or `pitch`, but takes: "
                 f"{', '.join(helm.inputs) or 'none'}."
             )
         return replace(
@@ -132,23 +132,28 @@ class LineOfSight(Pilot):
         assert self.helm is not None
         return {"leg": 0.0, "beside": 0.0, "beneath": 0.0, "helm": self.helm.memory()}
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         assert self.helm is not None
         count = len(self.way_points) - 1
         places = Held(np.arange(count), jnp.concatenate([own.way_points[:-1], own.way_points[1:]], axis=1))
 
         def at(number: Array) -> tuple[Leg, Array]:
             both = places(number)
-            return leg(sight.position, both[:3], both[3:]), both[3:]
+            return leg(feedback.position, both[:3], both[3:]), both[3:]
 
         here, end = at(memory.leg)
-        onwards = arrived(sight.position, here, end, own.acceptance) & (memory.leg < count - 1)
+        onwards = arrived(feedback.position, here, end, own.acceptance) & (memory.leg < count - 1)
         number = memory.leg + jnp.where(onwards, 1.0, 0.0)
         here, end = at(number)
         before = [jnp.where(onwards, 0.0, memory.beside), jnp.where(onwards, 0.0, memory.beneath)]
         turned, beside = line_of_sight(here.beside, before[0], own.look_ahead, own.gain, own.period)
         sunk, beneath = line_of_sight(here.beneath, before[1], own.look_ahead, own.gain, own.period)
-        wanted = {**sight.inputs.asdict(), "heading": here.course + turned, "depth": end[2], "pitch": here.climb - sunk}
+        wanted = {
+            **feedback.inputs.asdict(),
+            "heading": here.course + turned,
+            "depth": end[2],
+            "pitch": here.climb - sunk,
+        }
         of_helm = Named(**{key: getattr(own, f"helm_{key}") for key in self.helm.parameters()})
-        commands, remembered = self.helm.steer(sight._replace(inputs=Named(**wanted)), memory.helm, of_helm, vehicle)
+        commands, remembered = self.helm.steer(feedback._replace(inputs=Named(**wanted)), memory.helm, of_helm, vehicle)
         return commands, {"leg": number, "beside": beside, "beneath": beneath, "helm": remembered}

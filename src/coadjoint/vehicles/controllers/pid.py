@@ -31,10 +31,10 @@ def nearest_turn(angle: Array) -> Array:
     return jnp.arctan2(jnp.sin(angle), jnp.cos(angle))
 
 
-def pull(sight: Any, integral: Array, own: Any) -> tuple[Array, Array]:
+def pull(feedback: Any, integral: Array, own: Any) -> tuple[Array, Array]:
     """The command of the propulsion for the set point `speed`, ahead only, and the integral of its error."""
-    wanted = sight.inputs.speed
+    wanted = feedback.inputs.speed
     return pid(
-        own.speed_gains, wanted - sight.velocity[0], jnp.zeros(()), integral, own.period, own.thrust_limit,
+        own.speed_gains, wanted - feedback.velocity[0], jnp.zeros(()), integral, own.period, own.thrust_limit,
         base=own.feed_forward * wanted, low=0.0,
     )  # fmt: skip

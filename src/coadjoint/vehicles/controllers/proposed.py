@@ -1,4 +1,4 @@
-"""A pilot for a vehicle that has none: by its thrusters, or by its fins and propulsion."""
+"""A controller for a vehicle that has none: by its thrusters, or by its fins and propulsion."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Any
 
 from coadjoint.vehicles.controllers.cruise import Cruise
 from coadjoint.vehicles.controllers.hover import Manoeuvre
-from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.parts.thrusters import Thrusters
 
 
-def proposed_pilot(vehicle: Any, speed: float = 1.5) -> Pilot:
+def proposed_controller(vehicle: Any, speed: float = 1.5) -> Controller:
     """Depth, heading and speed: `Manoeuvre` where several thrusters push, `Cruise` for `speed` (m/s) where fins turn.
 
     Their gains are proposed from the vehicle's mass, damping and actuators. Raises ArgumentError where it has neither.
@@ -19,6 +19,6 @@ def proposed_pilot(vehicle: Any, speed: float = 1.5) -> Pilot:
     return Manoeuvre(thrusters=several[0].name).fitted(vehicle) if several else Cruise(speed=speed).fitted(vehicle)
 
 
-def own_pilot(vehicle: Any) -> Pilot:
-    """The pilot that the vehicle is shipped with, or one that is proposed."""
-    return proposed_pilot(vehicle) if vehicle.pilot is None else vehicle.pilot
+def own_controller(vehicle: Any) -> Controller:
+    """The controller that the vehicle is shipped with, or one that is proposed."""
+    return proposed_controller(vehicle) if vehicle.controller is None else vehicle.controller

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 from coadjoint import units as u
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.pid import pid
-from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.parts.measured import measured, not_negative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sawtooth(Pilot):
+class Sawtooth(Controller):
     """Dives until the depth is `deep`, climbs until it is `shallow`, and so on; both are inputs, m.
 
     Diving, the ballast is at V₀ − ΔV and the moving mass holds a pitch of −θ; climbing, at V₀ + ΔV, and +θ. The mass is
@@ -44,12 +44,12 @@ class Sawtooth(Pilot):
     def memory(self) -> dict[str, Any]:
         return {"diving": 1.0, "integral": 0.0}
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        turned = jnp.where(sight.depth <= sight.inputs.shallow, 1.0, memory.diving)
-        diving = jnp.where(sight.depth >= sight.inputs.deep, -1.0, turned)
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        turned = jnp.where(feedback.depth <= feedback.inputs.shallow, 1.0, memory.diving)
+        diving = jnp.where(feedback.depth >= feedback.inputs.deep, -1.0, turned)
         integral = jnp.where(diving == memory.diving, memory.integral, 0.0)
-        error = -diving * own.pitch - sight.pitch
-        pull, integral = pid(own.gains, error, sight.omega[1], integral, own.period, own.reach)
+        error = -diving * own.pitch - feedback.pitch
+        pull, integral = pid(own.gains, error, feedback.omega[1], integral, own.period, own.reach)
         commands = {
             self.ballast: own.neutral - diving * own.volume,
             self.moving_mass: own.middle + diving * own.shift - pull,

@@ -1,4 +1,4 @@
-"""What pilots of thruster vehicles share: the wrench for an acceleration, and what their thrusters can give."""
+"""What controllers of thruster vehicles share: the wrench for an acceleration, and what their thrusters can give."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.controllers.attitude import attitude_error, attitude_of
+from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.loads import loads
-from coadjoint.vehicles.model.pilot import Pilot, Sight
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.parts.thrusters import Thrusters
 from coadjoint.vehicles.trim.under_way import Level, coadjoint
@@ -31,13 +31,13 @@ LARGEST_TURN = 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Thrusting(Pilot):
-    """A pilot that asks its thrusters for accelerations: w = M (a, α) − (0, T) − weigh · W.
+class Thrusting(Controller):
+    """A controller that asks its thrusters for accelerations: w = M (a, α) − (0, T) − weigh · W.
 
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
-    turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the pilot has, is the parameter
-    `pilot_mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a thruster is at
-    its limit.
+    turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
+    parameter `controller_mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a
+    thruster is at its limit.
     """
 
     thrusters: str | None = None
@@ -54,7 +54,7 @@ class Thrusting(Pilot):
     def fitted(self, vehicle: Any) -> Any:
         """With the mass matrix of a vehicle, and what gains were left out.
 
-        Raises ArgumentError without thrusters, and where they cannot push as the pilot needs.
+        Raises ArgumentError without thrusters, and where they cannot push as the controller needs.
         """
         if self.mass is not None:
             return self
@@ -65,7 +65,8 @@ class Thrusting(Pilot):
         lacking = [axis for axis in self.NEEDS if most[AXES.index(axis)] == 0]
         if lacking:
             raise ArgumentError(
-                f"The pilot `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, but those of "
+                f"The controller `{type(self).__name__}` needs thrusters that push in {', '.join(self.NEEDS)}, "
+                f"but those of "
                 f"`{vehicle.name}` give nothing in {', '.join(lacking)}."
             )
         given = self.proposed(most, late)
@@ -85,7 +86,8 @@ class Thrusting(Pilot):
         if len(found) != 1:
             named = ", ".join(part.name for part in vehicle.parts if isinstance(part, Thrusters)) or "none"
             raise ArgumentError(
-                f"This pilot needs one part of the kind `thrusters`, named by `thrusters` where there are several, but "
+                f"This controller needs one part of the kind `thrusters`, named by `thrusters` where there are "
+                f"several, but "
                 f"`{vehicle.name}` has: {named}."
             )
         return found[0]
@@ -95,20 +97,20 @@ class Thrusting(Pilot):
         turning = most[3:][most[3:] > 0]
         return {"attitude_gains": poles(SHARE * turning.min(initial=np.inf) / LARGEST_TURN, late)}
 
-    def commands(self, acceleration: Array, turn: Array, sight: Sight, own: Any, vehicle: Any) -> dict[str, Any]:
+    def commands(self, acceleration: Array, turn: Array, feedback: Feedback, own: Any, vehicle: Any) -> dict[str, Any]:
         """The thrusters' commands for a (m/s²) and α (rad/s²), body axes."""
-        weight = jnp.concatenate([own.net_weight * sight.down, jnp.cross(own.righting, sight.down)])
-        turning = coadjoint(own.mass, jnp.concatenate([sight.velocity, sight.omega])) * MOMENTS
+        weight = jnp.concatenate([own.net_weight * feedback.down, jnp.cross(own.righting, feedback.down)])
+        turning = coadjoint(own.mass, jnp.concatenate([feedback.velocity, feedback.omega])) * MOMENTS
         wrench = own.mass @ jnp.concatenate([acceleration, turn]) - turning - own.weigh * weight
         part = self._part(vehicle)
         return {part.name: part.allocate(wrench)}
 
-    def turn_to(self, wanted: Array, sight: Sight, integral: Array, own: Any) -> tuple[Array, Array]:
+    def turn_to(self, wanted: Array, feedback: Feedback, integral: Array, own: Any) -> tuple[Array, Array]:
         """(α, I): α = −k_R e_R − k_I I − k_ω ω, and I ← I + T e_R where |e_R| < ½; `attitude_gains`: k_R, k_I, k_ω."""
-        error = attitude_error(attitude_of(sight.down, sight.north), wanted)
+        error = attitude_error(attitude_of(feedback.down, feedback.north), wanted)
         following = jnp.where(error @ error < 0.25, integral + own.period * error, integral)
         gains = own.attitude_gains
-        return -gains[0] * error - gains[1] * following - gains[2] * sight.omega, following
+        return -gains[0] * error - gains[1] * following - gains[2] * feedback.omega, following
 
 
 def poles(square: float, late: float) -> np.ndarray:

@@ -8,8 +8,8 @@ from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.files.file import read_vehicle as read_vehicle
-    from coadjoint.vehicles.files.shelf import load_vehicle as load_vehicle
-    from coadjoint.vehicles.files.shelf import vehicle_names as vehicle_names
+    from coadjoint.vehicles.files.registry import load_vehicle as load_vehicle
+    from coadjoint.vehicles.files.registry import vehicle_names as vehicle_names
     from coadjoint.vehicles.files.writing import vehicle_to_toml as vehicle_to_toml
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

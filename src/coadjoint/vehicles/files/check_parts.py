@@ -27,7 +27,7 @@ SLOWEST = 30.0
 """s: a lag beyond it is improbable for an actuator."""
 
 
-def doubtful_parts(vehicle: Vehicle) -> Iterator[str]:
+def part_warnings(vehicle: Vehicle) -> Iterator[str]:
     """Sentences on the parts of a vehicle."""
     size = vehicle.length if vehicle.length is not None else 2 * float(np.cbrt(vehicle.volume))
     for part in vehicle.parts:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from coadjoint.vehicles.files.check_parts import doubtful_parts
+from coadjoint.vehicles.files.check_parts import part_warnings
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 
@@ -23,7 +23,7 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
     Nothing here stops a run: mechanics allows it all. What it does not allow, `Vehicle` and its parts refuse.
     """
     rules: tuple[Callable[[Vehicle], Iterator[str]], ...] = (
-        _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, doubtful_parts,
+        _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, part_warnings,
     )  # fmt: skip
     return tuple(sentence for rule in rules for sentence in rule(vehicle))
 

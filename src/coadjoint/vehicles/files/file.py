@@ -15,13 +15,13 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.added_masses import read_added_mass
 from coadjoint.vehicles.files.checks import check
-from coadjoint.vehicles.files.read_parts import read_part, read_pilot
+from coadjoint.vehicles.files.read_parts import read_controller, read_part
 from coadjoint.vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
 from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 VOLUMES = ("volume", "buoyancy", "neutral")
-SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "pilot")
+SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "controller")
 
 
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
@@ -53,6 +53,8 @@ def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path
         raise book.fail("the file is empty: `coadjoint vehicles show NAME --toml` prints one to start from.")
     if "run" in table or "mission" in table:
         raise book.fail(f"this is no vehicle file but one of a run or a mission: `coadjoint run {name}` takes it.")
+    if "pilot" in table:
+        raise book.fail("the section [pilot] is called [controller]: rename it.")
     whole = Section(book, "The file", "", table)
     for section in SECTIONS:
         _ = section in whole
@@ -79,16 +81,18 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
     parts = _parts(book, table.get("part", []), axes, body)
     body["volume"] = _volume(section, body, parts)
     section.done()
-    pilot = None
-    if "pilot" in table:
-        pilot = read_pilot(Section(book, "[pilot]", "pilot", table["pilot"]), {part.name for part in parts})
+    controller = None
+    if "controller" in table:
+        controller = read_controller(
+            Section(book, "[controller]", "controller", table["controller"]), {part.name for part in parts}
+        )
     try:
         made = Vehicle(
             name=said["name"],
             description=said["description"],
             note=said["note"],
             parts=tuple(parts),
-            pilot=pilot,
+            controller=controller,
             provenance=book.provenance,
             sources=book.sources,
             **body,

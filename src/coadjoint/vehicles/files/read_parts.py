@@ -1,4 +1,4 @@
-"""The parts and the pilot of a vehicle file."""
+"""The parts and the controller of a vehicle file."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before:
     return _built(section, lambda: cls(name=name, **values))
 
 
-def read_pilot(section: Section, parts: set[str]) -> Any:
-    """The pilot of [pilot], which may name parts of the vehicle."""
+def read_controller(section: Section, parts: set[str]) -> Any:
+    """The controller of [controller], which may name parts of the vehicle."""
     cls = kinds("controllers")[section.text("kind", None, tuple(sorted(kinds("controllers"))))]
     section.text("note", "")
     values: dict[str, Any] = {}

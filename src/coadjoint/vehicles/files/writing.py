@@ -57,9 +57,9 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
     for part in vehicle.parts:
         yield f"\n[[part]]\nkind = {_text(kind_of(part))}\nname = {_text(part.name)}"
         yield from _part(part, vehicle)
-    if vehicle.pilot is not None:
-        yield f"\n[pilot]\nkind = {_text(kind_of(vehicle.pilot))}"
-        yield from _pilot(vehicle)
+    if vehicle.controller is not None:
+        yield f"\n[controller]\nkind = {_text(kind_of(vehicle.controller))}"
+        yield from _controller(vehicle)
 
 
 def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
@@ -114,20 +114,20 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
         yield _line(kind, value, None, told.get(f"{part.name}.curve.{kind}"))
 
 
-def _pilot(vehicle: Vehicle) -> Iterator[str]:
-    pilot = vehicle.pilot
-    assert pilot is not None
-    for field in fields(pilot):
-        value = getattr(pilot, field.name)
+def _controller(vehicle: Vehicle) -> Iterator[str]:
+    controller = vehicle.controller
+    assert controller is not None
+    for field in fields(controller):
+        value = getattr(controller, field.name)
         if value is None or (field.default is not MISSING and np.array_equal(value, field.default)):
             continue
-        if hasattr(value, "_fields"):  # What a fitted pilot has worked out of the vehicle; it does so again.
+        if hasattr(value, "_fields"):  # What a fitted controller has worked out of the vehicle; it does so again.
             continue
         if isinstance(value, str):
             yield f"{field.name} = {_text(value)}"
         elif isinstance(value, (int, float, list, tuple, np.ndarray)):
-            told = vehicle.provenance.get(f"pilot.{field.name}")
-            yield _line(field.name, value, measures(pilot)[field.name].dimension, told)
+            told = vehicle.provenance.get(f"controller.{field.name}")
+            yield _line(field.name, value, measures(controller)[field.name].dimension, told)
 
 
 def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | None) -> str:

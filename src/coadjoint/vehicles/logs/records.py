@@ -101,14 +101,14 @@ class VehicleRecords:
 
     @cached_property
     def set_points(self) -> dict[str, tuple[np.ndarray, str]]:
-        """What the pilot was told, by name, with its unit."""
+        """What the controller was told, by name, with its unit."""
         found = {name: self._with_unit(f"inputs_{name}") for name in self._named("inputs_")}
         return {name: value for name, value in found.items() if name not in self.actuators}
 
     @cached_property
     def actuators(self) -> dict[str, Actuator]:
         """What every actuator did, by its name."""
-        names = [name for name in self._named("internal_") if name.split("_")[0] not in ("pilot", "water")]
+        names = [name for name in self._named("internal_") if name.split("_")[0] not in ("controller", "water")]
         return {name: self._actuator(name) for name in names}
 
     @cached_property
@@ -123,7 +123,7 @@ class VehicleRecords:
 
     def _actuator(self, name: str) -> Actuator:
         actual, unit = self._with_unit(f"internal_{name}")
-        sources = (f"internal_pilot_value_{name}", f"internal_pilot_value_commands_{name}", f"inputs_{name}")
+        sources = (f"internal_controller_value_{name}", f"internal_controller_value_commands_{name}", f"inputs_{name}")
         command = next((self._values(source) for source in sources if source in self.dataset), None)
         limits = self.dataset[f"internal_{name}"].attrs
         return Actuator(actual, unit, command, limits.get("low"), limits.get("high"))

@@ -1,4 +1,4 @@
-"""Missions: a vehicle, its water, its pilot and its way points as TOML, flown to a folder of results."""
+"""Missions: a vehicle, its water, its controller and its way points as TOML, flown to a folder of results."""
 
 from __future__ import annotations
 

@@ -37,11 +37,12 @@ def set_up(file: MissionFile) -> Setup:
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
     place = border.space_vector(vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun["axes"])
-    pilot = legs.following(file, _pilot(file, vehicle), place)
+    controller = legs.following(file, _controller(file, vehicle), place)
     # What is mistaken in the file is told before gains are proposed, which takes a second.
-    inputs = _inputs(file, vehicle, commands, {} if pilot is None else pilot.inputs)
-    craft = Craft(vehicle, pilot=pilot, water=water(file, seeds(file)))
-    kinds = measures(craft.parameters.asdict(), vehicle, craft.pilot)
+    inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
+    craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)))
+    kinds = measures(craft.parameters.asdict(), vehicle, craft.controller)
+    require_new_names(file)
     craft = craft.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
     start = craft.start(**begun)
     require_room(file, start)
@@ -51,53 +52,65 @@ def set_up(file: MissionFile) -> Setup:
         craft.replace(**system.parameters.asdict())  # refuses a member that cannot be
     legs.require_room_to_end(file, start.q)
     points = legs.way_points(file)
-    arrived = legs.arrival(craft.pilot) if len(points) else None
+    arrived = legs.arrival(craft.controller) if len(points) else None
     told = {"vehicle_length": float(vehicle.length or 1.0)}
     told |= {"way_points": points.ravel().tolist()} if len(points) else {}
     return Setup(system, start, inputs or None, legs.until(file, arrived), told)
 
 
+def require_new_names(file: MissionFile) -> None:
+    """Raise ArgumentError for parameters under a name that they had before, with the new one."""
+    for title, given in (("parameters", file.parameters), ("perturb", file.perturb)):
+        for key in given:
+            if key.startswith("pilot_"):
+                raise ArgumentError(
+                    f"[{title}] `{key}` is called `controller_{key.removeprefix('pilot_')}`: rename it."
+                )
+
+
 def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
-    """The inputs of [mission], all that the pilot wants among them."""
+    """The inputs of [mission], all that the controller wants among them."""
     inputs = legs.inputs(file, {**commands, **wanted})
     lacking = [f"`{name}` ({unit})" for name, unit in wanted.items() if name not in inputs]
     if lacking:
-        raise ArgumentError(f"Section [mission] needs {', '.join(lacking)}: the pilot of {vehicle.name} takes them.")
+        raise ArgumentError(
+            f"Section [mission] needs {', '.join(lacking)}: the controller of {vehicle.name} takes them."
+        )
     return inputs
 
 
 def _vehicle(file: MissionFile) -> Any:
-    from coadjoint.vehicles.files.shelf import load_vehicle
+    from coadjoint.vehicles.files.registry import load_vehicle
 
     return load_vehicle(file.located(file.vehicle.file) if file.vehicle.file else file.vehicle.name)
 
 
-def _pilot(file: MissionFile, vehicle: Any) -> Any:
-    """The pilot of [pilot]: that of `kind`, none with "none", or the vehicle's own with changes."""
+def _controller(file: MissionFile, vehicle: Any) -> Any:
+    """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint.vehicles.files.kinds import kinds
 
-    PILOTS = kinds("controllers")
+    CONTROLLERS = kinds("controllers")
 
-    given = dict(file.pilot)
+    given = dict(file.controller)
     kind = given.pop("kind", "")
     if kind == "none":
         if given:
-            raise ArgumentError('Section [pilot] with kind = "none" has no other keys.')
+            raise ArgumentError('Section [controller] with kind = "none" has no other keys.')
         return None
-    if kind and kind not in PILOTS:
-        raise ArgumentError(unknown(f"kind {kind!r}", "Section [pilot]", str(kind), [*PILOTS, "none"]))
-    if not kind and vehicle.pilot is None:
+    if kind and kind not in CONTROLLERS:
+        raise ArgumentError(unknown(f"kind {kind!r}", "Section [controller]", str(kind), [*CONTROLLERS, "none"]))
+    if not kind and vehicle.controller is None:
         raise ArgumentError(
-            f"The vehicle {vehicle.name} has no pilot of its own: add a section [pilot] with a kind of "
-            f'{", ".join(sorted(PILOTS))}, or kind = "none" to command its actuators in [mission].'
+            f"The vehicle {vehicle.name} has no controller of its own: add a section [controller] with a kind of "
+            f'{", ".join(sorted(CONTROLLERS))}, or kind = "none" to command its actuators in [mission].'
         )
-    cls = PILOTS[kind] if kind else type(vehicle.pilot)
+    cls = CONTROLLERS[kind] if kind else type(vehicle.controller)
     known = [f.name for f in fields(cls)]
-    values = in_si("pilot", given, known, {**dict.fromkeys(known), **dimensions(cls)})
+    values = in_si("controller", given, known, {**dict.fromkeys(known), **dimensions(cls)})
     try:
-        return cls(**values) if kind else replace(vehicle.pilot, **values)
+        return cls(**values) if kind else replace(vehicle.controller, **values)
     except TypeError as error:
-        raise ArgumentError(f"Section [pilot]: {str(error).split('() ')[-1]}.") from error
+        raise ArgumentError(f"Section [controller]: {str(error).split('() ')[-1]}.") from error
 
 
 def _start(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:

@@ -19,10 +19,10 @@ _SET_POINTS: dict[str, Any] = {
 
 def example(name: str) -> str:
     """A commented mission for a vehicle, by its name or the path of its file; raises as `load_vehicle`."""
-    from coadjoint.vehicles.files.shelf import load_vehicle
+    from coadjoint.vehicles.files.registry import load_vehicle
 
     vehicle = load_vehicle(name)
-    own = vehicle.pilot
+    own = vehicle.controller
     speed = float(getattr(own, "speed", 0.0) or 0.0) if own is not None else 0.0
     key = "file" if name.endswith(".toml") else "name"
     parts = [
@@ -31,7 +31,7 @@ def example(name: str) -> str:
         'axes = "NED/FRD"  # of all sections; or "ENU/FLU": east, north, up; forward, port, up; yaw for heading\n',
         to_toml({"vehicle": {key: name}}),
         _water(),
-        _pilot(own),
+        _controller(own),
         _mission(vehicle, own, speed),
         _initial(vehicle, speed),
         _RUN,
@@ -46,11 +46,13 @@ kind = "uniform"
 velocity_m_s = [0.0, 0.1, 0.0]  # north, east, down"""
 
 
-def _pilot(own: Any) -> str:
+def _controller(own: Any) -> str:
     if own is None:
-        return '# The vehicle has no pilot of its own: [mission] commands its actuators.\n[pilot]\nkind = "none"'
-    return f"""# The pilot is the vehicle's own, a {type(own).__name__}; its kind, gains and period can be changed.
-[pilot]
+        return (
+            '# The vehicle has no controller of its own: [mission] commands its actuators.\n[controller]\nkind = "none"'
+        )
+    return f"""# The controller is the vehicle's own, a {type(own).__name__}; its kind, gains and period can be changed.
+[controller]
 period = {float(own.period)}"""
 
 
@@ -73,8 +75,8 @@ def _mission(vehicle: Any, own: Any, speed: float) -> str:
 
 def _initial(vehicle: Any, speed: float) -> str:
     return f"""[initial]
-position_m = [0, 0, {0.5 if vehicle.pilot is not None else 20}]
-speed_m_s = {speed if vehicle.pilot is not None else 0.5}  # through the water
+position_m = [0, 0, {0.5 if vehicle.controller is not None else 20}]
+speed_m_s = {speed if vehicle.controller is not None else 0.5}  # through the water
 heading_deg = 0"""
 
 

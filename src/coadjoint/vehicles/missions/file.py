@@ -1,4 +1,4 @@
-"""Mission files: a vehicle, its water, its pilot and its mission as TOML, the second kind of run file."""
+"""Mission files: a vehicle, its water, its controller and its mission as TOML, the second kind of run file."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ SECTIONS = {
     "run": MissionRunSection,
     "output": MissionOutputSection,
 }
-FREE = ("parameters", "water", "pilot", "mission", "initial", "perturb")
+FREE = ("parameters", "water", "controller", "mission", "initial", "perturb")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class MissionFile(Runnable):
     output: MissionOutputSection = field(default_factory=MissionOutputSection)
     parameters: dict[str, Any] = field(default_factory=dict)
     water: dict[str, Any] = field(default_factory=dict)
-    pilot: dict[str, Any] = field(default_factory=dict)
+    controller: dict[str, Any] = field(default_factory=dict)
     mission: dict[str, Any] = field(default_factory=dict)
     initial: dict[str, Any] = field(default_factory=dict)
     perturb: dict[str, Any] = field(default_factory=dict)
@@ -121,6 +121,8 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
     for name, given in table.items():
         if name == "axes":
             continue
+        if name == "pilot":
+            raise ArgumentError("A mission file has no section [pilot]: it is called [controller].")
         if name not in known:
             raise ArgumentError(unknown(f"section [{name}]", "A mission file", name, known))
         if not isinstance(given, dict):

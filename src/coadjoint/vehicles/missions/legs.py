@@ -25,7 +25,8 @@ ENDS = ("surface", "bottom", "last way point")
 def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
     """The set points and commands of [mission] by name: co.Held or co.Linear over `time`, or numbers that stay.
 
-    units: what the pilot and the actuators take, with the unit of each. Raises ArgumentError for what nobody takes.
+    units: what the controller and the actuators take, with the unit of each. Raises ArgumentError for what nobody
+    takes.
     """
     import coadjoint as co
 
@@ -124,20 +125,20 @@ def _numbers(name: str, value: Any) -> np.ndarray:
     return found
 
 
-def following(file: MissionFile, pilot: Any, start: Any) -> Any:
-    """The pilot as the helm of one that follows the way points of [mission], from where the vehicle starts.
+def following(file: MissionFile, controller: Any, start: Any) -> Any:
+    """The controller as the helm of one that follows the way points of [mission], from where the vehicle starts.
 
     start: (3,) m, north, east, depth. Raises ArgumentError for points that are none, and for set points beside them
-    that they decide. Without way points it is the pilot itself.
+    that they decide. Without way points it is the controller itself.
     """
     given = _plain(file)
     if "way_points" not in given:
         for key in ("acceptance", "look_ahead"):
             if key in given:
                 raise ArgumentError(f"[mission] {key} belongs to `way_points_m`, which are not given.")
-        return pilot
-    if pilot is None:
-        raise ArgumentError('[mission] way_points_m need a pilot at the helm, but [pilot] has kind = "none".')
+        return controller
+    if controller is None:
+        raise ArgumentError('[mission] way_points_m need a controller at the helm, but [controller] has kind = "none".')
     from coadjoint.vehicles.controllers.line_of_sight import LineOfSight
 
     points = way_points(file)
@@ -147,7 +148,7 @@ def following(file: MissionFile, pilot: Any, start: Any) -> Any:
     for key, value in more.items():
         if np.ndim(value):
             raise ArgumentError(f"[mission] {key} must be one number, but is {given[key]!r}.")
-    return LineOfSight(way_points=points, helm=pilot, period=pilot.period, delay=pilot.delay, **more)
+    return LineOfSight(way_points=points, helm=controller, period=controller.period, delay=controller.delay, **more)
 
 
 def way_points(file: MissionFile) -> np.ndarray:
@@ -160,20 +161,20 @@ def way_points(file: MissionFile) -> np.ndarray:
     return points
 
 
-def arrival(pilot: Any) -> Any:
-    """The event that a pilot who follows way points comes to the last one, within its acceptance or beside it."""
+def arrival(controller: Any) -> Any:
+    """The event that a controller who follows way points comes to the last one, within its acceptance or beside it."""
     import jax.numpy as jnp
 
     from coadjoint.vehicles.controllers.line_of_sight import leg
 
-    points, acceptance = np.asarray(pilot.way_points), float(pilot.acceptance)
+    points, acceptance = np.asarray(controller.way_points), float(controller.acceptance)
     last = len(points) - 2
 
     def gap(state: Any) -> Any:
         here = leg(state.q, jnp.asarray(points[-2]), jnp.asarray(points[-1]))
         off = state.q[:2] - points[-1, :2]
         left = jnp.minimum(jnp.sqrt(off @ off + 1e-300) - acceptance, here.length - here.along)
-        return jnp.where(state.internal.pilot.value.memory.leg < last, acceptance + 1.0, left)
+        return jnp.where(state.internal.controller.value.memory.leg < last, acceptance + 1.0, left)
 
     return gap
 

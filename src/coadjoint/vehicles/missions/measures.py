@@ -10,13 +10,13 @@ from coadjoint.vehicles.missions.water import KINDS as OF_WATER
 from coadjoint.vehicles.parts import measured
 
 
-def measures(names: Iterable[str], vehicle: Any, pilot: Any) -> dict[str, Dimension | None]:
-    """What each parameter measures, by name: the body's, `<part>_<field>`, `water_<field>`, `pilot_<field>`."""
+def measures(names: Iterable[str], vehicle: Any, controller: Any) -> dict[str, Dimension | None]:
+    """What each parameter measures, by name: the body's, `<part>_<field>`, `water_<field>`, `controller_<field>`."""
     found = {**dimensions(vehicle), **{f"water_{name}": what for name, what in OF_WATER.items()}}
     for part in vehicle.parts:
         found |= {f"{part.name}_{key}": dimension for key, dimension in dimensions(part).items()}
-    if pilot is not None:
-        found |= {f"pilot_{key}": dimension for key, dimension in dimensions(pilot).items()}
+    if controller is not None:
+        found |= {f"controller_{key}": dimension for key, dimension in dimensions(controller).items()}
     return {name: found.get(name) for name in names}
 
 

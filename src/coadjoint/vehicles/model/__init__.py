@@ -1,4 +1,4 @@
-"""A vehicle as data, and the craft that it makes with a pilot in its water: energies, loads, actuators, starts."""
+"""A vehicle as data, and the craft that it makes with a controller in its water: energies, loads, actuators, starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rule of a craft's internal state: its pilot looks and speaks, its actuators follow, its water changes."""
+"""The rule of a craft's internal state: its controller looks and speaks, its actuators follow, its water changes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import Motion
 from coadjoint.spaces.named import Named
+from coadjoint.vehicles.model.controller import Controller, Feedback
+from coadjoint.vehicles.model.controller_checks import require_declared
+from coadjoint.vehicles.model.controller_mistakes import called, steer
 from coadjoint.vehicles.model.energies import Surroundings, own_of
-from coadjoint.vehicles.model.function_pilot import FunctionPilot
-from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_checks import require_declared
-from coadjoint.vehicles.model.pilot_mistakes import called, steer
+from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.water.water import UniformWater, Water
@@ -31,14 +31,14 @@ MEMORY = "memory"
 
 @dataclass(frozen=True, eq=False)
 class Rule(InternalRule):
-    """(motion, h, p) → the internal state after h: {part: actuator, "pilot": its samples, "water": its memory}.
+    """(motion, h, p) → the internal state after h: {part: actuator, "controller": its samples, "water": its memory}.
 
     Over the step that ends at the node, actuators have followed the commands that were in force at its beginning.
-    Without a pilot, and for parts that it leaves alone, an input of a part's name commands it; others stay.
+    Without a controller, and for parts that it leaves alone, an input of a part's name commands it; others stay.
     """
 
     vehicle: Vehicle
-    pilot: Pilot | None
+    controller: Controller | None
     water: Water
 
     jumping = ("water",)
@@ -48,31 +48,31 @@ class Rule(InternalRule):
     def title(self) -> str:
         """What it is, at the beginning of a sentence."""
         others = f"an actuator or the water of `{self.vehicle.name}`"
-        return f"A{others[1:]}" if self.pilot is None else f"{called(self.pilot)}, {others}"
+        return f"A{others[1:]}" if self.controller is None else f"{called(self.controller)}, {others}"
 
     def __post_init__(self) -> None:
-        if self.pilot is not None:
-            require_declared(self.pilot)
+        if self.controller is not None:
+            require_declared(self.controller)
 
     def start(self, actuators: dict[str, Any], t: float) -> dict[str, Any]:
         """The internal state at the start, with these actuators."""
         found: dict[str, Any] = {part.name: part.at_rest(actuators[part.name]) for part in self.vehicle.commanded}
-        if self.pilot is not None:
-            memory = self.pilot.memory()
-            found["pilot"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
+        if self.controller is not None:
+            memory = self.controller.memory()
+            found["controller"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
         remembered = self.water.start()
         return {**found, "water": remembered} if remembered else found
 
     def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
         inputs = self.inputs(motion)
         after: dict[str, Any] = {}
-        wanted = {} if self.pilot is None else self.pilot.inputs
+        wanted = {} if self.controller is None else self.controller.inputs
         commands = {name: value for name, value in inputs.items() if name in self._shapes and name not in wanted}
-        if self.pilot is not None:
-            after["pilot"], steered = self._sample(self.pilot, motion, h, p, Named(**inputs))
+        if self.controller is not None:
+            after["controller"], steered = self._sample(self.controller, motion, h, p, Named(**inputs))
             if twice := [name for name in commands if name in steered]:
-                raise ArgumentError(f"The pilot commands `{twice[0]}` already: leave the input of that name out.")
-            commands.update({name: getattr(motion.internal.pilot.value, name) for name in steered})
+                raise ArgumentError(f"The controller commands `{twice[0]}` already: leave the input of that name out.")
+            commands.update({name: getattr(motion.internal.controller.value, name) for name in steered})
         for part in self.vehicle.commanded:
             actual = getattr(motion.internal, part.name)
             own = own_of(p, part.name, part.parameters())
@@ -93,19 +93,20 @@ class Rule(InternalRule):
         return internal.replace(water=water)
 
     def failure(self, t: float, h: float) -> str | None:
-        """Why the step of length h from t has failed, if its pilot knows."""
-        return self.pilot.failure(t, h) if isinstance(self.pilot, FunctionPilot) else None
+        """Why the step of length h from t has failed, if its controller knows."""
+        return self.controller.failure(t, h) if isinstance(self.controller, FunctionController) else None
 
     def warnings(self, h: Any, p: Any) -> list[str]:
-        """A sentence where a step is longer than the period of the pilot."""
-        if self.pilot is None:
+        """A sentence where a step is longer than the period of the controller."""
+        if self.controller is None:
             return []
-        given = p.pilot_period.values if isinstance(p.pilot_period, Each) else p.pilot_period
+        given = p.controller_period.values if isinstance(p.controller_period, Each) else p.controller_period
         period, step = float(np.min(given)), float(np.abs(h))
         if step <= period * (1 + 1e-9):
             return []
         return [
-            f"{called(self.pilot)} looks every {period:g} s, but a step takes {step:g} s: it acts once a step. Take dt "
+            f"{called(self.controller)} looks every {period:g} s, but a step takes {step:g} s: it acts once a "
+            f"step. Take dt "
             f"of {period:g} s or less."
         ]
 
@@ -136,36 +137,36 @@ class Rule(InternalRule):
         """The shape of the command of each part."""
         return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
 
-    def _sample(self, pilot: Pilot, motion: Motion, h: Array, p: Any, inputs: Named) -> tuple[Any, set[str]]:
-        """The pilot's samples after h, and the names of the parts that it steers."""
+    def _sample(self, controller: Controller, motion: Motion, h: Array, p: Any, inputs: Named) -> tuple[Any, set[str]]:
+        """The controller's samples after h, and the names of the parts that it steers."""
         steered: set[str] = set()
-        sight = seen(self.water, self.vehicle, motion, p, inputs)
-        own = p if isinstance(pilot, FunctionPilot) else own_of(p, "pilot", pilot.parameters())
+        feedback = seen(self.water, self.vehicle, motion, p, inputs)
+        own = p if isinstance(controller, FunctionController) else own_of(p, "controller", controller.parameters())
 
         def update(last: Any) -> dict[str, Any]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
-            commands, remembered = steer(pilot, sight, memory, own, self.vehicle)
+            commands, remembered = steer(controller, feedback, memory, own, self.vehicle)
             steered.update(self._checked(commands))
             found = {**last.asdict(), **{name: jnp.asarray(value, dtype=float) for name, value in commands.items()}}
             return {**found, MEMORY: remembered} if MEMORY in last else found
 
-        held = motion.internal.pilot
-        samples = sampled(motion, h, held, update, period=p.pilot_period, delay=p.pilot_delay)
+        held = motion.internal.controller
+        samples = sampled(motion, h, held, update, period=p.controller_period, delay=p.controller_delay)
         return samples, steered
 
     def _checked(self, commands: Any) -> dict[str, Any]:
-        """What a pilot says; raises ArgumentError where it is nothing that the vehicle can follow."""
+        """What a controller says; raises ArgumentError where it is nothing that the vehicle can follow."""
         if not isinstance(commands, dict):
             raise ArgumentError(
-                f"A pilot must return a dictionary of commands by the names of parts, but returned "
+                f"A controller must return a dictionary of commands by the names of parts, but returned "
                 f"{type(commands).__name__}."
             )
         for name, value in commands.items():
             try:
                 jnp.asarray(value, dtype=float)
             except (TypeError, ValueError):
-                raise ArgumentError(f"The pilot commands `{name}` by {value!r}, which is no number.") from None
-            self._require_command(name, value, "The pilot commands")
+                raise ArgumentError(f"The controller commands `{name}` by {value!r}, which is no number.") from None
+            self._require_command(name, value, "The controller commands")
         return commands
 
     def _require_command(self, name: str, value: Any, who: str) -> None:
@@ -183,30 +184,31 @@ class Rule(InternalRule):
         given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
         if motion.inputs is not None and not isinstance(motion.inputs, Named):
             raise ArgumentError("The inputs of a craft have names, as in inputs={'rudder': signal}.")
-        wanted = {} if self.pilot is None else self.pilot.inputs
+        wanted = {} if self.controller is None else self.controller.inputs
         for name, unit in wanted.items():
             if name not in given:
                 raise ArgumentError(
-                    f"The pilot of `{self.vehicle.name}` needs the input `{name}` ({unit}): give it to co.simulate, as "
+                    f"The controller of `{self.vehicle.name}` needs the input `{name}` ({unit}): give it to "
+                    f"co.simulate, as "
                     f"in inputs={{'{name}': 0.5}}."
                 )
         for name, value in given.items():
-            if name in wanted or (isinstance(self.pilot, FunctionPilot) and name not in self._shapes):
+            if name in wanted or (isinstance(self.controller, FunctionController) and name not in self._shapes):
                 continue
             if name not in self._shapes:
                 known = ", ".join([*wanted, *self._shapes]) or "none"
                 raise ArgumentError(
-                    f"Nobody on `{self.vehicle.name}` knows the input `{name}`: pilot and actuators take {known}."
+                    f"Nobody on `{self.vehicle.name}` knows the input `{name}`: controller and actuators take {known}."
                 )
             self._require_command(name, value, "An input commands")
         return given
 
 
-def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Sight:
-    """The craft as its pilot sees it."""
+def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Feedback:
+    """The craft as its controller sees it."""
     around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
     roll, pitch, heading = attitude_angles(motion.a.down, motion.a.north)
-    return Sight(
+    return Feedback(
         position=around.place(),
         velocity=motion.nu - around.current(),
         ground_velocity=motion.nu,

@@ -1,4 +1,4 @@
-"""Parameters that replace others go through the checks of what they belong to: body, parts, pilot and water."""
+"""Parameters that replace others go through the checks of what they belong to: body, parts, controller and water."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A craft: a vehicle with its pilot in its water, as a system on SO(3) × ℝ³."""
+"""A craft: a vehicle with its controller in its water, as a system on SO(3) × ℝ³."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from coadjoint.vehicles import axes as turned
 from coadjoint.vehicles.model import energies
 from coadjoint.vehicles.model.actuators import Rule, starting_actuators
 from coadjoint.vehicles.model.changed import require_buildable, require_possible
+from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.model.energies import Surroundings, actual_of, own_of
-from coadjoint.vehicles.model.function_pilot import FunctionPilot
-from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.start import starting_motion, through_water
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
@@ -32,17 +32,17 @@ BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gr
 
 
 class Craft:
-    """A vehicle, its pilot and its water.
+    """A vehicle, its controller and its water.
 
-        craft = Craft(vehicle, pilot=pilot, water=UniformWater((0.0, 0.2, 0.0)))
+        craft = Craft(vehicle, controller=controller, water=UniformWater((0.0, 0.2, 0.0)))
         run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, duration=300, inputs={"depth": …})
 
-    pilot: a Pilot, or a function (sight, p) → {part: command}; without one, inputs of the names of parts command them.
-    water: by default still. Raises ArgumentError for what is none of these.
+    controller: a Controller, or a function (feedback, p) → {part: command}; without one, inputs of the names of parts
+    command them. water: by default still. Raises ArgumentError for what is none of these.
     """
 
     def __init__(
-        self, vehicle: Vehicle, *, pilot: Pilot | Callable[..., Any] | None = None, water: Water | None = None
+        self, vehicle: Vehicle, *, controller: Controller | Callable[..., Any] | None = None, water: Water | None = None
     ):
         if not isinstance(vehicle, Vehicle):
             raise ArgumentError(f"Argument `vehicle` must be a Vehicle, but is {vehicle!r}.")
@@ -50,26 +50,28 @@ class Craft:
             raise ArgumentError(
                 f"Argument `water` must be a Water such as UniformWater((0.0, 0.2, 0.0)), but is {water!r}."
             )
-        if isinstance(pilot, type):
+        if isinstance(controller, type):
             raise ArgumentError(
-                f"Argument `pilot` is the class {pilot.__name__}: give one of them, {pilot.__name__}(…)."
+                f"Argument `controller` is the class {controller.__name__}: give one of them, {controller.__name__}(…)."
             )
-        if pilot is not None and not isinstance(pilot, Pilot):
-            if not callable(pilot):
-                raise ArgumentError(f"Argument `pilot` must be a Pilot, or a function (sight, p), but is {pilot!r}.")
-            pilot = FunctionPilot(function=pilot)
-        pilot = None if pilot is None else pilot.fitted(vehicle)
-        self.vehicle, self.pilot, self.water = vehicle, pilot, StillWater() if water is None else water
-        self.rule = Rule(vehicle, pilot, self.water)
+        if controller is not None and not isinstance(controller, Controller):
+            if not callable(controller):
+                raise ArgumentError(
+                    f"Argument `controller` must be a Controller, or a function (feedback, p), but is {controller!r}."
+                )
+            controller = FunctionController(function=controller)
+        controller = None if controller is None else controller.fitted(vehicle)
+        self.vehicle, self.controller, self.water = vehicle, controller, StillWater() if water is None else water
+        self.rule = Rule(vehicle, controller, self.water)
         self._changes: dict[str, Any] = {}
 
     def replace(self, **values: Any) -> Craft:
         """A copy with some parameters replaced, one for each member where one likes: `rudder_area=co.each(areas)`.
 
-        Raises ArgumentError for a name that is no parameter, and for what body, parts, pilot or water cannot have, as
-        where they were made; 0 for a lag is none.
+        Raises ArgumentError for a name that is no parameter, and for what body, parts, controller or water cannot
+        have, as where they were made; 0 for a lag is none.
         """
-        made = Craft(self.vehicle, pilot=self.pilot, water=self.water)
+        made = Craft(self.vehicle, controller=self.controller, water=self.water)
         made._changes = {**self._changes, **values}
         changed = made.parameters.asdict()  # raises where a name is none
         changed = {name: changed[name] for name in made._changes}
@@ -96,7 +98,7 @@ class Craft:
 
     @property
     def parameters(self) -> Parameters:
-        """All numbers: of the body under their own names, of others as `rudder_area`, `pilot_period`, …"""
+        """All numbers: of the body under their own names, of others as `rudder_area`, `controller_period`, …"""
         values = {name: getattr(self.vehicle, name) for name in BODY}
         for prefix, owner in self._owners:
             for key, value in owner.parameters().items():
@@ -107,10 +109,10 @@ class Craft:
         return Parameters(**values).replace(**self._changes)
 
     @property
-    def _owners(self) -> list[tuple[str, Part | Pilot | Water]]:
+    def _owners(self) -> list[tuple[str, Part | Controller | Water]]:
         """What has parameters beside the body, by their prefix."""
-        pilots = [] if self.pilot is None else [("pilot", self.pilot)]
-        return [*((part.name, part) for part in self.vehicle.parts), ("water", self.water), *pilots]
+        controllers = [] if self.controller is None else [("controller", self.controller)]
+        return [*((part.name, part) for part in self.vehicle.parts), ("water", self.water), *controllers]
 
     def start(
         self,
@@ -141,7 +143,7 @@ class Craft:
 
     @property
     def _remembers(self) -> bool:
-        return bool(self.vehicle.commanded or self.pilot is not None or self.water.start())
+        return bool(self.vehicle.commanded or self.controller is not None or self.water.start())
 
     def _lagrangian(self) -> Callable[..., Any]:
         """ℓ(xi, n, nu, a, p), with the keywords `t` and `internal` only where they enter."""
@@ -176,7 +178,7 @@ class Craft:
 
     def _units(self) -> dict[str, str]:
         commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
-        wanted = {} if self.pilot is None else self.pilot.inputs
+        wanted = {} if self.controller is None else self.controller.inputs
         return {
             **UNITS,
             "current": "m/s",
@@ -185,8 +187,10 @@ class Craft:
             **{
                 f"internal_{part.name}_{k}": u for part in self.vehicle.commanded for k, u in (part.units or {}).items()
             },
-            **{f"internal_pilot_{name}": "s" for name in ("sample", "release")},
-            **{f"internal_pilot_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()},
+            **{f"internal_controller_{name}": "s" for name in ("sample", "release")},
+            **{
+                f"internal_controller_{when}_{name}": u for when in ("value", "pending") for name, u in commands.items()
+            },
         }
 
 
@@ -198,5 +202,5 @@ def craft_of(system: System) -> Craft:
     rule = system.internal
     if not isinstance(rule, Rule) or system.parameters is None:
         raise ArgumentError(f"The system `{system.name}` was not made by a Craft with actuators: use system.state(…).")
-    made = Craft(rule.vehicle, pilot=rule.pilot, water=rule.water)
+    made = Craft(rule.vehicle, controller=rule.controller, water=rule.water)
     return made.replace(**system.parameters.asdict())

@@ -1,4 +1,4 @@
-"""Which inputs of a run a pilot reads."""
+"""Which inputs of a run a controller reads."""
 
 from __future__ import annotations
 

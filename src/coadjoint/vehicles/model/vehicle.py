@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
-from coadjoint.vehicles.model.pilot import Pilot
+from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative, place
 from coadjoint.vehicles.parts.part import Part
 
@@ -34,7 +34,7 @@ class Vehicle:
     mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
     about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
     from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
-    diameter: m. parts: their names are different. pilot: the one that it is shipped with.
+    diameter: m. parts: their names are different. controller: the one that it is shipped with.
     provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for what cannot be.
     """
 
@@ -52,7 +52,7 @@ class Vehicle:
     length: Any = measured(u.LENGTH, positive, default=None)
     diameter: Any = measured(u.LENGTH, positive, default=None)
     parts: tuple[Part, ...] = ()
-    pilot: Pilot | None = None
+    controller: Controller | None = None
     provenance: Mapping[str, Quantity] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -78,11 +78,11 @@ class Vehicle:
 
     @property
     def commanded(self) -> tuple[Part, ...]:
-        """The parts that a pilot may set."""
+        """The parts that a controller may set."""
         return tuple(part for part in self.parts if part.command is not None)
 
 
-RESERVED = ("pilot", "water", "shear", "memory", "time", "inputs", "sample", "release")
+RESERVED = ("controller", "water", "shear", "memory", "time", "inputs", "sample", "release")
 """Words that are taken: no part may have them as its name."""
 
 
@@ -94,9 +94,9 @@ def _different(parts: Any) -> tuple[Part, ...]:
             raise ArgumentError(f"Argument `parts` must hold parts such as Fin or Damping, but holds {part!r}.")
         if part.name in RESERVED:
             raise ArgumentError(f"The name `{part.name}` is taken: call the part something else.")
-        if part.name.startswith(("pilot_", "water_")):
+        if part.name.startswith(("controller_", "water_")):
             raise ArgumentError(
-                f"The name `{part.name}` begins like the records of pilot and water: call the part something else."
+                f"The name `{part.name}` begins like the records of controller and water: call the part something else."
             )
         if part.name in names:
             raise ArgumentError(f"Two parts are named `{part.name}`: give each a name of its own.")

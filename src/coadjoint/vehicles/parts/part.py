@@ -45,7 +45,7 @@ class Flow(NamedTuple):
 
 @dataclass(frozen=True)
 class Command:
-    """What a pilot may set on a part: the unit and shape of the command, and where the actuator starts."""
+    """What a controller may set on a part: the unit and shape of the command, and where the actuator starts."""
 
     unit: str
     shape: tuple[int, ...] = ()
@@ -85,7 +85,7 @@ class Part(ABC):
 
     @property
     def command(self) -> Command | None:
-        """What a pilot may set; None for a part that nobody moves."""
+        """What a controller may set; None for a part that nobody moves."""
         return None
 
     def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:

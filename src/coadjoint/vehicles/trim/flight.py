@@ -35,10 +35,10 @@ class SteadyFlight:
     its propeller makes it. Turning: |v| and v·down as on a straight path, with ω ∥ down, on a circle of radius
     |v_horizontal|/|ω|. At rest: v = 0 and ω = 0, actuators as they start.
 
-    vehicle: its parts are fixed fins and actuators; a pilot takes no part. climb: angle of the path above the horizon,
-    rad; π/2 is vertical ascent. hold: actuators by name that stay at a value. free: those that may move to hold the
-    motion, by default all others; where six or more do, first on an even keel. turning: whether it may turn, as a held
-    rudder makes it. depth: m.
+    vehicle: its parts are fixed fins and actuators; a controller takes no part. climb: angle of the path above the
+    horizon, rad; π/2 is vertical ascent. hold: actuators by name that stay at a value. free: those that may move to
+    hold the motion, by default all others; where six or more do, first on an even keel. turning: whether it may turn,
+    as a held rudder makes it. depth: m.
     Raises ArgumentError for names that are no actuators.
     """
 

@@ -1,4 +1,4 @@
-"""What a pilot sees, and what it is."""
+"""What a controller sees, and what it is."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative
 
 
-class Sight(NamedTuple):
-    """A craft as its pilot sees it.
+class Feedback(NamedTuple):
+    """A craft as its controller sees it.
 
     position: (3,) m, north, east, down. velocity: v, of O through the water, ground_velocity: ν, omega: ω, (3,) each,
     body axes. down, north: directions in the body frame. roll, pitch, heading: rad. depth: m; sink: its rate, m/s.
@@ -42,10 +42,11 @@ class Sight(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Pilot(ABC):
+class Controller(ABC):
     """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
 
-    Fields that hold numbers are parameters: `pilot_period` of the system, and `own.gains` in `steer` is `pilot_gains`.
+    Fields that hold numbers are parameters: `controller_period` of the system, and `own.gains` in `steer` is
+    `controller_gains`.
     """
 
     kind: ClassVar[str] = ""
@@ -54,10 +55,11 @@ class Pilot(ABC):
     delay: Any = measured(u.TIME, not_negative, default=0.0)
 
     def __post_init__(self) -> None:
-        check_fields(self, f"pilot `{type(self).__name__}")
+        check_fields(self, f"controller `{type(self).__name__}")
         if not traced(self.delay, self.period) and self.delay > self.period:
             raise ArgumentError(
-                f"Argument `delay` of the pilot `{type(self).__name__}` must be at most the period, {self.period:g} s, "
+                f"Argument `delay` of the controller `{type(self).__name__}` must be at most the period, "
+                f"{self.period:g} s, "
                 f"but is {self.delay:g} s."
             )
 
@@ -75,10 +77,12 @@ class Pilot(ABC):
         """What it remembers, such as integrals, as numbers of the start."""
         return {}
 
-    def fitted(self, vehicle: Any) -> Pilot:
-        """The pilot as it flies this vehicle, with what it works out of its parts and mass; by default as it is."""
+    def fitted(self, vehicle: Any) -> Controller:
+        """The controller as it flies this vehicle, with what it works out of its parts and mass; by default as it
+        is.
+        """
         return self
 
     @abstractmethod
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Commands by the names of the parts, and what it remembers from now on; jax.numpy only."""

@@ -1,4 +1,4 @@
-"""Five shipped vehicles dive, turn and come up by their own pilots, whose gains nobody tuned."""
+"""Five shipped vehicles dive, turn and come up by their own controllers, whose gains nobody tuned."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPEEDS = {
 
 
 @pytest.mark.parametrize("name", SPEEDS)
-def test_five_vehicles_dive_turn_and_surface_by_their_own_pilots(name):
+def test_five_vehicles_dive_turn_and_surface_by_their_own_controllers(name):
     vehicle, speed = vehicles.load(name), SPEEDS[name]
     legs = [0.0, 20.0, 120.0, 220.0]
     mission = {
@@ -29,7 +29,7 @@ def test_five_vehicles_dive_turn_and_surface_by_their_own_pilots(name):
         "heading": co.Held(legs, np.radians([0.0, 0.0, 90.0, 90.0])),
         "speed": speed,
     }
-    craft = Craft(vehicle, pilot=vehicle.pilot, water=UniformWater(CURRENT))
+    craft = Craft(vehicle, controller=vehicle.controller, water=UniformWater(CURRENT))
     start = craft.start(speed=speed, position=(0, 0, 1))
     run = co.simulate(craft.system, start, dt=0.05, duration=320.0, inputs=mission)
     assert run.plan.backend == "native"

@@ -30,14 +30,14 @@ def slewing(wanted, period):
             alpha = attitude.angular_acceleration(p.gains, R, p.wanted, omega)
             return {"torque": J * alpha + jnp.cross(omega, J * omega)}
 
-        return {"pilot": co.sampled(motion, h, motion.internal.pilot, update, period=period)}
+        return {"controller": co.sampled(motion, h, motion.internal.controller, update, period=period)}
 
     return co.System(
         co.SO3(),
         lambda xi, a, p: 0.5 * xi @ (p.inertia * xi),
         advected={"down": co.Defining(), "north": co.Defining()},
         parameters=co.Parameters(inertia=INERTIA, gains=GAINS, wanted=wanted),
-        forces={"wheels": lambda motion, p: co.Force(torque=motion.internal.pilot.value.torque)},
+        forces={"wheels": lambda motion, p: co.Force(torque=motion.internal.controller.value.torque)},
         internal=rule,
     )
 
@@ -52,7 +52,7 @@ def test_a_slew_from_nearly_half_a_turn_converges_on_the_group_while_its_lyapuno
         g=wanted @ rotation(axis, np.radians(degrees)),
         xi=[0.2, -0.1, 0.15],
         a0={"down": [0, 0, 1], "north": [1, 0, 0]},
-        internal={"pilot": co.sampling({"torque": np.zeros(3)})},
+        internal={"controller": co.sampling({"torque": np.zeros(3)})},
     )
     run = co.simulate(body, start, dt=0.01, duration=30.0)
     R, omega = run.dataset.R.values, run.dataset.xi.values

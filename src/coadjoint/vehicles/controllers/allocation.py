@@ -11,7 +11,7 @@ from coadjoint.groups.group import Array
 from coadjoint.vehicles.trim.under_way import UnderWay
 
 
-class Mixing(NamedTuple):
+class Allocation(NamedTuple):
     """Commands = matrix · (roll, pitch, yaw, ahead), a row for each command, in the order of `names` of the parts.
 
     Of each of the first three columns the largest entry is 1: it counts in rad of a fin. A turn that no fin makes has
@@ -22,7 +22,7 @@ class Mixing(NamedTuple):
     names: tuple[str, ...]
 
 
-def mixing(motion: UnderWay) -> Mixing:
+def allocation(motion: UnderWay) -> Allocation:
     """The fins' angles of least squares that turn about one axis and about no other, at the speed of `motion`.
 
     A command whose push ahead at this speed is more than what it turns by is propulsion, and not mixed into turns.
@@ -33,7 +33,8 @@ def mixing(motion: UnderWay) -> Mixing:
     largest = np.abs(torques).max(axis=1) if len(screws) else np.zeros(3)
     if not screws.any() or min(largest[1:]) < 1e-9:
         raise ArgumentError(
-            "This pilot needs parts that push ahead and fins that pitch and turn the vehicle, each with a limit, but "
+            "This controller needs parts that push ahead and fins that pitch and turn the vehicle, each with a "
+            "limit, but "
             f"found {', '.join(motion.names) or 'no part that is commanded'}."
         )
     shares, alone = _shares(torques)
@@ -43,7 +44,7 @@ def mixing(motion: UnderWay) -> Mixing:
         raise ArgumentError("The fins of this vehicle cannot pitch and turn it one without the other.")
     biggest = np.abs(shares).max(axis=0)
     columns = np.where(alone & (biggest > 0), shares / np.where(biggest > 0, biggest, 1.0), 0.0)
-    return Mixing(np.column_stack([columns, screws.astype(float)]), motion.names)
+    return Allocation(np.column_stack([columns, screws.astype(float)]), motion.names)
 
 
 def _shares(torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +58,7 @@ def propulsion(motion: UnderWay) -> np.ndarray:
     return np.abs(motion.effects[0]) > np.linalg.norm(motion.effects[3:], axis=0)
 
 
-def commands_of(mixed: Mixing, values: Array, vehicle: Any) -> dict[str, Any]:
+def commands_of(mixed: Allocation, values: Array, vehicle: Any) -> dict[str, Any]:
     """A row of commands, in the order of `mixed.names`, by the names of the parts and in their shapes."""
     found, start = {}, 0
     for name in dict.fromkeys(mixed.names):

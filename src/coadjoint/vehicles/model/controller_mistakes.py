@@ -1,4 +1,4 @@
-"""What went wrong in a pilot, as one sentence that names it."""
+"""What went wrong in a controller, as one sentence that names it."""
 
 from __future__ import annotations
 
@@ -12,61 +12,68 @@ import numpy as np
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.spaces.named import Named
-from coadjoint.vehicles.model.pilot import Pilot, Sight
+from coadjoint.vehicles.model.controller import Controller, Feedback
 
 _UNKNOWN = re.compile(r"There is no `(\w+)` here; there is: (.*)\.$")
 MANY = 12
 
 
-def steer(pilot: Pilot, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What the pilot says and remembers; raises ArgumentError for whatever fails inside it."""
+def steer(
+    controller: Controller, feedback: Feedback, memory: Any, own: Any, vehicle: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the controller says and remembers; raises ArgumentError for whatever fails inside it."""
     try:
-        found = pilot.steer(sight, memory, own, vehicle)
+        found = controller.steer(feedback, memory, own, vehicle)
     except (CoadjointError, Untraceable):
         raise
     except Exception as error:
         if "dtype promotion" in str(error):  # float32, which is told elsewhere
             raise
-        raise ArgumentError(f"{called(pilot)} {_what(error, sight)}") from error
-    return _require_memory(pilot, found)
+        raise ArgumentError(f"{called(controller)} {_what(error, feedback)}") from error
+    return _require_memory(controller, found)
 
 
-def _require_memory(pilot: Pilot, found: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Raise ArgumentError unless a pilot returned commands, and a memory with the names that it began with."""
+def _require_memory(controller: Controller, found: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Raise ArgumentError unless a controller returned commands, and a memory with the names that it began with."""
     if not isinstance(found, tuple) or len(found) != 2:
-        raise ArgumentError(f"{called(pilot)} must return (commands, memory), but returned {type(found).__name__}.")
+        raise ArgumentError(
+            f"{called(controller)} must return (commands, memory), but returned {type(found).__name__}."
+        )
     commands, memory = found
-    begun = set(pilot.memory())
+    begun = set(controller.memory())
     if not isinstance(memory, (Mapping, Named)):
-        raise ArgumentError(f"{called(pilot)} must return its memory as a dictionary, but returned {memory!r}.")
+        raise ArgumentError(f"{called(controller)} must return its memory as a dictionary, but returned {memory!r}.")
     if set(memory) != begun:
         wanted, name = ", ".join(sorted(begun)) or "nothing", sorted(set(memory) ^ begun)[0]
         what = "returned" if name in memory else "did not return"
-        raise ArgumentError(f"{called(pilot)} {what} `{name}` in its memory, but begins with {wanted}: match the two.")
+        raise ArgumentError(
+            f"{called(controller)} {what} `{name}` in its memory, but begins with {wanted}: match the two."
+        )
     return commands, dict(memory) if isinstance(memory, Mapping) else memory.asdict()
 
 
-def called(pilot: Any) -> str:
-    """A pilot in words: the name of its function, or of its class."""
-    function = getattr(pilot, "function", None)
-    name = getattr(function, "__name__", "") if function is not None else type(pilot).__name__
-    return f"The pilot `{name}`" if name and name != "<lambda>" else "The pilot"
+def called(controller: Any) -> str:
+    """A controller in words: the name of its function, or of its class."""
+    function = getattr(controller, "function", None)
+    name = getattr(function, "__name__", "") if function is not None else type(controller).__name__
+    return f"The controller `{name}`" if name and name != "<lambda>" else "The controller"
 
 
-def _what(error: Exception, sight: Sight) -> str:
+def _what(error: Exception, feedback: Feedback) -> str:
     first = (str(error).strip().split("\n") or [""])[0]
     missing = _UNKNOWN.search(first)
-    if isinstance(error, AttributeError) and isinstance(error.obj, Sight):
-        return _asks(str(error.name), list(Sight._fields), "its sight")
+    if isinstance(error, AttributeError) and isinstance(error.obj, Feedback):
+        return _asks(str(error.name), list(Feedback._fields), "its feedback")
     if isinstance(error, AttributeError) and missing is not None:
         return _asks(missing.group(1), missing.group(2).split(", "), "what it is given")
     if type(error).__module__.startswith("jax"):
         return (
             "has Python `if`, float() or NumPy on what it sees, which has no values while it is compiled: write "
-            "jnp.where(sight.depth > 2, a, b) and jax.numpy, or give a plain function (sight, p), which is called from "
+            "jnp.where(feedback.depth > 2, a, b) and jax.numpy, or give a plain function (feedback, p), which "
+            "is called from "
             "outside."
         )
-    inputs = sight.inputs.asdict() if isinstance(sight.inputs, Named) else {}
+    inputs = feedback.inputs.asdict() if isinstance(feedback.inputs, Named) else {}
     shaped = [f"`{name}` has shape {np.shape(value)}" for name, value in inputs.items() if np.shape(value) != ()]
     said = f"{type(error).__name__}: {first.rstrip('.')}"
     if shaped:

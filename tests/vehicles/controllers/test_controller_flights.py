@@ -26,7 +26,7 @@ def turned(R, wanted):
 def test_thrusters_hold_a_vehicle_upside_down_and_nose_down_and_turn_it_back_from_179_degrees():
     wanted = [np.eye(3), co.attitude.zyx(0, 0, np.radians(179)), co.attitude.zyx(0, -np.pi / 2, 0), np.eye(3)]
     times = [0.0, 10.0, 40.0, 70.0]
-    craft = Craft(rov(), pilot=Pose(weigh=1.0), water=UniformWater((0.1, 0.05, 0.0)))
+    craft = Craft(rov(), controller=Pose(weigh=1.0), water=UniformWater((0.1, 0.05, 0.0)))
     inputs: dict[str, Any] = {"north": 0.0, "east": 0.0, "depth": 5.0, "attitude": co.Held(times, wanted)}
     run = co.simulate(craft.system, craft.start(position=(0, 0, 5)), dt=DT, duration=100.0, inputs=inputs)
     assert run.plan.backend == "native"
@@ -39,7 +39,7 @@ def test_thrusters_hold_a_vehicle_upside_down_and_nose_down_and_turn_it_back_fro
 
 
 def test_fins_take_a_torpedo_into_a_vertical_dive_and_out_of_it_where_euler_angles_have_no_meaning():
-    craft = Craft(remus(length=1.6), pilot=Attitude(speed=1.5))
+    craft = Craft(remus(length=1.6), controller=Attitude(speed=1.5))
     times, wanted = [0.0, 20.0, 60.0], [np.eye(3), co.attitude.zyx(0, -np.pi / 2, 0), co.attitude.zyx(1.0, 0, 0)]
     inputs = {"attitude": co.Held(times, wanted), "speed": 1.5}
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
@@ -57,8 +57,8 @@ def test_fins_take_a_torpedo_into_a_vertical_dive_and_out_of_it_where_euler_angl
 SQUARE = [(0, 0, 0), (100, 0, 5), (100, 100, 10), (0, 100, 5)]
 
 
-def follow(vehicle, speed, *, start=1.0, duration=300.0, **pilot):
-    craft = Craft(vehicle, pilot=LineOfSight(way_points=SQUARE, **pilot), water=UniformWater((0.0, 0.3, 0.0)))
+def follow(vehicle, speed, *, start=1.0, duration=300.0, **controller):
+    craft = Craft(vehicle, controller=LineOfSight(way_points=SQUARE, **controller), water=UniformWater((0.0, 0.3, 0.0)))
     begin = craft.start(position=(0, 10, 0), speed=start)
     run = co.simulate(craft.system, begin, dt=DT, duration=duration, inputs={"speed": speed})
     assert run.plan.backend == "native"
@@ -68,7 +68,7 @@ def follow(vehicle, speed, *, start=1.0, duration=300.0, **pilot):
 def test_a_torpedo_comes_on_to_its_legs_in_a_cross_current_by_the_integral_and_not_without():
     """Without it the path is missed by Δ tan(asin(0.3/1.6)), the drift angle; depths are those of the way points."""
     held = follow(remus(length=1.6), 1.5)
-    q, leg = held.q.values, held.internal_pilot_value_memory_leg.values
+    q, leg = held.q.values, held.internal_controller_value_memory_leg.values
     first, second = np.flatnonzero(leg == 0), np.flatnonzero(leg == 1)
     assert abs(q[first[-1], 1]) < 0.1 and abs(q[second[-1], 0] - 100.0) < 0.4 and leg[-1] == 2
     assert q[second[-1], 2] == pytest.approx(10.0, abs=0.1) and q[first[-1], 2] == pytest.approx(5.0, abs=0.1)
@@ -87,12 +87,12 @@ def test_a_slope_is_followed_in_space_by_pitch():
 
 def test_thrusters_follow_a_path_with_the_same_guidance():
     made = follow(rov(length=0.5), 0.6, start=0.0, look_ahead=6.0, acceptance=3.0)
-    leg, q = made.internal_pilot_value_memory_leg.values, made.q.values
+    leg, q = made.internal_controller_value_memory_leg.values, made.q.values
     assert leg[-1] == 1 and abs(q[np.flatnonzero(leg == 0)[-1], 1]) < 0.2
 
 
 @pytest.mark.parametrize(
-    ("pilot", "sentence"),
+    ("controller", "sentence"),
     [
         ({"way_points": [(0, 0, 0)]}, "must have shape"),
         ({"way_points": [(0, 0, 0), (0, 0, 5)]}, "one place over ground"),
@@ -100,9 +100,9 @@ def test_thrusters_follow_a_path_with_the_same_guidance():
         ({"way_points": SQUARE, "gain": -0.2}, "gain"),
     ],
 )
-def test_paths_that_are_none_are_refused(pilot, sentence):
+def test_paths_that_are_none_are_refused(controller, sentence):
     with pytest.raises(ArgumentError, match=sentence):
-        LineOfSight(**pilot)
+        LineOfSight(**controller)
 
 
 def test_the_gains_at_the_helm_are_proposed_for_the_period_of_the_path():
@@ -114,4 +114,4 @@ def test_the_gains_at_the_helm_are_proposed_for_the_period_of_the_path():
 
 def test_a_helm_that_takes_no_heading_is_refused():
     with pytest.raises(ArgumentError, match="must take the set points `heading`"):
-        Craft(remus(), pilot=LineOfSight(way_points=SQUARE, helm=Attitude()))
+        Craft(remus(), controller=LineOfSight(way_points=SQUARE, helm=Attitude()))

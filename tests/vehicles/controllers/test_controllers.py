@@ -1,4 +1,6 @@
-"""Pilots fly: torpedo shapes with cross and X tails, by gains that are proposed from their mass, damping and fins."""
+"""Controllers fly: torpedo shapes with cross and X tails, by gains that are proposed from their mass, damping and
+fins.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.controllers import design
+from coadjoint.vehicles.controllers.allocation import allocation
 from coadjoint.vehicles.controllers.cruise import Cruise
-from coadjoint.vehicles.controllers.mixing import mixing
 from coadjoint.vehicles.controllers.pid import pid
 from coadjoint.vehicles.files.file import vehicle_from_text
-from coadjoint.vehicles.files.shelf import vehicle_text
+from coadjoint.vehicles.files.registry import vehicle_text
 from coadjoint.vehicles.parts import Fin
 from coadjoint.vehicles.trim.under_way import under_way
 from coadjoint.vehicles.water import UniformWater
@@ -40,8 +42,8 @@ def x_tail() -> Vehicle:
     return dataclasses.replace(plain, name="X-tail", parts=(*parts, *slanted))
 
 
-def fly(vehicle, pilot, duration, *, water=None, start=None, **signals):
-    craft = Craft(vehicle, pilot=pilot, water=water)
+def fly(vehicle, controller, duration, *, water=None, start=None, **signals):
+    craft = Craft(vehicle, controller=controller, water=water)
     inputs = {
         name: co.Held(*signal) if isinstance(signal, tuple) else co.Held([0.0], [signal])
         for name, signal in signals.items()
@@ -58,13 +60,13 @@ STEP: dict[str, Any] = {
     "speed": ([0.0, 160.0], [1.5, 1.8]),
 }
 VEHICLES = {"cross": remus(), "x": x_tail()}
-PILOTS = {name: Cruise(speed=1.5).fitted(vehicle) for name, vehicle in VEHICLES.items()}
+CONTROLLERS = {name: Cruise(speed=1.5).fitted(vehicle) for name, vehicle in VEHICLES.items()}
 
 
 @pytest.mark.parametrize("tail", VEHICLES)
 def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_proposed_gains(tail):
     """Only an X-tail takes the heel away that the propeller's torque gives."""
-    run = fly(VEHICLES[tail], PILOTS[tail], 240.0, water=UniformWater((0.1, 0.2, 0.0)), **STEP)
+    run = fly(VEHICLES[tail], CONTROLLERS[tail], 240.0, water=UniformWater((0.1, 0.2, 0.0)), **STEP)
     made = run.dataset
     through = np.einsum("kji,kj->ki", made.R.values, made.qdot.values - [0.1, 0.2, 0.0])
     depth, heading, speed = made.q.values[:, 2], made.euler_angles.values[:, 0], through[:, 0]
@@ -77,7 +79,7 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_pr
 
 
 def test_the_mixing_of_an_x_tail_turns_about_one_axis_and_about_no_other():
-    motion, mixed = under_way(VEHICLES["x"], 1.5), PILOTS["x"].mixing
+    motion, mixed = under_way(VEHICLES["x"], 1.5), CONTROLLERS["x"].allocation
     assert mixed is not None
     turns = motion.effects[3:] @ mixed.matrix[:, :3]
     np.testing.assert_allclose(turns - np.diag(np.diag(turns)), 0, atol=1e-9 * np.abs(turns).max())
@@ -98,7 +100,7 @@ def test_a_round_hull_turns_alike_in_pitch_and_heading_and_the_munk_moment_turns
     plain = remus()
     round_hull = remus(center_of_mass=(0, 0, 0), parts=[part for part in plain.parts if part.name != "damping"])
     motion = under_way(round_hull, 1.5)
-    pitch, heading = (design.turning(motion, mixing(motion), axis) for axis in ("pitch", "heading"))
+    pitch, heading = (design.turning(motion, allocation(motion), axis) for axis in ("pitch", "heading"))
     np.testing.assert_allclose(pitch, heading, rtol=1e-9)
     bare = remus(center_of_mass=(0, 0, 0), parts=[part for part in plain.parts if part.name in ("hull", "propeller")])
     motion = under_way(bare, 1.5)
@@ -109,7 +111,7 @@ def test_a_round_hull_turns_alike_in_pitch_and_heading_and_the_munk_moment_turns
 
 def test_an_integral_does_not_wind_up_while_its_controller_is_saturated():
     """Half a minute of the largest pitch: an integral that wound up would take the vehicle 9.5 m too deep."""
-    made = fly(VEHICLES["cross"], PILOTS["cross"], 200.0, depth=60.0, heading=0.0, speed=1.5).dataset
+    made = fly(VEHICLES["cross"], CONTROLLERS["cross"], 200.0, depth=60.0, heading=0.0, speed=1.5).dataset
     assert 60.0 < made.q.values[:, 2].max() < 60.4 and abs(made.q.values[-1, 2] - 60.0) < 0.1
 
 
@@ -121,29 +123,29 @@ def test_pid_saturates_about_what_is_known_beforehand_and_between_its_own_limits
 
 
 def test_an_altitude_is_kept_over_a_flat_bottom():
-    pilot = dataclasses.replace(PILOTS["cross"], vertical="altitude", bottom=20.0)
-    made = fly(VEHICLES["cross"], pilot, 80.0, altitude=14.0, heading=0.0, speed=1.5).dataset
+    controller = dataclasses.replace(CONTROLLERS["cross"], vertical="altitude", bottom=20.0)
+    made = fly(VEHICLES["cross"], controller, 80.0, altitude=14.0, heading=0.0, speed=1.5).dataset
     assert made.q.values[-1, 2] == pytest.approx(6.0, abs=0.1)
 
 
-def test_a_pilot_that_only_damps_a_turn_has_finite_numbers():
-    pilot: Any = Cruise(heading_gains=(0.0, 0.0, 0.5)).fitted(VEHICLES["cross"])
-    assert pilot.heading_reach == np.pi and pilot.pitch_reach < 1.0
+def test_a_controller_that_only_damps_a_turn_has_finite_numbers():
+    controller: Any = Cruise(heading_gains=(0.0, 0.0, 0.5)).fitted(VEHICLES["cross"])
+    assert controller.heading_reach == np.pi and controller.pitch_reach < 1.0
 
 
 def test_a_longer_period_and_delay_take_damping_away():
     """The same gains by a slower computer: the heading swings further beyond its set point."""
-    craft = Craft(VEHICLES["cross"], pilot=PILOTS["cross"])
+    craft = Craft(VEHICLES["cross"], controller=CONTROLLERS["cross"])
     start, beyond = craft.start(speed=1.5, actuators={"propeller": 15.0}), []
     for period, delay in ((0.1, 0.0), (0.6, 0.6)):
-        slower = craft.system.replace(pilot_period=period, pilot_delay=delay)
+        slower = craft.system.replace(controller_period=period, controller_delay=delay)
         made = co.simulate(slower, start, dt=DT, duration=40.0, inputs={"depth": 0.0, "heading": 0.3, "speed": 1.5})
         beyond.append(float(made.dataset.euler_angles.values[:, 0].max()) - 0.3)
     assert beyond[1] > beyond[0] + 0.01
 
 
 FILE = """
-[pilot]
+[controller]
 kind = "cruise"
 vertical = "altitude"
 bottom = { value = 20, unit = "m" }
@@ -153,13 +155,13 @@ heading_reach = { value = 10, unit = "deg" }
 """
 
 
-def test_a_pilot_in_a_vehicle_file_has_the_gains_that_it_gives_and_proposes_the_others():
+def test_a_controller_in_a_vehicle_file_has_the_gains_that_it_gives_and_proposes_the_others():
     text = vehicle_text("remus_100")
-    vehicle = vehicle_from_text(text[: text.index("[pilot]")] + FILE, "mine.toml")
-    pilot: Any = Craft(vehicle, pilot=vehicle.pilot).pilot
-    assert (pilot.vertical, float(pilot.period), float(pilot.bottom)) == ("altitude", 0.2, 20.0)
-    np.testing.assert_allclose(pilot.heading_gains, [0.9, 0.01, 0.4])
-    assert pilot.heading_reach == pytest.approx(np.radians(10)) and pilot.pitch_gains[0] > 0
+    vehicle = vehicle_from_text(text[: text.index("[controller]")] + FILE, "mine.toml")
+    controller: Any = Craft(vehicle, controller=vehicle.controller).controller
+    assert (controller.vertical, float(controller.period), float(controller.bottom)) == ("altitude", 0.2, 20.0)
+    np.testing.assert_allclose(controller.heading_gains, [0.9, 0.01, 0.4])
+    assert controller.heading_reach == pytest.approx(np.radians(10)) and controller.pitch_gains[0] > 0
 
 
 @pytest.mark.parametrize(
@@ -173,6 +175,6 @@ def test_a_pilot_in_a_vehicle_file_has_the_gains_that_it_gives_and_proposes_the_
         ({"speed": 9.0}, "cannot go 9 m/s"),
     ],
 )
-def test_pilots_that_cannot_be_are_refused_with_a_sentence(fields, sentence):
+def test_controllers_that_cannot_be_are_refused_with_a_sentence(fields, sentence):
     with pytest.raises(ArgumentError, match=sentence):
         Cruise(**fields).fitted(VEHICLES["cross"])

@@ -1,4 +1,4 @@
-"""Any Python function as a pilot: traced into the native kernel where it can be, else called from outside."""
+"""Any Python function as a controller: traced into the native kernel where it can be, else called from outside."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from jax import lax
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.named import Named
+from coadjoint.vehicles.model.controller import Controller, Feedback
+from coadjoint.vehicles.model.controller_mistakes import called
 from coadjoint.vehicles.model.inputs_read import Read, require_read
-from coadjoint.vehicles.model.pilot import Pilot, Sight
-from coadjoint.vehicles.model.pilot_mistakes import called
 
 _NOT_TRACEABLE = (
     jax.errors.ConcretizationTypeError,
@@ -31,14 +31,14 @@ _TOLD: set[tuple[str, int]] = set()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FunctionPilot(Pilot):
-    """A function (sight, p) → {part: command} as a pilot, p being the parameters of the system.
+class FunctionController(Controller):
+    """A function (feedback, p) → {part: command} as a controller, p being the parameters of the system.
 
-    With `remembers`, numbers by name that it starts from, it is (sight, memory, p) → (commands, memory) instead.
+    With `remembers`, numbers by name that it starts from, it is (feedback, memory, p) → (commands, memory) instead.
     Written with jax.numpy it becomes part of the native kernel. Where it needs numbers, as with NumPy, `math`, `if` on
     what it sees, or a library of one's own, it is called from outside at every step: then the run goes by XLA, which a
     warning tells, is slower, and has no derivatives. What it gives must depend on its arguments only; it is called once
-    on a craft at rest to learn the shapes. A vehicle's inputs of any name reach it as `sight.inputs`.
+    on a craft at rest to learn the shapes. A vehicle's inputs of any name reach it as `feedback.inputs`.
     """
 
     function: Callable[..., Any]
@@ -46,17 +46,17 @@ class FunctionPilot(Pilot):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_arguments(self.function, ("sight", "p") if self.remembers is None else ("sight", "memory", "p"))
+        _require_arguments(self.function, ("feedback", "p") if self.remembers is None else ("feedback", "memory", "p"))
 
     def memory(self) -> dict[str, Any]:
         return dict(self.remembers or {})
 
-    def steer(self, sight: Sight, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        if isinstance(sight.inputs, Named):
-            sight = sight._replace(inputs=Read(**sight.inputs.asdict()))
-        arguments = (sight, own) if self.remembers is None else (sight, memory, own)
+    def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        if isinstance(feedback.inputs, Named):
+            feedback = feedback._replace(inputs=Read(**feedback.inputs.asdict()))
+        arguments = (feedback, own) if self.remembers is None else (feedback, memory, own)
         try:
-            found, read = self.function(*arguments), sight.inputs
+            found, read = self.function(*arguments), feedback.inputs
         except _NOT_TRACEABLE:
             _tell(self.function)
             found, read = _from_outside(self.function, arguments, called(self))
@@ -65,7 +65,7 @@ class FunctionPilot(Pilot):
             return found, {}
         if not isinstance(found, tuple) or len(found) != 2:
             raise ArgumentError(
-                f"A pilot that remembers must return (commands, memory), but returned {type(found).__name__}."
+                f"A controller that remembers must return (commands, memory), but returned {type(found).__name__}."
             )
         return found
 
@@ -76,13 +76,13 @@ class FunctionPilot(Pilot):
 
 
 _FAILED: dict[str, tuple[float, str]] = {}
-"""By pilot, when it failed last in the run that goes on, and how."""
+"""By controller, when it failed last in the run that goes on, and how."""
 
 
 def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> None:
     """Raise ArgumentError unless a function can be called with these."""
     if not callable(function):
-        raise ArgumentError(f"Argument `function` of a pilot must be a function ({', '.join(names)}).")
+        raise ArgumentError(f"Argument `function` of a controller must be a function ({', '.join(names)}).")
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # of a library in C: only calling it tells
@@ -92,7 +92,7 @@ def _require_arguments(function: Callable[..., Any], names: tuple[str, ...]) -> 
     except TypeError:
         name = getattr(function, "__name__", type(function).__name__)
         raise ArgumentError(
-            f"The pilot `{name}` must be a function of ({', '.join(names)}), but takes {signature}."
+            f"The controller `{name}` must be a function of ({', '.join(names)}), but takes {signature}."
         ) from None
 
 
@@ -102,9 +102,10 @@ def _tell(function: Callable[..., Any]) -> None:
     if (name, id(function)) not in _TOLD:
         _TOLD.add((name, id(function)))
         warnings.warn(
-            f"The pilot `{name}` has Python `if`, float() or NumPy on what it sees: it is called from outside JAX at "
+            f"The controller `{name}` has Python `if`, float() or NumPy on what it sees: it is called from "
+            f"outside JAX at "
             "every step, which is slower, by XLA, and without derivatives. With jax.numpy alone, and "
-            "jnp.where(sight.depth > 2, a, b) for `if`, it becomes part of the native kernel.",
+            "jnp.where(feedback.depth > 2, a, b) for `if`, it becomes part of the native kernel.",
             stacklevel=2,
         )
 
@@ -118,7 +119,7 @@ def _from_outside(function: Callable[..., Any], arguments: tuple[Any, ...], name
         example = _numbers(function(*resting))
     except Exception as error:
         raise ArgumentError(
-            f"The pilot's function failed for a craft at rest and level: {type(error).__name__}: {error}"
+            f"The controller's function failed for a craft at rest and level: {type(error).__name__}: {error}"
         ) from error
     leaves, structure = jax.tree.flatten(example)
     _, given = jax.tree.flatten(arguments)
@@ -180,8 +181,8 @@ def _split(numbers: Any, shapes: list[tuple[int, ...]]) -> list[Any]:
 
 def _at_rest(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """The same structure in numbers: level and at rest, and parameters as they are, or 1 where they are traced."""
-    sight, *others = arguments
-    still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), sight)
+    feedback, *others = arguments
+    still = jax.tree.map(lambda leaf: np.zeros(np.shape(leaf)), feedback)
     still = still._replace(down=np.array([0.0, 0.0, 1.0]), north=np.array([1.0, 0.0, 0.0]))
     return still, *(
         jax.tree.map(lambda leaf: np.ones(np.shape(leaf)) if traced(leaf) else np.asarray(leaf), other)

@@ -22,8 +22,8 @@ CURRENT = (0.2, -0.1, 0.0)
 STATION = {"north": 2.0, "east": -1.0, "depth": 3.0, "heading": np.radians(178.0)}
 
 
-def fly(vehicle, pilot, duration, inputs, current=CURRENT):
-    craft = Craft(vehicle, pilot=pilot, water=UniformWater(current))
+def fly(vehicle, controller, duration, inputs, current=CURRENT):
+    craft = Craft(vehicle, controller=controller, water=UniformWater(current))
     run = co.simulate(craft.system, craft.start(speed=0.0), dt=0.05, duration=duration, inputs=inputs)
     assert run.plan.backend == "native"
     return run
@@ -72,11 +72,11 @@ def test_a_thruster_vehicle_would_be_turned_across_the_flow_by_the_munk_moment_t
     inputs = {"depth": co.Held([0.0, 5.0], [0.0, 5.0]), "heading": 0.0, "speed": 0.5}
     pitch = []
     for known in (1.0, 0.0):
-        pilot = Manoeuvre().fitted(rov())
-        blind = Craft(rov(), pilot=pilot)
-        mass = pilot.mass.copy()
+        controller = Manoeuvre().fitted(rov())
+        blind = Craft(rov(), controller=controller)
+        mass = controller.mass.copy()
         mass[[0, 1, 2], [0, 1, 2]] = known * mass[[0, 1, 2], [0, 1, 2]] + (1 - known) * mass[0, 0]
-        system = blind.system.replace(pilot_mass=mass)
+        system = blind.system.replace(controller_mass=mass)
         made = co.simulate(system, blind.start(speed=0.5), dt=0.05, duration=20.0, inputs=inputs).dataset
         pitch.append(np.abs(made.euler_angles.values[:, 1]).max())
     assert pitch[0] < np.radians(8.0) and pitch[1] > 3 * pitch[0]
@@ -98,11 +98,11 @@ def test_a_vehicle_without_thrusters_has_no_hover():
 
 
 @pytest.mark.parametrize(
-    ("pilot", "thrusters", "lacking"), [(Manoeuvre(), slice(4), "heave"), (Hover(), slice(4, 8), "surge, sway")]
+    ("controller", "thrusters", "lacking"), [(Manoeuvre(), slice(4), "heave"), (Hover(), slice(4, 8), "surge, sway")]
 )
-def test_thrusters_that_cannot_push_as_a_pilot_needs_are_told(pilot, thrusters, lacking):
+def test_thrusters_that_cannot_push_as_a_controller_needs_are_told(controller, thrusters, lacking):
     vehicle = rov()
     part = vehicle.part("thrusters")
     fewer = replace(part, allocation=part.allocation[:, thrusters])
     with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
-        pilot.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))
+        controller.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))

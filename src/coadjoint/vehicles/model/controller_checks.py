@@ -1,0 +1,23 @@
+"""What controllers declare: set points and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from coadjoint.errors import ArgumentError
+
+
+def require_declared(controller: Any) -> None:
+    """Raise ArgumentError unless a controller says its set points and its memory by name."""
+    name, inputs, memory = type(controller).__name__, controller.inputs, controller.memory
+    if not isinstance(inputs, Mapping) or not all(isinstance(text, str) for pair in inputs.items() for text in pair):
+        raise ArgumentError(
+            f"`inputs` of the controller `{name}` must be a dictionary of units by name, such as "
+            f"{{'heading': 'rad'}}, but "
+            f"is {inputs!r}."
+        )
+    if not callable(memory) or not isinstance(memory(), Mapping):
+        raise ArgumentError(
+            f"`memory` of the controller `{name}` must be a method that returns a dictionary, such as {{'total': 0.0}}."
+        )
