@@ -139,7 +139,7 @@ def test_a_step_longer_than_the_period_of_the_controller_is_warned_of_on_the_car
     said = "The controller `traceable` looks every 0.1 s, but a step takes 0.2 s: it acts once a step."
     assert any(sentence.startswith(said) for sentence in slow.warnings)
     assert "acts once a step" in " ".join(str(slow).split())
-    assert fast.warnings == []
+    assert not any("acts once" in sentence for sentence in fast.warnings)
 
 
 def test_a_controller_that_divides_by_zero_is_named():

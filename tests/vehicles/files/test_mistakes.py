@@ -231,3 +231,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
         vehicles.load("remus100")
     with pytest.raises(ArgumentError, match="the name of a vehicle or the path of its file, but is 3"):
         vehicles.load(3)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_section_pilot_is_told_its_new_name():
+    with pytest.raises(ArgumentError, match=r"\[pilot\] is called \[controller\]"):
+        vehicle_from_text(vehicle_text("remus_100") + '\n[pilot]\nkind = "cruise"\n', "mine.toml")
