@@ -43,7 +43,7 @@ def test_the_search_finds_the_one_eigenvector_along_which_damping_drives():
         "added_mass": np.zeros((6, 6)),
         "center_of_mass": (0, 0, 0),
     }
-    vehicle = Vehicle(**body, parts=[Damping("damping", linear=D)])
+    vehicle = Vehicle(**body, parts=(Damping("damping", linear=D),))
     found = driven(vehicle)
     assert found is not None and found.rate == pytest.approx(0.2, rel=1e-3)
     assert abs(found.velocity @ n) == pytest.approx(np.linalg.norm(found.velocity), rel=1e-3)
