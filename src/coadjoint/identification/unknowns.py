@@ -12,6 +12,8 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.packing import pack
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.system import System
 
@@ -85,9 +87,6 @@ class Unknowns:
 
     def replaced(self, coordinates: np.ndarray) -> System:
         """The system with the values of these coordinates."""
-        from coadjoint.kernels.packing import pack
-        from coadjoint.mechanics.copies import replace_parameters
-
         layout, _ = pack(self.system.parameters)
         return replace_parameters(self.system, layout.unpack(self.filled(coordinates)))
 

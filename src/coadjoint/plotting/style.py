@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -67,8 +68,6 @@ class PlotFigure(Figure):
     """A matplotlib Figure that notebooks show without pyplot and that no global state knows of."""
 
     def _repr_png_(self) -> bytes:
-        from io import BytesIO
-
         stream = BytesIO()
         with style():
             self.savefig(stream, format="png", dpi=150)
