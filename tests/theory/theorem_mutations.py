@@ -138,14 +138,12 @@ class Patch:
 
 def _group_of(argument: Any) -> LieGroup | None:
     """The group that an argument is, or has."""
-    for found in (
-        argument,
-        getattr(argument, "group", None),
-        getattr(getattr(argument, "system", None), "group", None),
-    ):
-        if isinstance(found, LieGroup):
-            return found
-    return None
+    if isinstance(argument, LieGroup):
+        return argument
+    # A Lagrangian that is being made has a group, but no system yet.
+    found = getattr(argument, "group", None)
+    found = getattr(getattr(argument, "system", None), "group", None) if found is None else found
+    return found if isinstance(found, LieGroup) else None
 
 
 def _scaled(leaf: Any, scale: float) -> Any:
