@@ -188,3 +188,10 @@ def test_records_whose_momenta_were_overwritten_are_seen(form, part):
 def test_what_is_no_run_is_refused():
     with pytest.raises(co.ArgumentError, match=r"must be a run of co\.simulate"):
         theory.printed_equations(3)
+
+
+def test_an_equation_whose_residual_is_no_number_holds_least_well():
+    rows = [theory.Residual(name, "", np.array([0.0, value]), 1.0) for name, value in (("one", 1e-3), ("two", np.nan))]
+    for order in (rows, rows[::-1]):
+        worst = theory.Equations(tuple(order)).worst
+        assert worst.equation == "two" and worst.largest == np.inf

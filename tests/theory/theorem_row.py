@@ -52,7 +52,7 @@ class Rows(list[Row]):
 
 def largest(*trees: Any) -> float:
     """The largest entry in size, infinite where one is not a number."""
-    found = max((np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(trees)), default=0.0)
+    found = np.max([np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(trees)], initial=0.0)  # NaN stays
     return float(found) if np.isfinite(found) else np.inf
 
 

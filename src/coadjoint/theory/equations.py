@@ -48,8 +48,9 @@ class Residual(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """max |values| / scale."""
-        return float(np.max(np.abs(self.values), initial=0.0)) / self.scale
+        """max |values| / scale, infinite where one is not a number."""
+        found = float(np.max(np.abs(self.values), initial=0.0)) / self.scale
+        return np.inf if np.isnan(found) else found
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def equations_of(
 
 
 def _largest(values: Any) -> float:
-    return max((float(np.max(np.abs(leaf), initial=0.0)) for leaf in jax.tree.leaves(values)), default=0.0)
+    return float(np.max([np.max(np.abs(leaf), initial=0.0) for leaf in jax.tree.leaves(values)], initial=0.0))
 
 
 def _pairs(tree: Any) -> tuple[Any, Any]:
