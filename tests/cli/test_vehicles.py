@@ -35,7 +35,7 @@ def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys
     out = told(capsys, "show", "rexrov")
     for words in ("metacentric height  300 mm", "net weight          -263.5 N, it floats up", "terminal speed"):
         assert words in out
-    assert "Doubtful: [added_mass] matrix is not symmetric: row 3, column 6 is 10.774" in out
+    assert "Warning: [added_mass] matrix is not symmetric: row 3, column 6 is 10.774" in out
     assert "manoeuvre; set points: depth (m), heading (rad), speed (m/s)" in out
     vehicle = vehicles.load("rexrov")
     for key, number in vehicle.provenance.items():
@@ -53,7 +53,7 @@ def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_spe
     text = vehicle_text("lrauv_raanan")
     path.write_text(text.replace('"X_u|u|" = -', '"X_u|u|" = '), encoding="utf-8")
     out = told(capsys, "show", str(path))
-    assert "no terminal speed: its drag does not hold" in out and "Doubtful: X_u|u| of" in out
+    assert "no terminal speed: its drag does not hold" in out and "Warning: X_u|u| of" in out
 
 
 @pytest.mark.parametrize("name", vehicles.names())
@@ -71,10 +71,10 @@ def test_the_file_that_is_printed_is_a_file_of_ones_own(capsys, tmp_path) -> Non
     assert told(capsys, "show", str(path), "--toml") == path.read_text(encoding="utf-8")
 
 
-def test_what_is_doubtful_about_ones_own_file_is_shown_and_what_is_wrong_refused(capsys, tmp_path) -> None:
+def test_warnings_about_ones_own_file_are_shown_and_what_is_wrong_refused(capsys, tmp_path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(vehicle_text("remus_100").replace("[0, 0, 20]", "[0, 0, -20]"), encoding="utf-8")
-    assert "Doubtful: its centre of buoyancy is 20 mm below its centre of mass" in told(capsys, "show", str(path))
+    assert "Warning: its centre of buoyancy is 20 mm below its centre of mass" in told(capsys, "show", str(path))
     path.write_text("[vehicle]", encoding="utf-8")
     assert "a vehicle file needs a section [body]" in told(capsys, "show", str(path), status=2)
     assert "did you mean `rexrov`" in told(capsys, "show", "rexrof", status=2)

@@ -106,7 +106,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     ("arguments", "sentence"),
     [
         (["remus_10", "log.csv", "--parameters", "hull"], "No vehicle `remus_10`"),
-        (["remus_100", "none.csv", "--parameters", "hull"], "none.csv cannot be read"),
+        (["remus_100", "none.csv", "--parameters", "hull"], "There is no file none.csv"),
         (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull_axial_drag`"),
         (["remus_100", "log.csv", "--parameters", "hull", "--noise", "u"], "--noise must be NAME=VALUE"),
         (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "shorter than the log"),

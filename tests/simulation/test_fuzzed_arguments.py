@@ -15,7 +15,7 @@ import pytest
 import coadjoint as co
 from coadjoint.mechanics.internal import require_internal
 from coadjoint.simulation.arguments import require_quantities
-from coadjoint.simulation.events import require_until
+from coadjoint.simulation.events import Event, require_event
 from coadjoint.simulation.inputs import with_inputs
 from coadjoint.simulation.trajectory import Trajectory
 from paper_vehicle import PARAMETERS, lagrangian, start, system
@@ -237,7 +237,7 @@ def quantity_that(does) -> Any:
 
 
 def event_that(does) -> Any:
-    require_until(lambda state: does(state.q[2]), START)
+    require_event(Event(lambda state: does(state.q[2])), "until", START)
 
 
 def pairing_that(does) -> Any:
