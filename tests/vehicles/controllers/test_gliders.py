@@ -233,9 +233,9 @@ def test_members_of_a_fleet_of_gliders_have_wings_of_their_own():
 
 
 WRONG = {
-    "`volume` of the controller `sawtooth` must be positive": {"volume": -1e-4},
-    "`gains` of the controller `sawtooth` must have shape": {"gains": (1.0, 2.0)},
-    "`reach` of the controller `sawtooth` must be at least 0": {"reach": -0.1},
+    "`volume` of the controller `Sawtooth` must be positive": {"volume": -1e-4},
+    "`gains` of the controller `Sawtooth` must have shape": {"gains": (1.0, 2.0)},
+    "`reach` of the controller `Sawtooth` must be at least 0": {"reach": -0.1},
 }
 
 
