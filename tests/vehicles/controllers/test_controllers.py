@@ -78,7 +78,7 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_pr
     assert heel[int(99 / DT)] > 5e-3 if tail == "cross" else heel[int(99 / DT)] < 5e-4
 
 
-def test_the_mixing_of_an_x_tail_turns_about_one_axis_and_about_no_other():
+def test_the_allocation_of_an_x_tail_turns_about_one_axis_and_about_no_other():
     motion, mixed = under_way(VEHICLES["x"], 1.5), CONTROLLERS["x"].allocation
     assert mixed is not None
     turns = motion.effects[3:] @ mixed.matrix[:, :3]

@@ -355,7 +355,7 @@ def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
         ({"inertia": np.diag([1.0, -2.0, 2.0])}, "`inertia` must be positive definite"),
         ({"water_velocity": [0.1, 0.2]}, r"`velocity` must have shape \(3,\)"),
         ({"controller_period": 0.0}, "`period` of the controller `Cruise` must be positive"),
-        ({"controller_mixing": [1.0]}, r"`controller_mixing` must be of shape"),
+        ({"controller_allocation": [1.0]}, r"`controller_allocation` must be of shape"),
     ],
 )
 def test_what_replaces_a_parameter_is_checked_as_where_it_was_made(changed, sentence):
