@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
 import coadjoint as co
+from imports import modules
 
-PUBLIC = [co.simulate, co.trajectory, co.resume, co.load, co.each, co.System, co.System.state, co.Stepper]
-PUBLIC += [co.KelvinNoether, co.Event, co.Signal, co.Held, co.Linear, co.Force, co.Midpoint, co.rayleigh]
+PUBLIC = [getattr(co, name) for name in co.__all__] + [co.System.state]
+PUBLIC = [one for one in PUBLIC if callable(one) and not (inspect.isclass(one) and issubclass(one, Exception))]
+PUBLIC += [co.stability.steady_motion, co.stability.stability, co.stability.energy_casimir]
+PUBLIC += [co.stability.linearised, co.stability.step_modes]
 
 
 @pytest.mark.parametrize("public", PUBLIC, ids=lambda public: public.__qualname__)
@@ -24,5 +28,60 @@ def test_every_argument_is_explained(public: Callable) -> None:
 
 def names_before_colons(text: str) -> set[str]:
     """The names of arguments that a colon follows, as in `q, qdot: …`, at the start of a line or of a sentence."""
-    found = re.findall(r"(?:^\s*|\. )(\w+(?:, \w+)*): ", text, re.MULTILINE)
+    found = re.findall(r"(?:^\s*|[.;] )\**(\w+(?:, \w+)*):(?: |$)", text, re.MULTILINE)
     return {name for names in found for name in names.split(", ")}
+
+
+CHAPTERS = ("groups", "spaces", "difference_maps", "mechanics", "methods", "theory", "stability", "audit", "models")
+RUNS = ("run", "finished", "ensemble", "simulate", "trajectory", "resume", "recording", "events", "steppers.stepper")
+"""Of `simulation`, what `co.simulate` returns and what `coadjoint` itself names."""
+ARRAY = re.compile(r"\b(Array|ArrayLike|ndarray)\b")
+SIZE = r"(?:…|\.\.\.|\d+N?²?|N²?|n|k|m|d|j|dim|ambient|members|nodes|rows|steps|lines|unknowns|size|count|y|z"
+SIZE += r"|number of \w+|[a-z]+ of \w+)"
+SIZE += r"(?: [GQV]\b\*?)?(?: [+−·] [\w ]+)?"
+SHAPE = re.compile(rf"\({SIZE},(?: {SIZE}(?:, {SIZE})*)?\)|\bshapes?\b|\b(?:one|a) number\b|\bnumbers\b")
+
+
+def bases(tree: ast.ClassDef, known: dict[str, ast.ClassDef]) -> Iterator[ast.ClassDef]:
+    for base in tree.bases:
+        if isinstance(base, ast.Name) and base.id in known:
+            yield known[base.id]
+            yield from bases(known[base.id], known)
+
+
+def functions(tree: ast.Module, known: dict[str, ast.ClassDef]) -> Iterator[tuple[str, ast.FunctionDef, str]]:
+    """Public functions and methods with their docstrings; what overrides a member of the library has its docstring."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node.name, node, ast.get_docstring(node) or ""
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            derived = {member.name for base in bases(node, known) for member in methods(base)}
+            for member in methods(node):
+                if member.name == "__init__":
+                    yield f"{node.name}.__init__", member, ast.get_docstring(node) or ""
+                elif not member.name.startswith("_") and member.name not in derived:
+                    yield f"{node.name}.{member.name}", member, ast.get_docstring(member) or ""
+
+
+def methods(tree: ast.ClassDef) -> list[ast.FunctionDef]:
+    return [member for member in tree.body if isinstance(member, ast.FunctionDef)]
+
+
+def has_arrays(function: ast.FunctionDef) -> bool:
+    """Whether an argument or the result is an array; the arguments of a function that is an argument do not count."""
+    given = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+    written = [ast.unparse(note) for note in (*(a.annotation for a in given), function.returns) if note is not None]
+    return any(ARRAY.search(re.sub(r"Callable\[.*\]", "", note)) for note in written)
+
+
+def test_public_functions_of_arrays_state_a_shape() -> None:
+    trees = modules()
+    known = {node.name: node for tree in trees.values() for node in tree.body if isinstance(node, ast.ClassDef)}
+    public = [m for m in trees if m.split(".")[1:2] and m.split(".")[1] in CHAPTERS]
+    public += [f"coadjoint.simulation.{name}" for name in RUNS]
+    found = [(f"{m}.{name}", f, text) for m in public for name, f, text in functions(trees[m], known) if has_arrays(f)]
+    assert len(found) > 200
+    silent = [name for name, _, text in found if not SHAPE.search(text)]
+    assert not silent, "Say the shape of arrays, as in (dim,) or `one number`, in the docstrings of: " + ", ".join(
+        silent
+    )

@@ -61,7 +61,10 @@ def _energy(stepper: AuditStepper, h: float, discrete: bool) -> Callable[[State]
 
 
 def drift(error: np.ndarray) -> float:
-    """What a line through the mean errors of the intervals gains for sure: less three standard errors, 0 at least."""
+    """What a line through the mean errors of the intervals gains for sure: less three standard errors, 0 at least.
+
+    error: (nodes,).
+    """
     means = np.array([part.mean() for part in np.array_split(error, INTERVALS)])
     if not means.any():
         return 0.0

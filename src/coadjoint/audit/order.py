@@ -55,7 +55,7 @@ def convergence(stepper: AuditStepper, problem: Problem) -> Convergence:
 
 
 def fit(h: np.ndarray, error: np.ndarray, usable: np.ndarray, count: int) -> Convergence:
-    """The slope of the finest `count` usable errors; NaN for fewer than three."""
+    """The slope of the finest `count` usable errors; NaN for fewer than three. h, error, usable: (steps,)."""
     fitted = np.zeros(len(h), bool)
     fitted[np.flatnonzero(usable)[-count:]] = True
     slope = np.polyfit(np.log(h[fitted]), np.log(error[fitted]), 1)[0] if fitted.sum() >= 3 else np.nan

@@ -49,7 +49,7 @@ class AuditStepper:
 
 
 def coordinates(state: State) -> np.ndarray:
-    """g, n, a, μ, π as one array; all are of order one in the systems of the audit."""
+    """g, n, a, μ, π as one array, (size,); all are of order one in the systems of the audit."""
     parts = [*jax.tree.leaves(state.g), state.n, state.a, state.mu, state.pi]
     return np.concatenate([np.ravel(part) for part in parts])
 

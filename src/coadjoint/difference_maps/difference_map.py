@@ -37,36 +37,36 @@ class DifferenceMap:
         return jnp.linalg.solve(self._tangent_matrix(group, xi).T, mu)
 
     def tau(self, group: LieGroup, xi: Array) -> Element:
-        """τ(ξ) for ξ (dim,)."""
+        """τ(ξ), an element, of ξ (dim,)."""
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), strict=True)
             return tuple(self.tau(factor, part) for factor, part in parts)
         return self._tau(group, xi)
 
     def dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
-        """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹ (P32)."""
+        """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹, (dim,), of ξ and χ (dim,) (P32)."""
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(chi), strict=True)
             return jnp.concatenate([self.dtau(factor, x, c) for factor, x, c in parts])
         return self._dtau(group, xi, chi)
 
     def dtau_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
-        """dτ*_ξ μ, with ⟨dτ*_ξ μ, χ⟩ = ⟨μ, dτ_ξ χ⟩."""
+        """dτ*_ξ μ, (dim,), of ξ and μ (dim,), with ⟨dτ*_ξ μ, χ⟩ = ⟨μ, dτ_ξ χ⟩."""
         return transpose(lambda chi: self.dtau(group, xi, chi), group.dim, mu)
 
     def dtau_inverse(self, group: LieGroup, xi: Array, chi: Array) -> Array:
-        """dτ⁻¹_ξ χ (P34), the dual of `dtau_inverse_dual`."""
+        """dτ⁻¹_ξ χ, (dim,), of ξ and χ (dim,) (P34); the dual of `dtau_inverse_dual`."""
         return transpose(lambda mu: self.dtau_inverse_dual(group, xi, mu), group.dim, chi)
 
     def dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
-        """(dτ⁻¹_ξ)* μ, with ⟨(dτ⁻¹_ξ)* μ, χ⟩ = ⟨μ, dτ⁻¹_ξ χ⟩."""
+        """(dτ⁻¹_ξ)* μ, (dim,), of ξ and μ (dim,), with ⟨(dτ⁻¹_ξ)* μ, χ⟩ = ⟨μ, dτ⁻¹_ξ χ⟩."""
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(mu), strict=True)
             return jnp.concatenate([self.dtau_inverse_dual(factor, x, m) for factor, x, m in parts])
         return self._dtau_inverse_dual(group, xi, mu)
 
     def chart(self, group: LieGroup, xi: Array) -> Array | float:
-        """How far ξ lies in the domain of the chart: below 1 inside, 1 at its end."""
+        """How far ξ (dim,) lies in the domain of the chart, one number: below 1 inside, 1 at its end."""
         return group.rotation_angle(xi) / np.pi
 
     def _tangent(self, group: LieGroup, xi: Array, chi: Array) -> Array:

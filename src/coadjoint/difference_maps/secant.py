@@ -27,7 +27,7 @@ _TERMS = 20
 
 
 def secant(difference_map: DifferenceMap, group: LieGroup, space: Space, hxi: Array, x: Array, v: Array) -> Array:
-    """A v for a tangent vector v at x.
+    """A v, (ambient,), for a tangent vector v (ambient,) at x; hxi: hξ, (dim G,).
 
     Cayley: A = (2 + H + H⁻¹)/4, where H acts as Cayley's transform of the infinitesimal action, as on the defining
     representation. Exponential: A = sinh(X)/X, X v = (hξ/2)·v; where X has the eigenvalues of ad_ξ, 0 and ±iθ in blocks
@@ -63,7 +63,7 @@ def _like_adjoint(group: LieGroup, space: Space) -> bool:
 
 
 def secant_dual(difference_map: DifferenceMap, group: LieGroup, space: Space, hxi: Array, x: Array, b: Array) -> Array:
-    """A*b, with ⟨A*b, v⟩ = ⟨b, A v⟩."""
+    """A*b, (ambient,), of a covector b (ambient,): ⟨A*b, v⟩ = ⟨b, A v⟩ with the arguments of `secant`."""
     return transpose(lambda v: secant(difference_map, group, space, hxi, x, v), space.ambient(group), b)
 
 

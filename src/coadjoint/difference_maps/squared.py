@@ -15,11 +15,12 @@ from coadjoint.groups.group import Array, Element
 
 @dataclass(frozen=True)
 class Squared(DifferenceMap):
-    """τ₂(ξ) = σ(ξ/2)² of a map σ, with half H = σ(ξ/2).
+    """τ₂(ξ) = σ(ξ/2)² of a map σ, with half H = σ(ξ/2), which is a true half on every group.
 
     dτ₂_ξ = ½ (1 + Ad_H) dσ_{ξ/2}, (dτ₂⁻¹_ξ)* = 2 (1 + Ad*_H)⁻¹ (dσ⁻¹_{ξ/2})*.
 
-    The exponential is its own squared map. Squared Cayley on SO(3) is the Cayley transform of SU(2) and reaches π.
+    half: σ, such as co.Cayley(). The exponential is its own squared map. Squared Cayley on SO(3) is the Cayley
+    transform of SU(2) and reaches π. Raises ArgumentError for what is no difference map.
     """
 
     half: DifferenceMap

@@ -32,7 +32,10 @@ def require_group(group: LieGroup, stamp: Any = None) -> None:
 
 
 def points(group: LieGroup) -> list[tuple[np.ndarray, ...]]:
-    """(ξ, η, μ, e^ξ̂, e^η̂, disturbance): ξ̂ and η̂ are on both sides of where formulas for small angles end."""
+    """(ξ, η, μ, e^ξ̂, e^η̂, disturbance) at three sizes: ξ̂ and η̂ on both sides of where formulas for small angles end.
+
+    ξ, η, μ: (dim,); the exponentials: (N, N); the disturbance of the entries of an element: (N²,).
+    """
     random, sizes = np.random.default_rng(1874), _sizes(group)
     found = []
     for size in (0.3, 0.9, 1.8):

@@ -49,7 +49,10 @@ class _Quadratic(MatrixElements):
 
 @dataclass(frozen=True)
 class SOn(_Quadratic):
-    """Rotations of ℝⁿ, n = `size`; an element is R (n, n); the basis E_ji − E_ij, i < j, turns e_i to e_j."""
+    """Rotations of ℝⁿ, n = `size`; an element is R (n, n); the basis E_ji − E_ij, i < j, turns e_i to e_j.
+
+    size: n, a whole number from 2. Raises GroupError for another one.
+    """
 
     size: int
 
@@ -78,6 +81,8 @@ class Sp(_Quadratic):
     """Linear symplectic maps of ℝ²ⁿ, n = `size`; an element is g (2n, 2n) with gᵀJg = J, J = [[0, 1], [−1, 0]].
 
     The basis is [[A, 0], [0, −Aᵀ]], then [[0, B], [0, 0]] and [[0, 0], [B, 0]] with B symmetric, each by rows.
+
+    size: n, a whole number from 1. Raises GroupError for another one.
     """
 
     size: int
@@ -107,6 +112,8 @@ class SLn(MatrixElements):
     """Linear maps of ℝⁿ that keep volume, n = `size`; an element is g (n, n) with det g = 1.
 
     The basis is E_ii − E_nn, i < n, and E_ij, i ≠ j, by rows. The Cayley transform fits n = 2 only.
+
+    size: n, a whole number from 2. Raises GroupError for another one.
     """
 
     size: int

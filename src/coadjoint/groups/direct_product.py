@@ -17,7 +17,10 @@ from coadjoint.groups.group import Array, Element, LieGroup
 
 @dataclass(frozen=True, init=False)
 class DirectProduct(LieGroup):
-    """G₁ × … × G_m; an element is the tuple of its factors' elements, ξ the factors' coordinates end to end."""
+    """G₁ × … × G_m; an element is the tuple of its factors' elements, ξ the factors' coordinates end to end.
+
+    factors: groups, one at least, such as SO3(), SO2(). Raises GroupError for what is no Lie group.
+    """
 
     factors: tuple[LieGroup, ...]
 

@@ -55,7 +55,7 @@ class LieGroup:
         raise NotImplementedError
 
     def compose(self, g: Element, h: Element) -> Element:
-        """gh."""
+        """gh, of two elements."""
         raise NotImplementedError
 
     def inverse(self, g: Element) -> Element:
@@ -67,50 +67,53 @@ class LieGroup:
         raise NotImplementedError
 
     def from_matrix(self, matrix: Array) -> Element:
-        """The element whose matrix this is."""
+        """The element whose matrix this is, (N, N)."""
         raise NotImplementedError
 
     def tangent(self, xi: Array) -> Element:
-        """ξ as a tangent vector at e: a PyTree like an element, the derivative of any curve e + εξ + O(ε²)."""
+        """ξ (dim,) as a tangent vector at e: a PyTree like an element, the derivative of any curve e + εξ + O(ε²)."""
         raise NotImplementedError
 
     def hat(self, xi: Array) -> Array:
-        """Coordinates (dim,) to the matrix ξ̂ = Σ ξ_k e_k ∈ 𝔤."""
+        """ξ̂ = Σ ξ_k e_k ∈ 𝔤, the matrix (N, N) of coordinates ξ (dim,)."""
         return jnp.tensordot(xi, self.basis, axes=1)
 
     def vee(self, matrix: Array) -> Array:
-        """The matrix ξ̂ back to coordinates; of a matrix outside 𝔤, those of its orthogonal projection."""
+        """The coordinates (dim,) of a matrix ξ̂ (N, N); of one outside 𝔤, those of its orthogonal projection."""
         return jnp.asarray(_projection(self)) @ jnp.reshape(matrix, -1)
 
     def Ad(self, g: Element, xi: Array) -> Array:
-        """Ad_g ξ = (g ξ̂ g⁻¹)ᵛ."""
+        """Ad_g ξ = (g ξ̂ g⁻¹)ᵛ, (dim,), of ξ (dim,)."""
         return self.vee(self.matrix(g) @ self.hat(xi) @ self.matrix(self.inverse(g)))
 
     def Ad_dual(self, g: Element, mu: Array) -> Array:
-        """Ad*_g μ, with ⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩, so that Ad*_{gh} = Ad*_h Ad*_g."""
+        """Ad*_g μ, (dim,), of μ (dim,): ⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩, so that Ad*_{gh} = Ad*_h Ad*_g."""
         return transpose(lambda xi: self.Ad(g, xi), self.dim, mu)
 
     def ad(self, xi: Array, eta: Array) -> Array:
-        """ad_ξ η = [ξ, η]."""
+        """ad_ξ η = [ξ, η], (dim,), of ξ and η (dim,)."""
         return jnp.einsum("kij,i,j->k", _structure_constants(self), xi, eta)
 
     def ad_dual(self, xi: Array, mu: Array) -> Array:
-        """ad*_ξ μ, with ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩ (P5)."""
+        """ad*_ξ μ, (dim,), of ξ and μ (dim,): ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩ (P5)."""
         return jnp.einsum("kij,i,k->j", _structure_constants(self), xi, mu)
 
     def exp(self, xi: Array) -> Element:
-        """The exponential of ξ; NaN where ξ̂ is larger than `matrix_exponential` reaches, a norm of 19."""
+        """e^ξ̂ of ξ (dim,), an element; NaN where |ξ̂| is over 19, the reach of `matrix_exponential`."""
         return self.from_matrix(exponential(self.hat(xi)))
 
     def angle_squared(self, xi: Array) -> Array | None:
-        """θ² where ad_ξ has no other eigenvalues than 0 and ±iθ, each in Jordan blocks of size ≤ 2; else None.
+        """θ², one number, where ad_ξ has no eigenvalues but 0 and ±iθ, in Jordan blocks of size ≤ 2; else None.
 
-        With it, functions of ad_ξ have closed forms.
+        xi: ξ (dim,). With θ², functions of ad_ξ have closed forms.
         """
         return None
 
     def rotation_angle(self, xi: Array) -> Array | float:
-        """The angle by which exp(ξ) rotates, 0 where nothing rotates: what limits the charts of difference maps."""
+        """The angle by which exp(ξ) rotates, one number in rad, for ξ (dim,): it limits the charts of difference maps.
+
+        0 where nothing rotates.
+        """
         return 0.0
 
     @property
@@ -119,17 +122,20 @@ class LieGroup:
         return True
 
     def project(self, g: Element) -> Element:
-        """The element of G next to g: removes round-off."""
+        """g moved onto G by a step that removes round-off quadratically. Raises GroupError without a constraint."""
         raise GroupError(f"{self!r} has no projection, because it was given no constraint.")
 
     def defect(self, g: Element) -> Array:
-        """How far g is from G: the largest entry of its defining equations, zero on G."""
+        """How far g is from G, one number: the largest entry of its defining equations, zero on G.
+
+        Raises GroupError where the group was given no constraint.
+        """
         raise GroupError(f"{self!r} has no defect, because it was given no constraint.")
 
     def outside(self, g: Element) -> Array:
-        """How far g is from G, zero on G alone: the defect, and what no smooth equation sees, such as reflections.
+        """How far g is from G, one number, zero on G alone.
 
-        Zero where the group was given no constraint.
+        It is the defect and what no smooth equation sees, such as reflections. Zero where G was given no constraint.
         """
         return self.defect(g) if self.constrained else jnp.zeros(())
 
@@ -139,7 +145,7 @@ class LieGroup:
 
 
 def transpose(linear, size: int, covector: Array) -> Array:
-    """The dual of a linear map of ℝ^size, applied to a covector."""
+    """The dual of a linear map of ℝ^size, applied to a covector, an array like the map's result. Returns (size,)."""
     _, pull = jax.vjp(linear, jnp.zeros(size))
     return pull(covector)[0]
 

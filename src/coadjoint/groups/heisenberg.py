@@ -16,6 +16,8 @@ class Heisenberg(LieGroup):
     """H_n, n = `size`: an element is a vector (x, y, z) of ℝⁿ × ℝⁿ × ℝ, as a matrix [[1, xᵀ, z], [0, 1, y], [0, 0, 1]].
 
     (x, y, z)(x′, y′, z′) = (x + x′, y + y′, z + z′ + x·y′); [(x, y, z), (x′, y′, z′)] = (0, 0, x·y′ − x′·y).
+
+    size: n, a whole number from 1, by default 1. Raises GroupError for another one.
     """
 
     size: int = 1

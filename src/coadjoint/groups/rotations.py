@@ -26,15 +26,15 @@ def turn(theta: Array) -> Array:
 
 
 def orthogonal_defect(R: Array) -> Array:
-    """max |RᵀR − I|."""
+    """max |RᵀR − I|, one number, of R (n, n)."""
     return jnp.max(jnp.abs(R.T @ R - jnp.eye(R.shape[0])))
 
 
 def orthogonal_projection(R: Array) -> Array:
-    """One step of Newton's iteration for the polar factor, R − ½R(RᵀR − I): removes round-off quadratically.
+    """One step of Newton's iteration for the polar factor, R − ½R(RᵀR − I), (n, n): removes round-off quadratically.
 
-    With X = R − I, RᵀR − I = X + Xᵀ + XᵀX. Near the identity that rounds by a share of X; RᵀR rounds by a share of 1,
-    finer below 1 than above, and what it leaves adds up over many steps.
+    With X = R − I, RᵀR − I = X + Xᵀ + XᵀX. Near the identity that rounds by a share of X; RᵀR rounds by a share of
+    1, finer below 1 than above, and what it leaves adds up over many steps.
     """
     X = R - jnp.eye(R.shape[0])
     return R - 0.5 * R @ (X + X.T + X.T @ X)

@@ -28,28 +28,32 @@ class LinearAction(Protocol):
 
     def ambient(self, group: LieGroup) -> int: ...
 
-    def act(self, group: LieGroup, g: Element, x: Array) -> Array: ...
+    def act(self, group: LieGroup, g: Element, x: Array) -> Array:
+        """ρ(g)x, (ambient,), of x (ambient,)."""
 
-    def pull(self, group: LieGroup, g: Element, x: Array, b: Array) -> Array: ...
+    def pull(self, group: LieGroup, g: Element, x: Array, b: Array) -> Array:
+        """g*b, (ambient,), of a covector b (ambient,)."""
 
-    def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array: ...
+    def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
+        """ξ·x, (ambient,), of ξ (dim,) and x (ambient,)."""
 
-    def diamond(self, group: LieGroup, b: Array, x: Array) -> Array: ...
+    def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
+        """b⋄x, (dim,), of b and x (ambient,)."""
 
 
 @dataclass(frozen=True)
 class SemidirectProduct(LieGroup):
     """S = G ⋉ V of a group and a representation of it; an element is (g, v), ξ the coordinates (ξ, u) end to end.
 
+        SE3 = SemidirectProduct(SO3(), Defining())
+
     (g₁, v₁)(g₂, v₂) = (g₁g₂, v₁ + g₁v₂), (g, v)⁻¹ = (g⁻¹, −g⁻¹v), [(ξ, u), (η, w)] = ([ξ, η], ξ·w − η·u) (B1–B3);
     Ad_{(g,v)}(ξ, u) = (Ad_gξ, gu − (Ad_gξ)·v), Ad*_{(g,v)}(μ, β) = (Ad*_g(μ + β⋄v), g*β),
     ad*_{(ξ,u)}(μ, β) = (ad*_ξμ + β⋄u, L*_ξβ) (B4–B6).
 
-    `representation`: a flat space with a linear action, such as co.Defining(). Matrices are [[g, v], [0, 1]] where the
-    representation is by the matrices of the group themselves, else those of g beside [[ρ(g), v], [0, 1]].
+    group: G. representation: a flat space with a linear action, such as co.Defining(). Matrices are [[g, v], [0, 1]]
+    where the representation is by the matrices of the group themselves, else those of g beside [[ρ(g), v], [0, 1]].
     Raises GroupError for a space that is curved or whose action is not linear.
-
-        SE3 = SemidirectProduct(SO3(), Defining())
     """
 
     group: LieGroup
@@ -148,7 +152,7 @@ class SemidirectProduct(LieGroup):
         return jnp.concatenate([turned, self.lifted_dual(x, beta)])
 
     def lifted_dual(self, xi: Array, beta: Array) -> Array:
-        """L*_ξ β ∈ V*, with ⟨L*_ξ β, w⟩ = ⟨β, ξ·w⟩, for ξ of the acting group."""
+        """L*_ξ β ∈ V*, (dim V,), with ⟨L*_ξ β, w⟩ = ⟨β, ξ·w⟩, for ξ (dim G,) of the acting group and β (dim V,)."""
         return transpose(lambda w: self.representation.infinitesimal(self.group, xi, w), beta.shape[0], beta)
 
     def exp(self, xi: Array) -> Element:

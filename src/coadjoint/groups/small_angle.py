@@ -31,19 +31,19 @@ def _smooth(t: Array, series: Sequence[float], closed: Callable[[Array], Array])
 
 
 def sine_ratio(t: Array) -> Array:
-    """sin θ / θ."""
+    """sin θ / θ of t = θ², an array of any shape."""
     series = [(-1) ** k / factorial(2 * k + 1) for k in range(_TERMS)]
     return _smooth(t, series, lambda angle: jnp.sin(angle) / angle)
 
 
 def versine_ratio(t: Array) -> Array:
-    """(1 − cos θ) / θ²."""
+    """(1 − cos θ) / θ² of t = θ², an array of any shape."""
     series = [(-1) ** k / factorial(2 * k + 2) for k in range(_TERMS)]
     return _smooth(t, series, lambda angle: 2 * (jnp.sin(angle / 2) / angle) ** 2)
 
 
 def cubic_ratio(t: Array) -> Array:
-    """(θ − sin θ) / θ³."""
+    """(θ − sin θ) / θ³ of t = θ², an array of any shape."""
     series = [(-1) ** k / factorial(2 * k + 3) for k in range(_TERMS)]
     return _smooth(t, series, lambda angle: (angle - jnp.sin(angle)) / angle**3)
 
@@ -63,10 +63,13 @@ _COTANGENT = [float(abs(b) / factorial(2 * n)) for n, b in enumerate(_bernoulli(
 
 
 def cotangent_ratio(t: Array) -> Array:
-    """β = (1 − (θ/2) cot(θ/2)) / θ² = Σ |B₂ₙ| t^{n−1} / (2n)!, singular at θ = 2π (P93, P95 at θ = h‖ω‖)."""
+    """β = (1 − (θ/2) cot(θ/2)) / θ² = Σ |B₂ₙ| t^{n−1} / (2n)! of t = θ², any shape; singular at θ = 2π.
+
+    (P93), (P95) have it at θ = h‖ω‖.
+    """
     return _smooth(t, _COTANGENT, lambda angle: (1 - angle / 2 / jnp.tan(angle / 2)) / angle**2)
 
 
 def cotangent_ratio_derivative(t: Array) -> Array:
-    """dβ/dt."""
+    """dβ/dt of t, an array of any shape."""
     return jax.jvp(cotangent_ratio, (t,), (jnp.ones_like(t),))[1]

@@ -13,7 +13,10 @@ from coadjoint.groups.group import Array, LieGroup
 
 @dataclass(frozen=True)
 class Translation(LieGroup):
-    """ℝⁿ under addition; an element is a vector x (n,), as a matrix [[I, x], [0, 1]]; ad = 0."""
+    """ℝⁿ under addition; an element is a vector x (n,), as a matrix [[I, x], [0, 1]]; ad = 0.
+
+    size: n, a whole number from 1. Raises GroupError for another one.
+    """
 
     size: int
 

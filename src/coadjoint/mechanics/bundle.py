@@ -56,11 +56,14 @@ def reconstructed(connection: DiscreteConnection, g0: Any, x: Any, sigma: Any) -
 def horizontal_lift(connection: Connection | DiscreteConnection, shapes: Any, g0: Any = None, *, times: Any = None):
     """The motion in G along a path of shapes with 𝒜 = e at each step, or 𝒜 = 0: momentum zero for a mechanical 𝒜.
 
-    Of a discrete connection: `shapes` (N+1, m), g_{k+1} = g_k Ω(x_k, x_{k+1}).
-    Of a continuous one: `shapes` is a function t → x (m,) in terms of jax.numpy, `times` (N+1,); g⁻¹ġ = −A(x)ẋ is
-    integrated by Magnus' series of order 4, each interval cut into pieces until the elements stay to 1e-12.
-    `g0` defaults to e. Returns elements with a leading axis (N+1). Raises ArgumentError for what does not fit, and
-    StepError where the pieces do not suffice.
+    connection: a co.DiscreteConnection, for which g_{k+1} = g_k Ω(x_k, x_{k+1}), or a co.Connection, g⁻¹ġ = −A(x)ẋ.
+    shapes: of a discrete connection (N+1, m); of a continuous one a function t → x (m,) in terms of jax.numpy.
+    g0: the element to start from, by default e.
+    times: (N+1,), s, for a continuous connection only. It is integrated by Magnus' series of order 4, each interval cut
+    into pieces until the elements stay to 1e-12.
+
+    Returns elements with a leading axis (N+1). Raises ArgumentError for what does not fit, and StepError where the
+    pieces do not suffice.
     """
     if isinstance(connection, DiscreteConnection):
         if times is not None:
@@ -80,9 +83,12 @@ def horizontal_lift(connection: Connection | DiscreteConnection, shapes: Any, g0
 def holonomy(connection: Connection | DiscreteConnection, loop: Any) -> Element:
     """What a closed loop of shapes turns with 𝒜 = e: ∏ Ω(x_k, x_{k+1}), left to right, or its limit.
 
-    Of a discrete connection: `loop` (N+1, m) with x_N = x_0. Of a continuous one: a function t → x on 0 ≤ t ≤ 1 with
-    x(1) = x(0). Raises ArgumentError for a loop that is open; where shapes are angles and the loop winds around, take
-    the last element of co.horizontal_lift.
+    connection: a co.DiscreteConnection or a co.Connection.
+    loop: of a discrete connection (N+1, m) with x_N = x_0; of a continuous one a function t → x (m,) on 0 ≤ t ≤ 1 with
+    x(1) = x(0).
+
+    Returns an element of G. Raises ArgumentError for a loop that is open; where shapes are angles and the loop winds
+    around, take the last element of co.horizontal_lift.
     """
     if isinstance(connection, DiscreteConnection):
         ends = shapes_of(connection, loop)[[0, -1]]

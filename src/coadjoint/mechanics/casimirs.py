@@ -44,7 +44,7 @@ class Casimir:
     dim: int
 
     def polynomial(self, y: Array) -> Array:
-        """C at y = (m, a)."""
+        """C, one number, at y = (m, a), (dim G + dim V*,)."""
         terms = []
         for c, powers in zip(self.coefficients, self.exponents, strict=True):
             term = jnp.asarray(c)
@@ -74,9 +74,10 @@ class Casimir:
 def casimirs(system: System) -> dict[str, Casimir]:
     """The polynomial Casimir functions of a system; runs of `system.watching(co.casimirs(system))` observe them.
 
-    A basis of those that generate all others up to degree 4, found from the structure constants of 𝔤 and its action
-    on V: C is a Casimir where it is constant along m ↦ ad*_ξ m, a ↦ −ξ·a and along m ↦ w⋄a, for every ξ ∈ 𝔤 and
-    w ∈ V. Unforced steps move (m, a) by Ad*_F (m + w⋄a), F⁻¹a and so keep every one of them, whatever the step.
+    system: of it only the group and the advected parameters matter. Returns names and functions of a state, a basis of
+    those that generate all others up to degree 4. They are found from the structure constants of 𝔤 and its action on V:
+    C is a Casimir where it is constant along m ↦ ad*_ξ m, a ↦ −ξ·a and along m ↦ w⋄a, for every ξ ∈ 𝔤 and w ∈ V.
+    Unforced steps move (m, a) by Ad*_F (m + w⋄a), F⁻¹a and so keep every one of them, whatever the step.
     Casimirs that are no polynomials of degree ≤ 4, as those of a group without enough invariants, are not found, and a
     degree with more than 1500 monomials is not computed: a warning says so where functions are missing for it, as
     with the quartic one of so(6), sl(4) and sp(6).

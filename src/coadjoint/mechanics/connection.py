@@ -27,9 +27,8 @@ ROUND_OFF = 1e-9
 class Connection:
     """A principal connection 𝒜(g, x)(ġ, ẋ) = Ad_g(g⁻¹ġ + A(x)ẋ) on M × G, with M = ℝᵐ a space of shapes.
 
-    `group` is G, `size` is m, and `form` a function x (m,) → A(x) (dim G, m) in terms of jax.numpy. Horizontal
-    motions, 𝒜 = 0, turn with g⁻¹ġ = −A(x)ẋ. Raises GroupError, ArgumentError and LagrangianError for what does
-    not fit.
+    group: G. size: m, at least 1. form: a function x (m,) → A(x) (dim G, m) in terms of jax.numpy. Horizontal motions,
+    𝒜 = 0, turn with g⁻¹ġ = −A(x)ẋ. Raises GroupError, ArgumentError and LagrangianError for what does not fit.
     """
 
     group: LieGroup
@@ -52,7 +51,7 @@ class Connection:
         return finite(evaluate(self.form, checked_vector(x, self.size, "x")), "The connection")
 
     def velocity(self, x: Array, v: Array) -> Array:
-        """g⁻¹ġ = −A(x)ẋ of the horizontal motion with shape velocity v."""
+        """g⁻¹ġ = −A(x)ẋ, (dim G,), of the horizontal motion at x (m,) with shape velocity v (m,)."""
         return -self.form(x) @ v
 
     def curvature(self, x: Any) -> np.ndarray:
@@ -82,7 +81,7 @@ def require_bundle(group: Any, size: Any) -> None:
 
 
 def random_shapes(size: int, count: int) -> np.ndarray:
-    """Shapes (count, m) at which functions of the user are tried."""
+    """Shapes x at which functions of the user are tried, (count, size)."""
     return np.random.default_rng(1935).normal(scale=0.5, size=(count, size))
 
 

@@ -22,20 +22,23 @@ from coadjoint.spaces.numbers import float64
 
 
 def velocities(system: System, state: State) -> tuple[Array, Array]:
-    """(ξ, ν) with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ, from the state's own (ξ, ν): see `mechanics.inverse_legendre`."""
+    """(ξ, ν), (dim G,) and (ambient,), with ∂_ξℓ = μ, ∂_νℓ = π on T_nQ, from the state's own (ξ, ν).
+
+    See `mechanics.inverse_legendre`.
+    """
     xi, nu, _ = inverse_legendre.velocities(system, state)
     return xi, nu
 
 
 def energy(system: System, state: State) -> Array:
-    """The Legendre energy E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ of (μ, π, n, a): the reduced Hamiltonian ℋ (P8)."""
+    """The Legendre energy E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ of (μ, π, n, a), one number: the reduced Hamiltonian ℋ (P8)."""
     if system.hamiltonian is not None:
         return system.reduced_hamiltonian(state.mu, state.n, state.pi, state.a, state.t, state.inputs, state.internal)
     return energy_at(system, state, *velocities(system, state))
 
 
 def energy_at(system: System, state: State, xi: Array, nu: Array) -> Array:
-    """⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ at the place of the state, with these velocities."""
+    """⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ, one number, at the place of the state with velocities ξ (dim G,) and ν (ambient,)."""
     return node(system, state, Point(xi, state.n, nu, state.a, state.t)).energy
 
 

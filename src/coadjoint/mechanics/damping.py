@@ -45,8 +45,9 @@ def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
 def quadratic_drag(coefficients: Any, velocity: Array) -> Array:
     """−C|v|v, the drag of a fast flow, with |v| the Euclidean norm; its derivative at rest is 0.
 
-    `coefficients` C: a number, (k,) a value an axis, or a matrix (k, k); kg/m for a velocity (k,) in m/s. For drag axis
-    by axis, −c_i|v_i|v_i, write -p.c * jnp.abs(v) * v, which is as smooth.
+    coefficients: C, a number, (k,) a value an axis, or a matrix (k, k); kg/m for a velocity in m/s. velocity: v, (k,).
+    Returns (k,), N. For drag axis by axis, −c_i|v_i|v_i, write -p.c * jnp.abs(v) * v, which is as smooth.
+    Raises ArgumentError for other shapes.
     """
     C, v = jnp.asarray(coefficients), jnp.asarray(velocity)
     if v.ndim != 1 or C.shape not in ((), v.shape, v.shape * 2):

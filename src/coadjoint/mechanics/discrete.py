@@ -68,5 +68,8 @@ def node(system: System, state: State, point: Point) -> Node:
 
 
 def power(forces: list[tuple[Array, Array]], xi: Array, nu: Array, along_t: Sequence[Array]) -> Array:
-    """⟨T, ξ⟩ + ⟨f, ν⟩ of each force, then −∂_tℓ where it is given."""
+    """⟨T, ξ⟩ + ⟨f, ν⟩ of each force, then −∂_tℓ where it is given: shape (forces,) or (forces + 1,).
+
+    forces: pairs of T (dim G,) and f (ambient,). xi: (dim G,). nu: (ambient,). along_t: ∂_tℓ, or nothing.
+    """
     return jnp.stack([*(T @ xi + f @ nu for T, f in forces), *(-slope for slope in along_t), jnp.zeros(())])[:-1]

@@ -28,9 +28,9 @@ _WHAT = "The increment Ω(x, x⁺) of a discrete connection"
 class DiscreteConnection:
     """A discrete connection 𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ on M × G, M = ℝᵐ (B29, B31).
 
-    `group` is G, `size` is m, and `increment` the function Ω(x, x⁺) ∈ G of two shapes (m,), in terms of jax.numpy:
-    what the horizontal lift of a step from x to x⁺ turns. 𝒜 = e on horizontal steps. Raises GroupError and
-    ArgumentError unless Ω is an element of G at random shapes.
+    group: G. size: m, at least 1. increment: the function Ω(x, x⁺) ∈ G of two shapes (m,), in terms of jax.numpy: what
+    the horizontal lift of a step from x to x⁺ turns. 𝒜 = e on horizontal steps. Raises GroupError and ArgumentError
+    unless Ω is an element of G at random shapes.
     """
 
     group: LieGroup
@@ -51,7 +51,7 @@ class DiscreteConnection:
         return finite(evaluate(self.increment, *pair), "The discrete connection")
 
     def form(self, g: Element, x: Array, g_next: Element, x_next: Array) -> Element:
-        """𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹ (B31)."""
+        """𝒜((g, x), (g⁺, x⁺)) = g⁺ Ω(x, x⁺)⁻¹ g⁻¹, an element, of shapes x and x⁺ (m,) (B31)."""
         compose, inverse = self.group.compose, self.group.inverse
         return compose(g_next, inverse(compose(g, self.increment(x, x_next))))
 

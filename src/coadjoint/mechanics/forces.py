@@ -33,7 +33,7 @@ class Forces:
         return iter(zip(self.names, self.functions, strict=True))
 
     def each(self, places: Places, *arguments: Any) -> list[tuple[Array, Array]]:
-        """(T, f) of every function; raises LagrangianError for what is no force."""
+        """(T, f) of every function, (dim G,) and (ambient,); raises LagrangianError for what is no force."""
         return [_checked(places, name, _called(name, function, arguments)) for name, function in self]
 
 

@@ -129,8 +129,8 @@ def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
 
         start = system.state(…, internal={"controller": co.sampling({"rudder": 0.0, "integral": 0.0}), …})
 
-    It becomes `motion.internal.controller`, with the parts `value`, which forces read, `pending`,
-    `sample` and `release` (s).
+    values: numbers and arrays by name. t: s, by default 0. Returns what becomes `motion.internal.controller`, with the
+    parts `value`, which forces read, `pending`, `sample` and `release` (s).
     """
     return {"value": dict(values), "pending": dict(values), "sample": t, "release": t}
 

@@ -66,10 +66,10 @@ def _added(ledger: Array, step: Array) -> Array:
 
 
 def energy_put_in(system: System, state: State) -> dict[str, Array]:
-    """The work of each force, and of explicit time, since the start; negative where it takes energy out."""
+    """The work of each force, and of explicit time, since the start, one number each; negative where energy is lost."""
     return {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
 
 
 def momentum_put_in(system: System, state: State) -> Array:
-    """Σ Ad*_{g⁻¹}Δ ∈ 𝔤*, by which the spatial momentum has changed since the start (Theorem 7)."""
+    """Σ Ad*_{g⁻¹}Δ ∈ 𝔤*, (dim G,), by which the spatial momentum has changed since the start (Theorem 7)."""
     return state.ledger[0, len(energy_lines(system)) :]

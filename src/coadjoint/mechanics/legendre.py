@@ -35,9 +35,10 @@ class Place(NamedTuple):
 
 @jax.custom_jvp
 def lagrangian(place: Place, near: Array | None) -> Array:
-    """ℓ(ξ, n, ν, a) = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℋ(μ, π, n, a) where ∂_μℋ = ξ, ∂_πℋ = ν (P8).
+    """ℓ(ξ, n, ν, a) = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℋ(μ, π, n, a), one number, where ∂_μℋ = ξ, ∂_πℋ = ν (P8).
 
-    Differentiated by the theorem of the envelope: dℓ = ⟨μ, dξ⟩ + ⟨π, dν⟩ − ∂_nℋ dn − ∂_aℋ da (P9).
+    near: (μ, π) to begin with, (dim G + ambient,), or None. Differentiated by the theorem of the envelope:
+    dℓ = ⟨μ, dξ⟩ + ⟨π, dν⟩ − ∂_nℋ dn − ∂_aℋ da (P9).
     """
     p = momenta(place, near)
     return p @ place.z - hamiltonian(p, place)
@@ -53,9 +54,9 @@ def _lagrangian_slope(primals, tangents):
 
 @jax.custom_jvp
 def momenta(place: Place, near: Array | None) -> Array:
-    """p = (μ, π) with ∂_pℋ(p) = z: one linear solve where ℋ is quadratic in p, else Newton from `near` or from zero.
+    """p = (μ, π), (dim G + ambient,), with ∂_pℋ(p) = z, from `near` or from zero; NaN where no solution was found.
 
-    NaN where no solution was found, so that nothing goes on with a wrong one.
+    One linear solve where ℋ is quadratic in p, else Newton's iteration. NaN, so that nothing goes on with a wrong one.
     """
     start = jnp.zeros_like(place.z) if near is None else near
     if quadratic(place):
@@ -78,7 +79,10 @@ def _momenta_slope(primals, tangents):
 
 
 def hamiltonian(p: Array, place: Place) -> Array:
-    """ℋ(μ, P_nπ, n, a) + ½|π − P_nπ|²: on a curved Q extended to all π, so that normal and tangential do not mix."""
+    """ℋ(μ, P_nπ, n, a) + ½|π − P_nπ|², one number, of p = (μ, π), (dim G + ambient,).
+
+    On a curved Q this extends ℋ to all π, so that normal and tangential parts do not mix.
+    """
     system, _, n, a, t, inputs, internal = place
     mu, pi = p[: system.group.dim], p[system.group.dim :]
     tangential = system.additional.project(system.group, n, pi)
@@ -87,12 +91,12 @@ def hamiltonian(p: Array, place: Place) -> Array:
 
 
 def velocities(p: Array, place: Place) -> Array:
-    """(ξ, ν) = (∂_μℋ, ∂_πℋ)."""
+    """(ξ, ν) = (∂_μℋ, ∂_πℋ) at p = (μ, π), both of shape (dim G + ambient,)."""
     return jax.grad(hamiltonian)(p, place)
 
 
 def curvature(p: Array, place: Place) -> Array:
-    """∂²ℋ/∂(μ, π)²."""
+    """∂²ℋ/∂(μ, π)² at p = (μ, π): a matrix of as many rows and columns as p has numbers."""
     return jax.jacfwd(velocities)(p, place)
 
 
@@ -102,7 +106,7 @@ def quadratic(place: Place) -> bool:
 
 
 def improved(place: Place, p: Array) -> Array:
-    """One of Newton's iterations for ∂_pℋ(p) = z."""
+    """One of Newton's iterations for ∂_pℋ(p) = z from p, shape (dim G + ambient,) as the result."""
     return p + jnp.linalg.solve(curvature(p, place), place.z - velocities(p, place))
 
 

@@ -20,9 +20,9 @@ from coadjoint.spaces import Several, Space, Trivial
 def mechanical_connection(system: System) -> Connection:
     """The mechanical connection A(x) = I(x)⁻¹ ∂²ℓ/∂ξ∂ẋ of a Lagrangian ℓ(ξ, x, ẋ), I = ∂²ℓ/∂ξ² the locked inertia.
 
-    Horizontal motions are those with momentum zero, ∂_ξℓ = I(x)(ξ + A(x)ẋ) = 0. The system has the shapes
-    `additional=co.Trivial(m)` and no advected parameters. Raises LagrangianError where ∂_ξℓ is not linear in (ξ, ẋ),
-    and where the locked inertia is singular.
+    system: one with the shapes `additional=co.Trivial(m)` and no advected parameters. Horizontal motions are those with
+    momentum zero, ∂_ξℓ = I(x)(ξ + A(x)ẋ) = 0. Raises ArgumentError for another system, LagrangianError where ∂_ξℓ is
+    not linear in (ξ, ẋ), and where the locked inertia is singular.
     """
     size = timeless(system)
     group, a = system.group, np.zeros(0)

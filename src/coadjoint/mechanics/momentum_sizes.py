@@ -21,7 +21,7 @@ class Sizes(NamedTuple):
 
 
 def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
-    """The sizes of (μ, π) that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at the state's place.
+    """The sizes of (μ, π), one number each, that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at this place.
 
     μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there.
     """
@@ -35,7 +35,7 @@ def _momenta(system: System, state: State, xi: Array, nu: Array) -> Sizes:
 
 
 def above(error: Array, size: Array, terms: Array, least: Array | float = 0.0) -> Array:
-    """error/size; of what is round-off of the terms, or of the least momentum, no more than 16 ε."""
+    """error/size, of any shape; of what is round-off of the terms, or of the least momentum, no more than 16 ε."""
     roundoff = 16 * np.finfo(float).eps
     beyond = jnp.maximum(error - roundoff * terms - least, 0.0)
     scale = jnp.where(size > 0, size, terms)
@@ -43,10 +43,10 @@ def above(error: Array, size: Array, terms: Array, least: Array | float = 0.0) -
 
 
 def largest(*arrays: Array) -> Array:
-    """The largest entry in size, 0 of nothing."""
+    """The largest entry in size of arrays of any shape, one number; 0 of nothing."""
     return jnp.max(jnp.abs(jnp.concatenate([jnp.ravel(array) for array in arrays])), initial=0.0)
 
 
 def relative(error: Array, scale: Array) -> Array:
-    """error/scale, and the error itself at scale 0."""
+    """error/scale, of any shape, and the error itself at scale 0."""
     return jnp.where(scale > 0, error / jnp.where(scale > 0, scale, 1.0), error)

@@ -20,17 +20,20 @@ from coadjoint.spaces.numbers import float64
 
 
 def total_momentum(system: System, state: State) -> Array:
-    """m = μ − π⋄n ∈ 𝔤*, the total momentum in the body frame."""
+    """m = μ − π⋄n ∈ 𝔤*, (dim G,), the total momentum in the body frame."""
     return state.mu - system.additional.diamond(system.group, state.pi, state.n)
 
 
 def spatial_momentum(system: System, state: State) -> Array:
-    """Ad*_{g⁻¹} m ∈ 𝔤*, the total momentum in the space frame (P78)."""
+    """Ad*_{g⁻¹} m ∈ 𝔤*, (dim G,), the total momentum in the space frame (P78)."""
     return system.group.Ad_dual(system.group.inverse(state.g), total_momentum(system, state))
 
 
 def momentum_scale(system: System, state: State) -> Array:
-    """|μ| + |π⋄n| or |μ| + |π||n|, the larger: what round-off in m is relative to, also where n and π are parallel."""
+    """|μ| + |π⋄n| or |μ| + |π||n|, the larger, one number: to this size round-off in m is relative.
+
+    The product counts where n and π are parallel, so that π⋄n vanishes.
+    """
     orbital = jnp.max(jnp.abs(system.additional.diamond(system.group, state.pi, state.n)))
     product = jnp.sqrt((state.pi @ state.pi) * (state.n @ state.n))
     return jnp.max(jnp.abs(state.mu)) + jnp.maximum(orbital, product)
@@ -69,19 +72,20 @@ class KelvinNoether:
         return hash(self._key())
 
     def momentum_map(self, system: System, state: State) -> Array:
-        """𝒦(c, a) ∈ 𝔤 at a state."""
+        """𝒦(c, a) ∈ 𝔤, (dim G,), at a state."""
         group = system.group
         c = self.space.act(group, group.inverse(state.g), self.c0)
         return c if self.K is None else self.K(c, system.advected.view(group, state.a))
 
     def quantity(self, system: System, state: State) -> Array:
-        """I = ⟨𝒦(c, a), m⟩ at a node."""
+        """I = ⟨𝒦(c, a), m⟩ at a node, one number."""
         return self.momentum_map(system, state) @ total_momentum(system, state)
 
     def paper_quantity(self, system: System, step: Any, record: State, h: Array) -> Array:
-        """(P51) of the `step` that starts at the record: I_k + ⟨𝒦_k, ∂_aΛ⋄a_k⟩, and the forces' share.
+        """(P51) of the step that starts at the record, one number: I_k + ⟨𝒦_k, ∂_aΛ⋄a_k⟩, and the forces' share.
 
-        On unforced runs (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩ (P52); it is I itself where 𝒦 = a.
+        step: a method of one stage; h: its length, one number. On unforced runs
+        (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩ (P52); it is I itself where 𝒦 = a.
         """
         ahead, behind = step.sources(system, record, h)
         back = system.group.inverse(step.relative(system, record, h))
@@ -123,7 +127,7 @@ def isotropy_algebra(system: System, state: State) -> np.ndarray:
 
 
 def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
-    """`isotropy_algebra` of every state of a record, which has one leading axis."""
+    """`isotropy_algebra` of every state of a record with one leading axis: a basis (k, dim) for each."""
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
         return [np.eye(group.dim)] * len(states.t)

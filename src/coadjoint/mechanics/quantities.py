@@ -33,7 +33,7 @@ def quantities_from(given: Mapping[str, Callable[..., Any]] | Quantities | None)
 
 
 def value(system: System, function: Callable[..., Any], state: State) -> Array:
-    """function(state), or function(state, p) of two arguments with the system's parameters."""
+    """function(state), or function(state, p) of two arguments with the system's parameters: one number."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     takes = [p for p in inspect.signature(function).parameters.values() if p.kind in kinds and p.default is p.empty]
     return function(state) if len(takes) < 2 else function(state, system.parameters)

@@ -50,14 +50,15 @@ class State:
     have a leading axis of nodes in every leaf. `q`, `qdot` and `named` are derived.
 
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
-    unknowns of the step that starts at it. `inputs` are held over the step, `internal` belongs to actuators, filters
-    and noise, `memory` to the method. `internal_time` is up to when the system's rule has advanced `internal`, None
-    where there is no rule.
-    `ledger` is the energy and momentum that forces have put in since the start (`mechanics.ledger`), None without
-    monitors.
-    `t_rest` is what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
-    `from_velocities` marks a start given by its velocities: the run that starts there takes μ, π from (ξ, ν) with its
-    own parameters. A record goes on with its own momenta; `origin` names the system whose run it is of.
+    unknowns of the step that starts at it.
+    inputs: held over the step. internal: what actuators, filters and noise remember. memory: what the method does.
+    internal_time: up to when the system's rule has advanced `internal`, s; None where there is no rule.
+    ledger: the energy and momentum that forces have put in since the start (`mechanics.ledger`); None without monitors.
+    t_rest: what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
+    places: G, Q and V*.
+    from_velocities: whether this is a start given by its velocities. The run that starts there takes μ, π from (ξ, ν)
+    with its own parameters; a record goes on with its own momenta.
+    origin: the system whose run a record is of.
     """
 
     t: Array
@@ -83,7 +84,7 @@ class State:
         return replace(self, **changes)
 
     def later(self, h: Array, **changes: Any) -> State:
-        """A copy at t + h with some fields replaced."""
+        """A copy at t + h with some fields replaced. h: one number, s."""
         step = h + self.t_rest
         t = self.t + step
         return replace(self, t=t, t_rest=step - (t - self.t), **changes)
@@ -96,12 +97,12 @@ class State:
 
     @property
     def q(self) -> Array:
-        """The additional configuration q = g·n in the space frame."""
+        """The additional configuration q = g·n in the space frame, (ambient,), with the leading axes of the state."""
         return self.each(lambda s: s.places.additional.act(s.places.group, s.g, s.n))
 
     @property
     def qdot(self) -> Array:
-        """The velocity q̇ = g·ν in the space frame."""
+        """The velocity q̇ = g·ν in the space frame, (ambient,), with the leading axes of the state."""
         return self.each(lambda s: s.places.additional.push(s.places.group, s.g, s.n, s.nu))
 
     @property

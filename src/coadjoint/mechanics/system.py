@@ -196,7 +196,11 @@ class System:
     def reduced_lagrangian(
         self, xi, n, nu, a, t=0.0, inputs=None, internal=None, near: tuple[Array, Array] | None = None
     ) -> Array:
-        """ℓ(ξ, n, ν, a) with this system's parameters; that of ℋ by (μ, π) solved from zero or from `near`."""
+        """ℓ(ξ, n, ν, a), one number, with this system's parameters; of a Hamiltonian its Legendre transform (P8).
+
+        xi: (dim G,). n, nu: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held. near: (μ, π), from which
+        the Legendre transform is solved; by default from zero. Raises LagrangianError for a system without ℓ and ℋ.
+        """
         if self.hamiltonian is not None:
             place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs, internal)
             return legendre.lagrangian(place, None if near is None else jnp.concatenate(near))
@@ -209,13 +213,19 @@ class System:
         return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))
 
     def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
-        """ℋ(μ, π, n, a) with this system's parameters, of a system that was given by it."""
+        """ℋ(μ, π, n, a), one number, with this system's parameters; raises LagrangianError for a system without ℋ.
+
+        mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held.
+        """
         if self.hamiltonian is None:
             raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
         return self.hamiltonian(*self._views(mu, (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal))
 
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
-        """Λ(ξ, n, s, a; h) with this system's parameters."""
+        """Λ(ξ, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
+
+        xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
+        """
         if self.discrete_lagrangian is None:
             raise LagrangianError(
                 "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
@@ -224,7 +234,10 @@ class System:
         return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
 
     def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
-        """Λ(F, n, s, a; h) with this system's parameters."""
+        """Λ(F, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
+
+        F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
+        """
         if self.group_lagrangian is None:
             raise LagrangianError(
                 "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
@@ -263,14 +276,14 @@ class System:
         return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
 
     def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
-        """(T, f) of every force of `forces`, in their order."""
+        """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""
         if self.forces is None:
             return []
         arguments = (motion,) if self.parameters is None else (motion, self.parameters)
         return self.forces.each(self.places, *arguments)
 
     def body_force(self, motion: Motion) -> tuple[Array, Array]:
-        """(T, f), the sum of all forces; zero where the system has none."""
+        """(T, f), (dim G,) and (ambient,): the sum of all forces; zero where the system has none."""
         return added(self, self.body_forces(motion))
 
     def state(
@@ -368,7 +381,7 @@ def _space(space: Space | Mapping[str, Space] | None, name: str) -> Space:
 
 
 def added(system: System, forces: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """The sum of forces (T, f), zero of none."""
+    """The sum of forces (T, f), (dim G,) and (ambient,); zero of none."""
     if not forces:
         return jnp.zeros(system.group.dim), jnp.zeros(system.additional.ambient(system.group))
     torque, force = forces[0]

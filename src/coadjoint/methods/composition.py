@@ -37,7 +37,10 @@ class LeftRight(Method):
 
 @dataclass(frozen=True, init=False)
 class _OverBase(Method):
-    """A method made of steps of another one, `base`; `start` is the base's unless given."""
+    """A method made of steps of another one.
+
+    base: that method, such as co.Midpoint(). start: as in `Method`, by default that of the base.
+    """
 
     base: Method
 
@@ -96,11 +99,11 @@ class Symmetrised(_OverBase):
 class Composition(_OverBase):
     """Φ_{γ_s h} ∘ … ∘ Φ_{γ_1 h} of a symmetric method Φ, with γ_i = γ_{s+1−i} and Σγ = 1.
 
-    The order is that of the conditions which the coefficients meet, found in the free algebra of the base's error
-    terms; `order` claims one, and is refused unless it is met. A negative γ is a substep backwards, which amplifies
-    what forces damp: runs with dissipation are refused unless `negative_substeps="allow"`.
-    Raises ArgumentError for a base that is not symmetric and for coefficients that do not add up to 1, that do not
-    read the same backwards, or whose order is less than claimed.
+    coefficients: γ, (s,). order: a claim, refused unless the coefficients meet it; by default none. The order itself is
+    that of the conditions which they meet, found in the free algebra of the base's error terms. negative_substeps:
+    "refuse" (the default) or "allow". A negative γ is a substep backwards, which amplifies what forces damp: runs with
+    dissipation are refused unless this says "allow". Raises ArgumentError for a base that is not symmetric and for
+    coefficients that do not add up to 1, that do not read the same backwards, or whose order is less than claimed.
     """
 
     coefficients: tuple[float, ...]

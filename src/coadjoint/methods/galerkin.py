@@ -55,7 +55,7 @@ class Galerkin(Method, Step):
         H_i⁻*∂_νℓ_i = π̃₀ + Σ_j a_ij H_j⁻*κ_j,
 
     p = dτ*_{−Θ} ∂_ξℓ, r = ∂_Θ⟨∂_ξℓ, dτ_{−Θ} Ω⟩ + dτ*_{−Θ} D/h, a_ij = ∫₀^{c_i} L_j, m_j = ∫₀^½ L_j, α_ij = a_ij − m_j;
-    then g_{k+1} = g_k X τ(Θ₁), μ_{k+1} = Ad*_{τ(Θ₁)} μ̃₁, π_{k+1} = τ(Θ₁)*π̃₁. `degree` is s, 1 to 4; s = 1 is
+    then g_{k+1} = g_k X τ(Θ₁), μ_{k+1} = Ad*_{τ(Θ₁)} μ̃₁, π_{k+1} = τ(Θ₁)*π̃₁. degree: s, 1 to 4, by default 2; s = 1 is
     Midpoint. A record holds ξ and ν of the curve at the middle, the nodes' Ω, V in `memory`: (s (dim G + dim Q),).
     Raises ArgumentError for a curved Q and for a velocity start. (Marsden–West 2001, section 2.6; Hall–Leok 2017.)
     """

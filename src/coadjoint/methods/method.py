@@ -76,13 +76,13 @@ class Step(ABC):
         return state
 
     def turn(self, system: System, h: Array, xi: Array) -> Element | None:
-        """X with which ν of the rule's own node stands in the frame X⁻¹; None for e."""
+        """X with which ν of the rule's own node stands in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
         return None
 
     def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
-        """ν = y on a flat Q; on a curved one X⁻¹(ρ(n, hE_n y) − n)/h.
+        """ν = y on a flat Q; on a curved one X⁻¹(ρ(n, hE_n y) − n)/h, (ambient,).
 
-        The frame E is that of n itself, which stays while the equations are solved.
+        xi: (dim G,). y: (dim Q,) in the frame E of n itself, which stays while the equations are solved.
         """
         group, Q, _ = system.places
         if Q.flat:
@@ -92,7 +92,7 @@ class Step(ABC):
         return chord if X is None else Q.push(group, group.inverse(X), state.n, chord)
 
     def coordinates(self, system: System, record: State, X: Element | None, b: Array) -> Array:
-        """A covector b at X⁻¹n: itself on a flat Q, on a curved one in the frame of n, E_nᵀ X⁻* b."""
+        """A covector b (ambient,) at X⁻¹n: itself on a flat Q, on a curved one E_nᵀ X⁻* b (dim Q,), in n's frame."""
         group, Q, _ = system.places
         if Q.flat:
             return b
@@ -100,16 +100,16 @@ class Step(ABC):
         return Q.coordinates(group, record.n, carried)
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
-        """`state` with the unknowns of the step that starts at it."""
+        """`state` with the unknowns z = (ξ, y), (dim G + dim Q,), of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
         return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
 
     def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
-        """The equations of the step at the unknowns z."""
+        """The equations of the step at the unknowns z; both of shape (unknowns,)."""
         return self.equations(system, self.record(system, state, h, z), h)
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """The last unknowns."""
+        """Where Newton's iteration begins, (unknowns,): the last unknowns."""
         group, Q, _ = system.places
         if Q.flat:
             return jnp.concatenate([state.xi, state.nu])
@@ -118,57 +118,72 @@ class Step(ABC):
         return jnp.concatenate([state.xi, Q.coordinates(group, state.n, nu)])
 
     def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
-        """The quadrature of the rule: Λ = h Σ w ℓ(node)."""
+        """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and what ℓ gives at a node."""
         raise NotImplementedError
 
     def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
-        """Λ of the step that starts at the record."""
+        """Λ of the step that starts at the record, one number."""
         return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
 
     @abstractmethod
     def relative(self, system: System, record: State, h: Array) -> Element:
-        """F = g_k⁻¹g_{k+1} of the step that starts at the record."""
+        """F = g_k⁻¹g_{k+1}, an element, of the step that starts at the record. h: one number, as in all members."""
 
     @abstractmethod
     def equations(self, system: System, record: State, h: Array) -> Array:
-        """The left discrete Legendre transform minus (μ_k, π_k), zero for the step that starts at the record."""
+        """The left discrete Legendre transform minus (μ_k, π_k), (unknowns,).
+
+        It is zero for the step that starts at the record.
+        """
 
     @abstractmethod
     def advance(self, system: System, record: State, h: Array) -> State:
-        """The state at t + h, from the right discrete Legendre transform and (P43), (P44)."""
+        """The state at t + h, from the right discrete Legendre transform and (P43), (P44). h: one number."""
 
     def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
-        """The state after a tolerant step; where `sound` is 0 the equations have no solution and z is the guess."""
+        """The state after a tolerant step.
+
+        sound: one number; where it is 0 the equations have no solution and z is the guess.
+        """
         raise NotImplementedError
 
     @abstractmethod
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
-        """(Δ⁻, Δ⁺) ∈ 𝔤* in frames k and k+1 with I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
+        """(Δ⁻, Δ⁺) ∈ 𝔤*, (dim G,) each, in frames k and k+1: I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
 
     def chart(self, system: System, record: State, h: Array) -> Array | float:
-        """How far the difference map is used into its chart; below 1 is inside."""
+        """How far the difference map is used into its chart, one number; below 1 is inside."""
         return self.difference_map.chart(system.group, h * record.xi)
 
     def energy(self, system: System, record: State, h: Array) -> Array:
-        """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s: Σ w E(node). Left: K_k + U_k of (P68–P69)."""
+        """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s, one number: Σ w E(node).
+
+        With the left rule it is K_k + U_k of (P68), (P69).
+        """
         return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
     def size(self, record: State, h: Array) -> Array:
-        """The size of the step that starts at the record."""
+        """The size of the step that starts at the record, one number."""
         return h
 
     def work(self, system: System, record: State, h: Array) -> Array:
-        """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time: E_{k+1} − E_k + O(h^{p+1})."""
+        """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time, (lines,).
+
+        Their sum is E_{k+1} − E_k + O(h^{p+1}).
+        """
         return h * sum(weight * at.power for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
 
     def impulse(self, system: System, record: State, h: Array, after: State) -> Array:
-        """Ad*_{g_k⁻¹}Δ⁻ + Ad*_{g_{k+1}⁻¹}Δ⁺ ∈ 𝔤*, by which the step changes the spatial momentum (Theorem 7)."""
+        """Ad*_{g_k⁻¹}Δ⁻ + Ad*_{g_{k+1}⁻¹}Δ⁺ ∈ 𝔤*, (dim G,).
+
+        By this the step changes the spatial momentum (Theorem 7).
+        """
         group = system.group
         ahead, behind = self.sources(system, record, h)
         return group.Ad_dual(group.inverse(record.g), ahead) + group.Ad_dual(group.inverse(after.g), behind)
 
     def balance(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|: Theorem 7 as one vector identity."""
+        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|, one number: Theorem 7 as one vector identity."""
         ahead, behind = self.sources(system, record, h)
         F = self.relative(system, record, h)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
@@ -176,7 +191,7 @@ class Step(ABC):
         return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
 
     def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both.
+        """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.
 
         |μ| is the largest at both nodes, or what ξ or ν alone would give where these cancel, and so is |π|. Round-off
         counts as such: 16 ε of the terms that were added up, and the momentum of a velocity under `FLOOR`/h, with
@@ -272,7 +287,7 @@ class Method(ABC):
         return np.ones(np.shape(records.t), bool)
 
     def over_fixed_steps(self, records: State, h: float) -> tuple[State, np.ndarray]:
-        """Records (with a leading axis) as starts of steps of any size, and the sizes of those that they began."""
+        """Records with a leading axis as starts of steps of any size, and the sizes (rows,) of those they began."""
         return records, np.full(np.shape(records.t), h)
 
     @property

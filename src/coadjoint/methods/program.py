@@ -98,6 +98,7 @@ class StepProgram:
         return held(replace_parameters(self.skeleton, parameters.system), state, parameters.inputs)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
+        """The values of all monitors at a record, arrays of fixed shapes by name; h: one number."""
         system = replace_parameters(self.skeleton, parameters.system)
         step, fraction = self.method.recorded
         found: dict[str, Array] = {}
@@ -112,7 +113,10 @@ class StepProgram:
         return self.until is not None
 
     def stop(self, parameters: Constants, before: State, after: State) -> Array:
-        """1 where `until` changes its sign or comes to zero; it may start from zero. Itself where it is not finite."""
+        """1 where `until` changes its sign or comes to zero, else 0, one number; itself where it is not finite.
+
+        It may start from zero.
+        """
         assert self.until is not None
         here, there = self.until(before), self.until(after)
         crossed = (here != 0) & (jnp.sign(here) != jnp.sign(there))
@@ -141,19 +145,26 @@ class StepStage:
         return replace_parameters(self.skeleton, parameters.system)
 
     def guess(self, parameters: Constants, state: State, h: Array) -> Array:
+        """Where Newton's iteration begins, (unknowns,). h: the length of the stage, one number, as below."""
         return self.step.guess(self._system(parameters), state, h)
 
     def residual(self, parameters: Constants, state: State, h: Array, z: Array) -> Array:
+        """The equations at the unknowns z, both of shape (unknowns,)."""
         return self.step.residual(self._system(parameters), state, h, z)
 
     def record(self, parameters: Constants, state: State, h: Array, z: Array) -> State:
+        """The state with the unknowns z (unknowns,) of the stage that starts at it."""
         return self.step.record(self._system(parameters), state, h, z)
 
     def chart(self, parameters: Constants, state: State, h: Array, z: Array) -> Array | float:
+        """How far the difference map is used into its chart, one number, with the unknowns z (unknowns,)."""
         return self.step.chart(self._system(parameters), self.record(parameters, state, h, z), h)
 
     def advance(self, parameters: Constants, state: State, h: Array, z: Array, sound: Array) -> State:
-        """The next state; a ledger, if there is one, takes up what forces do in this stage."""
+        """The next state, of unknowns z (unknowns,); a ledger, if there is one, takes up what forces do in this stage.
+
+        sound: one number, 0 where the equations have no solution.
+        """
         system, record = self._system(parameters), self.record(parameters, state, h, z)
         if self.step.tolerant:
             return self.step.advance_if(system, record, h, sound)
@@ -166,6 +177,7 @@ class StepStage:
     def certificate(
         self, parameters: Constants, before: State, h: Array, z: Array, after: State
     ) -> Mapping[str, Array]:
+        """The balance of momentum and Newton's residual of the stage, one number each."""
         if self.step.tolerant:
             return {}
         system, record = self._system(parameters), self.record(parameters, before, h, z)

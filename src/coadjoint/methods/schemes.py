@@ -11,7 +11,7 @@ from coadjoint.methods.method import Method, Start
 
 @dataclass(frozen=True, init=False)
 class _Scheme(Composition):
-    """A composition over a symmetric method of order 2; `first` are its coefficients up to the middle one."""
+    """A composition of known coefficients over a symmetric method of order 2; `first`: those up to the middle one."""
 
     def __init__(self, base: Method, start: Start | None = None, negative_substeps: NegativeSubsteps = "refuse"):
         if not isinstance(base, Method) or base.order != 2 or not base.symmetric:

@@ -19,10 +19,10 @@ from coadjoint.spaces import Trivial
 
 
 def halves(x: Array) -> tuple[Array, Array]:
-    """The attitudes of the front and the rear body in the middle frame, R± = exp(±½(0, x₁, x₂)^).
+    """The attitudes (3, 3) of the front and the rear body in the middle frame, R± = exp(±½(0, x₁, x₂)^), of x (2,).
 
-    The first axis points forward along the spine. x is the rotation vector of the bend: the spine bends by the angle
-    |x| in a direction that x gives, and never twists.
+    The first axis points forward along the spine. x is the rotation vector of the bend, rad: the spine bends by the
+    angle |x| in a direction that x gives, and never twists.
     """
     half = 0.5 * jnp.concatenate([jnp.zeros(1), x])
     return SO3().exp(half), SO3().exp(-half)

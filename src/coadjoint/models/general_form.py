@@ -29,14 +29,17 @@ SE3_UNITS = {
 
 
 def kinetic(omega: Array, v: Array, p: Any) -> Array:
-    """½ [v; ω]ᵀ(M_RB + M_A)[v; ω] = ½ m|v + ω×r_g|² + ½ ω·I_cω + ½ [v; ω]ᵀM_A[v; ω]."""
+    """½ [v; ω]ᵀ(M_RB + M_A)[v; ω] = ½ m|v + ω×r_g|² + ½ ω·I_cω + ½ [v; ω]ᵀM_A[v; ω], J.
+
+    omega: (3,), rad/s. v: (3,), m/s.
+    """
     center = v + jnp.cross(omega, p.center_of_mass)
     both = jnp.concatenate([v, omega])
     return 0.5 * (p.mass * center @ center + omega @ p.inertia @ omega + both @ p.added_mass @ both)
 
 
 def potential(depth: Array, down: Array, p: Any) -> Array:
-    """U = −(mg − B) depth − (mg r_g − B r_b)·down, down in the body frame."""
+    """U = −(mg − B) depth − (mg r_g − B r_b)·down, J. depth: one number, m. down: (3,) in the body frame."""
     weight = p.mass * p.gravity
     righting = weight * p.center_of_mass - p.buoyancy * p.center_of_buoyancy
     return -(weight - p.buoyancy) * depth - righting @ down

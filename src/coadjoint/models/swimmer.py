@@ -47,7 +47,10 @@ def links(x: Array, p: Any) -> tuple[Array, Array]:
 
 
 def inertias(p: Any) -> tuple[Array, Array, Array]:
-    """𝒥, M_x, M_y of one ellipse with the fluid: mass ρπab, added mass ρπb² and ρπa², added inertia ρπ(a² − b²)²/8."""
+    """𝒥 (kg m²), M_x, M_y (kg) of one ellipse with the fluid, one number each.
+
+    Mass ρπab, added mass ρπb² and ρπa², added inertia ρπ(a² − b²)²/8.
+    """
     a, b = p.semi_axes
     density, mass = np.pi * p.density, np.pi * p.density * a * b
     turning = mass * (a**2 + b**2) / 4 + density * (a**2 - b**2) ** 2 / 8

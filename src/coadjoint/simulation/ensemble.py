@@ -151,17 +151,17 @@ class Ensemble(Finished):
 
     @property
     def steps_done(self) -> np.ndarray:
-        """How many good steps each member did."""
+        """How many good steps each member did, (members,)."""
         return self.position.steps_done
 
     @property
     def codes(self) -> np.ndarray:
-        """How the last step of each member ended, 0 where it was good."""
+        """How the last step of each member ended, (members,), 0 where it was good."""
         return self.position.codes
 
     @property
     def iterations(self) -> np.ndarray:
-        """Newton's, over all good steps of each member."""
+        """Newton's, over all good steps of each member, (members,)."""
         return self.position.iterations
 
     @property
@@ -178,7 +178,7 @@ class Ensemble(Finished):
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
-        """Every monitored scalar, axes (member, node, …)."""
+        """Every monitored scalar, of shape (members, nodes, …)."""
         return jax.tree.map(_members_first, *map(dict, self.memory.monitors))
 
     @property
@@ -196,7 +196,7 @@ class Ensemble(Finished):
 
     @property
     def event(self) -> np.ndarray | None:
-        """When `until` crossed zero and ended each member, s, NaN where it did not; None without `until`."""
+        """When `until` crossed zero and ended each member, s, (members,), NaN where it did not; None without it."""
         return self.position.event if self.plan.until else None
 
     @cached_property
@@ -226,7 +226,7 @@ class Ensemble(Finished):
         return statistics(self.dataset, variables, quantiles)
 
     def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of each member over every good step; absolute where X₀ = 0."""
+        """max_k |X_k − X₀| / |X₀| of each member over every good step, (members,); absolute where X₀ = 0."""
         low, high, first = (x.reshape(self.members.count, -1) for x in (*self.extrema[name], self.ends[name][0]))
         size = np.linalg.norm(first, axis=1)
         change = np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low)), axis=1)

@@ -32,7 +32,7 @@ class Finished(Recording):
 
     @property
     def extrema(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """(minimum, maximum) of monitors and certificates over every step, in an ensemble one row a member."""
+        """(minimum, maximum) of monitors and certificates over every step: one number each, or (members,)."""
         return self.position.extrema
 
     @property
@@ -42,7 +42,7 @@ class Finished(Recording):
 
     @cached_property
     def steps_saved(self) -> np.ndarray:
-        """The step index of every saved node."""
+        """The step index of every saved node, (nodes,)."""
         return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
 
     def __str__(self) -> str:

@@ -103,13 +103,13 @@ class Run(Finished):
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
-        """Every monitored scalar, one row a record."""
+        """Every monitored scalar, one row a record: (nodes, …) each."""
         rows = self.memory.monitors
         return {name: np.concatenate([part[name] for part in rows]) for name in (rows[0] if rows else {})}
 
     @property
     def ends(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Every monitored scalar at the first and at the last record."""
+        """Every monitored scalar at the first and at the last record, of the shape of one row of `monitors`."""
         return {name: (rows[0], rows[-1]) for name, rows in self.monitors.items()}
 
     @property

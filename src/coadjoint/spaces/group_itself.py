@@ -23,12 +23,14 @@ ON_GROUP = 1e-9
 
 @dataclass(frozen=True)
 class GroupItself(Embedded):
-    """Q = G with g·x = gx (`action="multiplication"`) or g·x = gxg⁻¹ (`action="conjugation"`).
+    """Q = G, on which G acts by multiplication or by conjugation.
 
+    action: "multiplication" (the default), g·x = gx, or "conjugation", g·x = gxg⁻¹.
     The user's functions see an element x, and a velocity of the same structure: xη̂ for the body velocity η of x. So
     on SO(3) ℓ(ξ, n, ν) gets matrices n and ν = nη̂, and on SE(3) pairs, n = (R, x) and ν = (Rω̂, Rv) for η = (ω, v).
     Ambient coordinates are the numbers of an element; ρ(x, xη̂) = x exp η, and the frame is that of xê_i made
-    orthonormal. Raises GroupError for a group whose product is not affine in the second factor.
+    orthonormal. Raises ArgumentError for another action, GroupError for a group whose product is not affine in the
+    second factor.
     """
 
     action: Literal["multiplication", "conjugation"] = "multiplication"

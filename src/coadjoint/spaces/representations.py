@@ -86,7 +86,10 @@ class Coadjoint(Representation):
 
 @dataclass(frozen=True)
 class Trivial(Representation):
-    """ℝⁿ on which the group does nothing: shapes, amounts, charges."""
+    """ℝⁿ on which the group does nothing: shapes, amounts, charges.
+
+    size: n, a whole number from 0. Raises GroupError for another one.
+    """
 
     size: int
 

@@ -19,7 +19,11 @@ from coadjoint.spaces.space import Space
 
 @dataclass(frozen=True, init=False)
 class Several(Space):
-    """A product of named spaces: the user's functions see `a.down`, `a.current`; arrays hold the factors end to end."""
+    """A product of named spaces: the user's functions see `a.down`, `a.current`; arrays hold the factors end to end.
+
+    spaces: a dictionary of names and spaces, one at least, such as dict(down=co.Defining()); `additional` and
+    `advected` of co.System take such a dictionary, too. Raises ArgumentError for another one.
+    """
 
     names: tuple[str, ...]
     factors: tuple[Space, ...]

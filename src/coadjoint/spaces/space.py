@@ -49,67 +49,67 @@ class Space:
         return self.ambient(group)
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
-        """g·x."""
+        """g·x, (ambient,), of a point x (ambient,)."""
         raise NotImplementedError
 
     def push(self, group: LieGroup, g: Element, x: Array, v: Array) -> Array:
-        """The tangent lift of the action: v at x ↦ g·v at g·x."""
+        """The tangent lift of the action: v at x ↦ g·v at g·x, all (ambient,)."""
         return jax.jvp(lambda y: self.act(group, g, y), (x,), (v,))[1]
 
     def pull(self, group: LieGroup, g: Element, x: Array, b: Array) -> Array:
-        """The dual of `push` at x: b at g·x ↦ g*b at x, ⟨g*b, w⟩ = ⟨b, g·w⟩."""
+        """The dual of `push` at x: b at g·x ↦ g*b at x, both (ambient,), with ⟨g*b, w⟩ = ⟨b, g·w⟩."""
         return transpose(lambda v: self.push(group, g, x, v), self.ambient(group), b)
 
     def infinitesimal(self, group: LieGroup, xi: Array, x: Array) -> Array:
-        """ξ·x, the infinitesimal action (P19)."""
+        """ξ·x, (ambient,), the infinitesimal action of ξ (dim G,) at x (P19)."""
         return jax.jvp(lambda g: self.act(group, g, x), (group.identity(),), (group.tangent(xi),))[1]
 
     def lifted(self, group: LieGroup, xi: Array, x: Array, v: Array) -> Array:
-        """L_ξ v: the derivative of x ↦ ξ·x along v (P18)."""
+        """L_ξ v, (ambient,): the derivative of x ↦ ξ·x along v at x, for ξ (dim G,) (P18)."""
         return jax.jvp(lambda y: self.infinitesimal(group, xi, y), (x,), (v,))[1]
 
     def diamond(self, group: LieGroup, b: Array, x: Array) -> Array:
-        """b⋄x ∈ 𝔤*: ⟨b⋄x, ξ⟩ = −⟨b, ξ·x⟩ (P14, P45)."""
+        """b⋄x ∈ 𝔤*, (dim G,), of b and x (ambient,): ⟨b⋄x, ξ⟩ = −⟨b, ξ·x⟩ (P14, P45)."""
         return -transpose(lambda xi: self.infinitesimal(group, xi, x), group.dim, b)
 
     def lifted_diamond(self, group: LieGroup, b: Array, x: Array, v: Array) -> Array:
-        """b⋄v ∈ 𝔤* for a velocity v at x: ⟨b⋄v, ξ⟩ = −⟨b, L_ξ v⟩ (P24)."""
+        """b⋄v ∈ 𝔤*, (dim G,), for a velocity v at x, all (ambient,): ⟨b⋄v, ξ⟩ = −⟨b, L_ξ v⟩ (P24)."""
         return -transpose(lambda xi: self.lifted(group, xi, x, v), group.dim, b)
 
     def tangent(self, group: LieGroup, x: Array, y: Array) -> Array:
-        """E_x y: the tangent vector at x with frame coordinates y (dim,)."""
+        """E_x y, (ambient,): the tangent vector at x with frame coordinates y (dim,)."""
         return y
 
     def coordinates(self, group: LieGroup, x: Array, b: Array) -> Array:
-        """E_xᵀ b: a covector, or a tangent vector, at x in the coordinates of the orthonormal frame."""
+        """E_xᵀ b, (dim,): a covector, or a tangent vector, b (ambient,) at x in the orthonormal frame."""
         return b
 
     def difference(self, group: LieGroup, x: Array, u: Array) -> Array:
-        """ρ(x, u) − x for a retraction ρ, without cancellation."""
+        """ρ(x, u) − x, (ambient,), of a tangent vector u at x, for a retraction ρ, without cancellation."""
         return u
 
     def project(self, group: LieGroup, x: Array, b: Array) -> Array:
-        """b onto T*ₓQ."""
+        """The covector b (ambient,) projected onto T*ₓQ."""
         return b
 
     def momentum(self, group: LieGroup, x: Array, transported: Array, legendre: Array) -> Array:
-        """The momentum at x, from its transport on a flat space, from the Legendre transform on a curved one."""
+        """The momentum at x, (ambient,): on a flat space the transported one, on a curved one that of Legendre."""
         return transported
 
     def defect(self, group: LieGroup, x: Array) -> Array | float:
-        """How far x is from the space."""
+        """How far x is from the space, one number; zero on a flat space."""
         return 0.0
 
     def view(self, group: LieGroup, x: Array) -> Any:
-        """A point as the user's functions see it."""
+        """A point x (ambient,) as the user's functions see it: an array, or a namespace of arrays."""
         return x
 
     def point(self, group: LieGroup, value: Any, name: str) -> np.ndarray:
-        """The user's point as a flat float64 array; raises ArgumentError with `name` for a wrong shape."""
+        """The user's point as a flat float64 array (ambient,); raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
     def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
-        """The user's velocity likewise; whether it is tangent is not seen here."""
+        """The user's velocity likewise, (ambient,); whether it is tangent is not checked here."""
         return checked_vector(value, self.ambient(group), name)
 
     def components(self, group: LieGroup, name: str) -> dict[str, slice]:
@@ -118,7 +118,7 @@ class Space:
 
 
 def random_motion(space: Space, group: LieGroup) -> tuple[Element, np.ndarray, np.ndarray]:
-    """A group element, a point and a velocity in ambient coordinates, away from anything special."""
+    """A group element, a point and a velocity (ambient,), away from anything special."""
     random = np.random.default_rng(1687)
     x, v = random.normal(size=(2, space.ambient(group)))
     return evaluate(group.exp, random.normal(scale=0.5, size=group.dim)), x, v

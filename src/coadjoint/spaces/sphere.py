@@ -19,9 +19,12 @@ from coadjoint.spaces.space import checked_vector, random_motion
 
 @dataclass(frozen=True)
 class Sphere(Embedded, Representation):
-    """The unit sphere |x| = 1 inside a representation by orthogonal matrices (by default the defining one).
+    """The unit sphere |x| = 1 inside a representation by orthogonal matrices.
 
+    inside: the representation, by default co.Defining().
     ρ(x, u) = (x + u)/r with r = √(1 + |u|²), and ρ(x, u) − x = (u − |u|² x/(1 + r))/r without cancellation.
+    Raises ArgumentError for what is no representation; a system raises GroupError where the group acts by others than
+    orthogonal matrices.
     """
 
     inside: Representation = field(default_factory=Defining)

@@ -32,14 +32,14 @@ _SETTLED = 1e-12
 class Submanifold(Embedded):
     """Q = {x ∈ W: c(x) = 0} that the group leaves invariant, inside a flat space W on which it acts linearly.
 
-    `constraint`: a function of a point, as the user's functions see it, that returns an array of independent numbers
-    c(x); every c(gx) must vanish with c(x). `inside`: W, or a dictionary made one by `Several`. The frame of T_xQ is an
-    orthonormal basis of ker Dc(x); ρ(x, u) = x + u − Dc(x)ᵀλ with c(ρ) = 0.
-    Raises GroupError where c does not stay zero under the group.
-
         frames = Submanifold(lambda x: jnp.stack([x.e @ x.e - 1, x.f @ x.f - 1, x.e @ x.f]),
                              Several({"e": Defining(), "f": Defining()}))
         orbit = Submanifold(lambda m: m @ m - 4, Coadjoint())
+
+    constraint: a function of a point, as the user's functions see it, that returns an array of independent numbers
+    c(x); every c(gx) must vanish with c(x). inside: W, by default co.Defining(), or `Several` of named spaces. The
+    frame of T_xQ is an orthonormal basis of ker Dc(x); ρ(x, u) = x + u − Dc(x)ᵀλ with c(ρ) = 0. Raises ArgumentError
+    for other arguments, GroupError where c does not stay zero under the group.
     """
 
     constraint: Callable[[Any], Any]
@@ -58,7 +58,7 @@ class Submanifold(Embedded):
             return jnp.ravel(jnp.asarray(self.constraint(self.inside.view(group, x))))
 
     def normals(self, group: LieGroup, x: Array) -> Array:
-        """Dc(x), one gradient a row."""
+        """Dc(x), (number of constraints, ambient): one gradient a row."""
         return jax.jacfwd(lambda y: self.equations(group, y))(x)
 
     def ambient(self, group: LieGroup) -> int:

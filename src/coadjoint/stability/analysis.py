@@ -84,8 +84,9 @@ class Stability:
 def stability(motion: SteadyMotion, integrals: Sequence[Callable] = ()) -> Stability:
     """The modes of a steady motion and whether it is stable, by the spectrum and by the energy–Casimir test.
 
-    integrals: conserved functions of a state beyond Casimir functions and the system's own `quantities`, such as the
-    axial momentum of a symmetric top. Raises ArgumentError for one that the motion does not conserve.
+    motion: of co.stability.steady_motion. integrals: conserved functions of a state beyond Casimir functions and the
+    system's own `quantities`, such as the axial momentum of a symmetric top, by default none. Raises ArgumentError for
+    one that the motion does not conserve.
     """
     linear = linearised(motion)
     return Stability(motion, linear, energy_casimir(motion, linear, integrals))

@@ -52,7 +52,8 @@ def step_modes(
 ) -> StepModes:
     """The derivative of one step of a method at its own steady motion near the given one, and its eigenvalues.
 
-    dt: h, s. method: by default co.Midpoint(). Symplectic methods neither damp nor excite modes of conservative
+    motion: of co.stability.steady_motion. dt: h, s. method: by default co.Midpoint(). linear: its linearisation, by
+    default made here. Symplectic methods neither damp nor excite modes of conservative
     systems where they are stable: |m| = 1. Derivatives are central differences, right to about 1e-9.
     Raises ArgumentError where the steps have no steady motion near and for a motion that goes along symmetries, and
     StepError where a step fails.

@@ -123,7 +123,7 @@ class Reduced:
 
     @cached_property
     def ignorable(self) -> np.ndarray:
-        """An orthonormal basis of K in y, columns (len y, k); unit vectors where K is spanned by coordinates."""
+        """An orthonormal basis of K in y, columns, shape (len y, k); unit vectors where K is spanned by coordinates."""
         dim, ambient = self.system.group.dim, self.system.additional.ambient(self.system.group)
         size = dim + 2 * ambient + self.system.advected.ambient(self.system.group)
         basis = np.eye(size)[:, [*range(dim, dim + ambient), *range(dim + 2 * ambient, size)]]
@@ -145,7 +145,10 @@ class Reduced:
 
     @cached_property
     def essential(self) -> np.ndarray:
-        """C: orthonormal rows that take y to y modulo K; rows of the unit matrix where K is spanned by coordinates."""
+        """C, (rows, dim): orthonormal rows that take y to y modulo K.
+
+        They are rows of the unit matrix where K is spanned by coordinates.
+        """
         K = self.ignorable
         axes = np.max(np.abs(K), axis=1, initial=0.0) == 0
         if np.sum(axes) == len(K) - K.shape[1]:

@@ -31,7 +31,11 @@ class Scales(NamedTuple):
 
 
 def natural_scales(system: System, state: State, y_z: np.ndarray, rate_z: np.ndarray, sizes: Any) -> Scales:
-    """The scales at a state. y_z, rate_z: derivatives of y and of its rate by z. sizes: how many of z are of a kind."""
+    """The scales at a state.
+
+    y_z, rate_z: derivatives of y and of its rate by z, shape (rows of y, rows of z). sizes: how many of z are of each
+    kind.
+    """
     dim, ambient, _, angles = sizes
     # Where δξ, δν are in z, and μ, π in y.
     moving = np.r_[:dim, dim + ambient : dim + 2 * ambient]

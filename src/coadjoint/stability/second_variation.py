@@ -50,6 +50,7 @@ class EnergyCasimir:
 def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Sequence[Callable] = ()) -> EnergyCasimir:
     """Arnold's test: with d(E − Σ λ_i C_i) = 0 and a definite second variation on ∩ ker dC_i the motion is stable.
 
+    motion: of co.stability.steady_motion. linear: its linearisation. integrals: see C_i.
     C_i: the polynomial Casimir functions of the reduced bracket modulo ignorable variables (for a neutrally buoyant
     vehicle P·P and P·Γ), the conserved ones among the system's `quantities`, and `integrals`, functions of a state.
     Where dC_i depend on one another, λ is not unique and one that makes the form definite is looked for. Then

@@ -101,7 +101,8 @@ class Linearisation:
 def linearised(motion: SteadyMotion) -> Linearisation:
     """The linearisation L = DY of the reduced equations at a steady motion, with inputs and internal state held.
 
-    Perturbations keep a on its orbit, δa = −η·a, and ignorable variables are left out. Derivatives are exact.
+    motion: of co.stability.steady_motion. Perturbations keep a on its orbit, δa = −η·a, and ignorable variables are
+    left out. Derivatives are exact.
     """
     reduced = motion.reduced
     slopes = reduced.slopes(motion.state)

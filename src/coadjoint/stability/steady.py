@@ -61,12 +61,13 @@ def steady_motion(
     ignorable. Without forces these are the critical points of ℋ on a coadjoint orbit, and come in families: the one
     nearest to the guess is found, or the one that meets the conditions.
 
-    guess: a state of the system, `system.state(…)`. conditions: a function of the state whose values must vanish, as
-    `lambda s: s.nu[0] - 1.5`. free: names of constants that may change to meet them, of the internal state or the
-    inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count as one: where many
-    motions do, the one of least change is found. symmetries: integrals C_i, functions of a state, whose flows may
-    carry the motion, Y = Σ λ_i X_{C_i}: a critical point of ℋ − Σ λ_i C_i. With the axial momentum of a symmetric top,
-    regular precession is steady. Raises ArgumentError where no steady motion is found, or where C_i is no integral.
+    system: without explicit time. guess: a state of the system, `system.state(…)`. conditions: a function of the state
+    whose values must vanish, as `lambda s: s.nu[0] - 1.5`. free: names of constants that may change to meet them, of
+    the internal state or the inputs, such as `("rudder",)`, or a dictionary of them with the sizes of change that count
+    as one: where many motions do, the one of least change is found. symmetries: integrals C_i, functions of a state,
+    whose flows may carry the motion, Y = Σ λ_i X_{C_i}: a critical point of ℋ − Σ λ_i C_i. With the axial momentum of a
+    symmetric top, regular precession is steady. Raises ArgumentError where no steady motion is found, or where C_i is
+    no integral.
     """
     asked = None if conditions is None else lambda state, _: conditions(state)
     return Search(system, guess, asked, free, symmetries=symmetries).find(guess)

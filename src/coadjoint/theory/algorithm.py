@@ -39,15 +39,15 @@ class Algorithm:
     stops: bool = False
 
     def last(self, pair: Any, h: Array) -> tuple[Element, Array, Array]:
-        """The last increment, the point n that s starts from, and the last velocity (s − n)/h there."""
+        """The last increment, the point n (ambient,) that s starts from, and the last velocity (s − n)/h (ambient,)."""
         raise NotImplementedError
 
     def conditions(self, pair: Any, h: Array, F: Element, s: Array) -> tuple[Array, Array]:
-        """The equations that F and s solve, on 𝔤* and on T*Q at n."""
+        """The equations that F and s solve, (dim G,) on 𝔤* and (ambient,) on T*Q at n."""
         raise NotImplementedError
 
     def following(self, pair: Any, h: Array, F: Element, s: Array) -> Any:
-        """The next pair."""
+        """The next pair, from the increment F and the point s (ambient,)."""
         raise NotImplementedError
 
     def run(self, pair: Any, h: float, steps: int) -> Any:
@@ -79,6 +79,7 @@ class Algorithm:
         return state
 
     def monitors(self, parameters: Any, record: Any, h: Array) -> Mapping[str, Array]:
+        """None: shape () each, by name."""
         return {}
 
     def _velocity(self, F: Element, h: Array) -> Array:
@@ -91,6 +92,7 @@ class Algorithm:
         return self.group.project(F) if self.group.constrained else F, n, velocity
 
     def guess(self, parameters: Any, state: Any, h: Array) -> Array:
+        """The last unknowns (ξ, y), (dim G + dim Q,)."""
         F, n, velocity = self._last(state, h)
         return jnp.concatenate([self._velocity(F, h), self.space.coordinates(self.group, n, velocity)])
 
@@ -102,22 +104,28 @@ class Algorithm:
         return F, n + Q.difference(group, n, h * Q.tangent(group, n, y))
 
     def residual(self, parameters: Any, state: Any, h: Array, z: Array) -> Array:
+        """`conditions` at the unknowns z = (ξ, y), both (dim G + dim Q,)."""
         on_group, on_space = self.conditions(state, h, *self._solution(state, h, z))
         n = self.last(state, h)[1]
         return jnp.concatenate([on_group, self.space.coordinates(self.group, n, on_space)])
 
     def chart(self, parameters: Any, state: Any, h: Array, z: Array) -> Array | float:
+        """How far the increment of F is into its chart, one number, for the unknowns z (dim G + dim Q,)."""
         F = self._last(state, h)[0]
         return self.difference_map.chart(self.group, h * (z[: self.group.dim] - self._velocity(F, h)))
 
     def record(self, parameters: Any, state: Any, h: Array, z: Array) -> Any:
+        """The pair itself; the unknowns z (dim G + dim Q,) are in the next one."""
         return state
 
     def advance(self, parameters: Any, state: Any, h: Array, z: Array, sound: Array) -> Any:
+        """The next pair, from the unknowns z (dim G + dim Q,)."""
         return self.following(state, h, *self._solution(state, h, z))
 
     def certificate(self, parameters: Any, before: Any, h: Array, z: Array, after: Any) -> Mapping[str, Array]:
+        """Nothing is measured: no numbers."""
         return {}
 
     def stop(self, parameters: Any, before: Any, after: Any) -> Array:
+        """0, one number: an algorithm does all its steps."""
         return jnp.zeros(())

@@ -33,13 +33,13 @@ from coadjoint.theory.unreduced import (
 
 
 def body_velocity(group: LieGroup, g: Element, g_dot: Element) -> Array:
-    """ξ = (g⁻¹ġ)ᵛ (P1), (P17), of a tangent ġ in the arrays that hold g; traceable by JAX."""
+    """ξ = (g⁻¹ġ)ᵛ, (dim,), of a tangent ġ in the arrays that hold g (P1), (P17); traceable by JAX."""
     matrix, moved = jax.jvp(group.matrix, (g,), (g_dot,))
     return group.vee(jnp.linalg.solve(matrix, moved))
 
 
 def space_velocity(group: LieGroup, g: Element, xi: Array) -> Element:
-    """ġ = gξ̂, in the arrays that hold g; traceable by JAX."""
+    """ġ = gξ̂, in the arrays that hold g, of ξ (dim,); traceable by JAX."""
     return jax.jvp(lambda e: group.compose(g, e), (group.identity(),), (group.tangent(xi),))[1]
 
 

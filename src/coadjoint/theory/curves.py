@@ -75,7 +75,10 @@ class Trial(NamedTuple):
 
 
 def trial(system: System, step: Any, h: Array, record: State) -> Trial:
-    """The step that starts at a record; raises ArgumentError for steps without a discrete Lagrangian of their own."""
+    """The step of length h, one number, that starts at a record.
+
+    Raises ArgumentError for steps without a discrete Lagrangian of their own.
+    """
     kinds = [
         (GroupVariational, _in_group_form),
         (Variational, _in_algebra_form),

@@ -21,10 +21,11 @@ from coadjoint.spaces.numbers import float64
 def discrete_mechanical_connection(system: System, method: Method, dt: float) -> DiscreteConnection:
     """The discrete mechanical connection of a rule: Ω(x, x⁺) is the F with D^R_FΛ(F, x, x⁺; h) = 0.
 
-    D^R_FΛ = μ_k is the left discrete Legendre transform, so that horizontal steps are those with momentum zero, and
-    a motion of `method`, a rule of one stage, with momentum zero is the horizontal lift of its shapes. Of kinetic
-    energy and a potential of x, Ω does not depend on dt. Forces have no part in it. Where no F is found, Ω is not
-    finite, and what uses it raises.
+    system: one with the shapes `additional=co.Trivial(m)`, as in co.mechanical_connection. method: a rule of one stage.
+    dt: h, s. D^R_FΛ = μ_k is the left discrete Legendre transform, so that horizontal steps are those with momentum
+    zero, and a motion of the method with momentum zero is the horizontal lift of its shapes. Of kinetic energy and a
+    potential of x, Ω does not depend on dt. Forces have no part in it. Where no F is found, Ω is not finite, and what
+    uses it raises. Raises ArgumentError for other systems and methods.
     """
     size, step, h = timeless(system), one_stage(system, method), positive_step(dt)
     system = system.unforced

@@ -43,14 +43,14 @@ def _value(system: System, h: Array, at: Instant):
 
 
 def velocities(system: System, link: Link, h: Array) -> tuple[Array, Array]:
-    """((F − F⁻¹)ᵛ/2h, (s − n)/h): what forces take for ξ and ν on a step."""
+    """((F − F⁻¹)ᵛ/2h, (s − n)/h), (dim G,) and (ambient,): what forces take for ξ and ν on a step."""
     group = system.group
     turn = group.vee(group.matrix(link.F) - group.matrix(group.inverse(link.F))) / (2 * h)
     return turn, (link.s - link.n) / h
 
 
 def impulse(system: System, link: Link, h: Array) -> tuple[Array, Array]:
-    """(T⁻, φ⁻) = (hT, hf), what the forces give at the left node of a step, as in co.GroupVariational."""
+    """(T⁻, φ⁻) = (hT, hf), (dim G,) and (ambient,), of forces at the left node of a step, as in co.GroupVariational."""
     if system.forces is None:
         return jnp.zeros(system.group.dim), jnp.zeros_like(link.n)
     xi, nu = velocities(system, link, h)
@@ -59,7 +59,10 @@ def impulse(system: System, link: Link, h: Array) -> tuple[Array, Array]:
 
 
 def left_momenta(system: System, link: Link, h: Array) -> Momenta:
-    """μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻: the left discrete Legendre transform F⁻."""
+    """The left discrete Legendre transform F⁻ of a step, μ_k (dim G,) and π_k (ambient,); traceable by JAX.
+
+    μ_k = D^R_FΛ − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻. h: the length of the step, one number, s.
+    """
     group, Q, V = system.places
     F, n, s, a, at = link
     value = _value(system, h, at)
@@ -71,7 +74,10 @@ def left_momenta(system: System, link: Link, h: Array) -> Momenta:
 
 
 def right_momenta(system: System, link: Link, h: Array) -> Momenta:
-    """μ_{k+1} = D^L_FΛ and π_{k+1} = F*∂_sΛ (P46): the right discrete Legendre transform F⁺."""
+    """The right discrete Legendre transform F⁺ of a step, μ_{k+1} (dim G,) and π_{k+1} (ambient,); traceable by JAX.
+
+    μ_{k+1} = D^L_FΛ and π_{k+1} = F*∂_sΛ (P46). h: the length of the step, one number, s.
+    """
     group, Q, _ = system.places
     F, n, s, a, at = link
     value = _value(system, h, at)
@@ -84,21 +90,22 @@ def discrete_euler_poincare(system: System, before: Link, here: Link, h: Array) 
     """(P42) in group form: the left momenta of step k minus the right momenta of step k − 1, zero on solutions.
 
     In algebra form D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h and D^L_FΛ = (dτ⁻¹_{−hξ})*∂_ξΛ/h. With forces it is the discrete
-    Lagrange–d'Alembert principle, reduced. Traceable by JAX. Raises ArgumentError for links without their `at`.
+    Lagrange–d'Alembert principle, reduced. h: the length of both steps, one number, s. Returns (dim G,) and (ambient,).
+    Traceable by JAX. Raises ArgumentError for links without their `at`.
     """
     left, right = left_momenta(system, here, h), right_momenta(system, before, h)
     return Momenta(left.mu - right.mu, left.pi - right.pi)
 
 
 def advected(system: System, link: Link) -> tuple[Array, Array]:
-    """n_{k+1} = F⁻¹s (P43) and a_{k+1} = F⁻¹a (P44)."""
+    """n_{k+1} = F⁻¹s (P43), (ambient,), and a_{k+1} = F⁻¹a (P44), (dim V*,)."""
     group, Q, V = system.places
     back = group.inverse(link.F)
     return Q.act(group, back, link.s), V.act(group, back, link.a)
 
 
 def instant_after(system: System, link: Link, h: Array) -> Instant:
-    """When the next step starts, and what is held over it."""
+    """When the next step starts, after one of length h, one number, and what is held over it."""
     n, a = advected(system, link)
     xi, nu = velocities(system, link, h)
     return next_instant(system, link.at, h, (xi, n, nu, a))
@@ -135,7 +142,7 @@ def induced_variation(system: System, link: Link, v: Variation) -> Link:
 
 
 def reduced_action(system: System, path: Link, h: float) -> Array:
-    """ΣΛ(F_k, n_k, s_k, a_k; h) of a sequence of steps (P41), (B12); traceable by JAX."""
+    """ΣΛ(F_k, n_k, s_k, a_k; h) of steps with a leading axis, one number (P41), (B12); traceable by JAX."""
     return jnp.sum(jax.vmap(lambda link: _value(system, h, link.at)(*link[:4]))(path))
 
 

@@ -95,9 +95,10 @@ def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
 
 
 def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Array, Array, Array]) -> Instant:
-    """The instant of the next step, which starts at (n, a) after one with velocities (ξ, ν): `motion` is (ξ, n, ν, a).
+    """The instant of the next step, which starts at (n, a) after one of length h with velocities (ξ, ν).
 
-    Inputs that are functions of the motion, and the rule of the internal state, are applied as co.simulate does.
+    motion: (ξ, n, ν, a), of shapes (dim G,), (ambient,), (ambient,) and (dim V*,). Inputs that are functions of the
+    motion, and the rule of the internal state, are applied as co.simulate does.
     """
     if at.t is None:
         return at

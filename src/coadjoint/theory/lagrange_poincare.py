@@ -63,12 +63,15 @@ class ReducedLagrangian:
     h: Array
 
     def increment(self, x: Array, sigma: Element, x_next: Array) -> Element:
-        """F = Ω(x, x⁺) σ⁻¹."""
+        """F = Ω(x, x⁺) σ⁻¹ of shapes x and x⁺ (m,)."""
         group = self.system.group
         return group.compose(self.connection.increment(x, x_next), group.inverse(sigma))
 
     def velocity(self, state: State, x: Array, sigma: Element, x_next: Array) -> Array:
-        """ξ with F(hξ) = Ω(x, x⁺)σ⁻¹, the chart of the rule inverted by Newton's method; NaN where there is none."""
+        """ξ, (dim G,), with F(hξ) = Ω(x, x⁺)σ⁻¹ for shapes x and x⁺ (m,); NaN where there is none.
+
+        The chart of the rule is inverted by Newton's method.
+        """
         group, F = self.system.group, self.increment(x, sigma, x_next)
         root = solver.solve(lambda xi: self._apart(state, xi, F), state.xi, self.h, (group.dim,))
         away = group.matrix(self._turn(state, root.unknowns)) - group.matrix(F)
@@ -76,9 +79,9 @@ class ReducedLagrangian:
         return jnp.where(found, root.unknowns, jnp.nan)
 
     def value(self, state: State, xi: Array, x: Array, sigma: Element, x_next: Array) -> Array:
-        """l(x, σ, x⁺) about the ξ of this step: the value and its first derivatives.
+        """l(x, σ, x⁺), one number, about the ξ (dim G,) of this step: right in the value and its first derivatives.
 
-        One step of Newton's method takes ξ along with x, σ and x⁺, which is exact to first order.
+        x, x_next: (m,). One step of Newton's method takes ξ along with x, σ and x⁺, which is exact to first order.
         """
         F = self.increment(x, sigma, x_next)
         slope = jax.jacfwd(lambda xi: self._apart(state, xi, F))(xi)
@@ -136,10 +139,12 @@ def lagrange_poincare(
         Ad*_{F_k⁻¹} D^R_σ l_k = D^R_σ l_{k−1}
         D₁l_k + (Ad_{F_k⁻¹}B₁)* D^R_σ l_k + D₃l_{k−1} + (Ad_{F_{k−1}⁻¹}B₂)* D^R_σ l_{k−1} = 0          (B35–B36)
 
-    Forces add T⁻_k to the left and −T⁺_{k−1} to the right of the first, φ⁻_k + φ⁺_{k−1} to the second; inputs are those
-    of `system.driven(inputs)`. The motion does not depend on the connection, and is that of co.simulate with the same
-    `method`, a rule of one stage. Written to be read and compared with, not for speed. Raises ArgumentError for systems
-    that are not on M × G, and StepError where Newton fails.
+    system: one on M × G, with the shapes `additional=co.Trivial(m)`. start: its state. dt: h, s. steps: N, from 1 on.
+    method: a rule of one stage. connection: a co.DiscreteConnection; the motion does not depend on it, and is that of
+    co.simulate with the same method. Forces add T⁻_k to the left and −T⁺_{k−1} to the right of the first equation, φ⁻_k
+    + φ⁺_{k−1} to the second; inputs are those of `system.driven(inputs)`. Written to be read and compared with, not for
+    speed. Returns times (N+1,), shapes (N+1, m), σ with N and g with N+1 rows. Raises ArgumentError for systems that
+    are not on M × G, and StepError where Newton fails.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
     steps = whole_steps(steps)
@@ -186,8 +191,9 @@ def lagrange_poincare_residual(
 ) -> np.ndarray:
     """Left minus right side of (B35), (B36) at the inner nodes of any motion on M × G, shape (N−1, dim G + m).
 
-    g: elements with a leading axis (N+1), such as run.records.g; x: shapes (N+1, m), such as run.records.n. Zero for
-    the motions of `method`, whatever the connection. `start` gives the time of the first node and guesses.
+    system, dt, method, connection: as in co.lagrange_poincare. start: gives the time of the first node and guesses. g:
+    elements with a leading axis (N+1), such as run.records.g. x: shapes (N+1, m), such as run.records.n. The residual
+    is zero for the motions of the method, whatever the connection.
     """
     l = _reduced_lagrangian(system, method, connection, dt)
     x = shapes_of(connection, x)

@@ -68,7 +68,10 @@ def discrete_momentum_maps(system: System, method: Method, records: State, h: fl
 
 
 def link_momentum_maps(system: System, g: Element, link: Link, h: Array) -> MomentumMaps:
-    """J⁻ and J⁺ of a step of Λ in group form that starts at g: those of `left_momenta`, `right_momenta`; traceable."""
+    """J⁻ and J⁺ of a step of Λ in group form that starts at g, (dim,) each; traceable by JAX.
+
+    They are those of `left_momenta` and `right_momenta`. h: the length of the step, one number, s.
+    """
     after = system.group.compose(g, link.F), advected(system, link)[0]
     here = _spatial(system, (g, link.n), left_momenta(system, link, h))
     return MomentumMaps(here, _spatial(system, after, right_momenta(system, link, h)))

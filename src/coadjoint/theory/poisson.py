@@ -63,7 +63,7 @@ class PoissonLagrangian:
         return self.driven
 
     def taken(self, link: PoissonLink) -> Array:
-        """The parameter that l sees on a step: a_k, or a_{k+1} = f_ka_k."""
+        """The parameter that l sees on a step, (dim V*,): a_k, or a_{k+1} = f_ka_k."""
         return link.a if self.parameter == "left" else self.space.act(self.group, link.f, link.a)
 
     def slopes(self, link: PoissonLink, h: Array) -> tuple[Array, Array]:
@@ -79,7 +79,7 @@ class PoissonLagrangian:
         return right_derivative(self.group, lambda f: value(f, a), link.f), source
 
     def torque(self, link: PoissonLink, h: Array) -> Array:
-        """T⁻ = hT, what the forces give at the left node of a step."""
+        """T⁻ = hT, (dim,), what the forces give at the left node of a step."""
         return impulse(self.system, self.link(link), h)[0]
 
     def link(self, link: PoissonLink) -> Link:
@@ -88,7 +88,7 @@ class PoissonLagrangian:
         return Link(self.group.inverse(link.f), nothing, nothing, link.a, link.at)
 
     def next_a(self, link: PoissonLink) -> Array:
-        """a_{k+1} = f_ka_k."""
+        """a_{k+1} = f_ka_k, (dim V*,)."""
         return self.space.act(self.group, link.f, link.a)
 
 

@@ -36,7 +36,10 @@ CANCELLED = 32 * np.finfo(float).eps / INVARIANT
 
 
 def defect_of(function: Callable[..., Array], plain: Any, turned: Any) -> Array:
-    """|L(turned) − L(plain)| relative to |L| and to what round-off in the arguments makes of L; traceable by JAX."""
+    """|L(turned) − L(plain)|, one number, relative to |L| and to what round-off in the arguments makes of L.
+
+    Traceable by JAX.
+    """
 
     def sized(arguments: Any) -> tuple[Array, Array]:
         value, slopes = jax.value_and_grad(lambda arguments: function(*arguments))(arguments)
@@ -86,7 +89,7 @@ def invariance_defect(
 
 
 def point_of(places: Places, q: Any) -> np.ndarray | None:
-    """A point of a curved Q; None on a flat one, where any will do."""
+    """A point of a curved Q, (ambient,); None on a flat one, where any will do."""
     group, Q, _ = places
     if q is not None:
         return Q.point(group, q, "q")
@@ -143,7 +146,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
 
 
 def flat(value: Any) -> Array:
-    """A point as one array, whether it came as an array or by names."""
+    """A point as one array (ambient,), whether it came as an array or by names."""
     return jnp.concatenate([flat(part) for part in value.asdict().values()]) if hasattr(value, "asdict") else value
 
 

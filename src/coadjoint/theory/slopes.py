@@ -46,7 +46,10 @@ class Slopes(NamedTuple):
 
 
 def slopes_of(system: System, step: Any, h: Array, record: State) -> Slopes:
-    """The link of the step that starts at a record, with D^R_FΛ, D^L_FΛ, the gradients of Λ, and the forces' share."""
+    """A step with D^R_FΛ and D^L_FΛ, (dim G,) each, the gradients of Λ, and the forces' share.
+
+    h: its length, one number.
+    """
     group = system.group
     here, n, a = trial(system, step, h, record), record.n, record.a
     curve = here.curve(here.z, n, a)
@@ -63,7 +66,7 @@ def slopes_of(system: System, step: Any, h: Array, record: State) -> Slopes:
 
 
 def impulse_of(system: System, step: Any, h: Array, record: State) -> Impulse:
-    """What the forces of a step of a rule of one velocity give at its two ends."""
+    """What the forces of a step of a rule of one velocity give at its two ends; h: its length, one number."""
     here = trial(system, step, h, record)
     curve = here.curve(here.z, record.n, record.a)
     link = Link(curve.F, record.n, record.n + curve.d, record.a)
@@ -149,7 +152,7 @@ def legendre_transforms(system: System, at: Slopes) -> tuple[Momenta, Momenta]:
 
 
 def trivialised(system: System, step: Any, h: float, record: State) -> Array:
-    """The matrix of δξ ↦ (δF)F⁻¹ ∈ 𝔤 for F = F(hξ), by differentiation of F: h dτ_{hξ}."""
+    """The matrix (dim, dim) of δξ ↦ (δF)F⁻¹ ∈ 𝔤 for F = F(hξ), by differentiation of F: h dτ_{hξ}."""
     group = system.group
 
     def increment(xi: Array) -> Array:

@@ -150,7 +150,10 @@ def require_parameter(places: Places, a0: Any) -> None:
 
 
 def link_of(places: Places, first: Configuration, second: Configuration, a0: Array, at: Instant = ALWAYS) -> Link:
-    """F = g⁻¹g⁺, n = g⁻¹q, s = g⁻¹q⁺, a = g⁻¹a₀ of two configurations (P38), (P39); traceable by JAX."""
+    """F = g⁻¹g⁺, n = g⁻¹q, s = g⁻¹q⁺, a = g⁻¹a₀ of two configurations (P38), (P39); traceable by JAX.
+
+    a0: (dim V*,), (0,) where there are no advected parameters.
+    """
     group, Q, V = places
     back = group.inverse(first.g)
     n, s, a = Q.act(group, back, first.q), Q.act(group, back, second.q), V.act(group, back, a0)
@@ -158,9 +161,9 @@ def link_of(places: Places, first: Configuration, second: Configuration, a0: Arr
 
 
 def action(L: UnreducedLagrangian, path: Configuration, a0: Array, h: float, at: Instant = ALWAYS) -> Array:
-    """A = Σ L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) of a sequence (B7); traceable by JAX.
+    """A = Σ L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) of a sequence, one number (B7); traceable by JAX.
 
-    `at`: the instants of the steps, with a leading axis, where L depends on them.
+    a0: (dim V*,). h: s. at: the instants of the steps, with a leading axis, where L depends on them.
     """
     first, second = (jax.tree.map(lambda leaf, cut=cut: leaf[cut], path) for cut in (slice(None, -1), slice(1, None)))
     require_instants(at, len(path.q) - 1)
