@@ -13,6 +13,7 @@ STOREYS = (
         "extensions",
         "units",
         "csv_tables",
+        "roots",
         "kernels",
         "groups",
         "spaces",

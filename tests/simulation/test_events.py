@@ -190,3 +190,36 @@ def test_times_outside_the_run_are_refused(top, times):
     run = co.simulate(system, start, dt=0.01, steps=10, progress=False)
     with pytest.raises(co.ArgumentError, match="`times`"):
         run.at(times)
+
+
+def test_locating_an_event_compiles_nothing_more_than_the_run(monkeypatch):
+    """Held inputs and an internal state stay as they are within a step by a flag of the one kernel."""
+    from coadjoint.kernels.run import native
+
+    def rule(motion, h, p):
+        return {"angle": motion.internal.angle + 0.2 * h * (motion.inputs - motion.internal.angle)}
+
+    def torque(motion, p):
+        return co.Force(torque=jnp.stack([0.0 * motion.xi[0], 0.0 * motion.xi[0], motion.internal.angle]))
+
+    def lagrangian(xi, p):
+        return 0.5 * xi @ p.inertia @ xi
+
+    top = co.System(
+        co.SO3(), lagrangian, parameters={"inertia": np.diag([1.0, 2.0, 3.0])}, forces=torque, internal=rule
+    )
+    start = top.state(xi=[0.3, 0.1, -0.5], internal={"angle": 0.5})
+    planned = []
+    monkeypatch.setattr(native, "plan", lambda *given, _plan=native.plan: planned.append(given) or _plan(*given))
+    run = co.simulate(
+        top,
+        start,
+        dt=0.1,
+        steps=300,
+        inputs=lambda motion: jnp.cos(motion.xi[0] + motion.t),
+        until=lambda state: 12.0 - state.t + state.xi[2],
+        events={"spin": lambda state: state.xi[2]},
+        progress=False,
+    )
+    assert run.event is not None and len(run.events["spin"].t) > 0
+    assert len(planned) == 1

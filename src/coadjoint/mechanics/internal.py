@@ -43,18 +43,18 @@ def _values(value: Any, name: str) -> Any:
     return float64(value, f"The start `{name}`")
 
 
-def advanced(system: System, state: State) -> State:
+def advanced(system: System, state: State, renewed: Any = None) -> State:
     """The state at a node with the internal state that is held over the step from there.
 
     The rule has been applied up to `internal_time`; from there to t it is applied once. So a record, which has been
-    advanced already, stays as it is.
+    advanced already, stays as it is, and so does any other where `renewed` is given and does not hold.
     """
     if system.internal is None:
         return state
     elapsed = state.t - state.internal_time
-    due = elapsed != 0
-    # A rule may divide by h: where it is not due, it is given another one, and what it says is not used.
-    after = applied(system, state, jnp.where(due, elapsed, 1.0))
+    due = elapsed != 0 if renewed is None else (elapsed != 0) & renewed
+    # A rule may divide by h: where that is zero, it is given another one, and what it says is not used.
+    after = applied(system, state, jnp.where(elapsed != 0, elapsed, 1.0))
     chosen = jax.tree.map(lambda new, old: jnp.where(due, new, old), after, state.internal)
     return state.replace(internal=chosen, internal_time=jnp.where(due, state.t, state.internal_time))
 

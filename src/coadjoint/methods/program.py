@@ -26,39 +26,42 @@ EVENTS = "values of events"
 class Constants:
     """What a program takes besides h and the state: the system's parameters and what the monitors observe with.
 
-    `inputs` is RENEWED where every step takes new inputs, HELD where it takes those that the state holds; None stands
-    for the first.
+    `renewal` is what every step takes new at the node where it starts: RENEWED, inputs and internal state;
+    INPUTS_HELD, the internal state alone, with the inputs that the state holds; ALL_HELD, neither. None stands for the
+    first, in a program that does without the others.
     """
 
     system: Any
     monitors: Any
-    inputs: Any = None
+    renewal: Any = None
 
 
-jax.tree_util.register_dataclass(Constants, ["system", "monitors", "inputs"], [])
+jax.tree_util.register_dataclass(Constants, ["system", "monitors", "renewal"], [])
 
-RENEWED, HELD = 2.0, 3.0
+RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
 """See `Constants`; neither 0 nor 1, for which machine code would be specialised."""
 
 Monitor = Callable[[System, Step, State, Any, Any], Any]
 
 
-def held(system: System, state: State, renewed: Any = None) -> State:
+def held(system: System, state: State, renewal: Any = None) -> State:
     """The state at a node with the inputs and the internal state that are held over the step from there.
 
-    renewed: HELD where the inputs are those of the state (`Constants`).
+    renewal: see `Constants`.
     """
-    driven = _with_inputs(system, state, renewed)
-    return with_jump(system, INTERNAL, driven, advanced(system, driven))
+    driven = _with_inputs(system, state, renewal)
+    return with_jump(
+        system, INTERNAL, driven, advanced(system, driven, None if renewal is None else renewal != ALL_HELD)
+    )
 
 
-def _with_inputs(system: System, state: State, renewed: Any) -> State:
+def _with_inputs(system: System, state: State, renewal: Any) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
     motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
     inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
-    if renewed is not None:
-        inputs = jax.tree.map(lambda new, old: jnp.where(renewed == HELD, old, new), inputs, state.inputs)
+    if renewal is not None:
+        inputs = jax.tree.map(lambda new, old: jnp.where(renewal == RENEWED, new, old), inputs, state.inputs)
     return with_jump(system, INPUTS, state, state.replace(inputs=inputs))
 
 
@@ -77,8 +80,6 @@ class StepProgram:
     """A function of a state whose change of sign stops a stepper at the node before."""
     direction: Literal["rising", "falling", "both"] = "both"
     """Which changes of its sign do so."""
-    holding: bool = False
-    """Whether steps take the inputs and the internal state that the state holds, instead of new ones."""
 
     @property
     def stages(self) -> tuple[StepStage, ...]:
@@ -93,9 +94,7 @@ class StepProgram:
 
         A ledger takes up by how much they change ℋ; the rule for the internal state reads the new inputs.
         """
-        if self.holding:
-            return state
-        return held(replace_parameters(self.skeleton, parameters.system), state, parameters.inputs)
+        return held(replace_parameters(self.skeleton, parameters.system), state, parameters.renewal)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         """The values of all monitors at a record, arrays of fixed shapes by name; h: one number."""

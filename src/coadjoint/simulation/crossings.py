@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coadjoint.roots import brent
+
 AT_START = 1e-9
 """A run that starts so near to a zero, as a part of its change over the first step, starts from that zero."""
 
@@ -142,7 +144,7 @@ def _root(f: Function, left: tuple[float, float], right: tuple[float, float], gu
         return b
     theta = a - fa * (b - a) / (fb - fa)
     if guess is not None and guess(a) * guess(b) < 0:
-        theta = brent(guess, (a, b))
+        theta = brent(guess, a, b)
         slope = (guess(min(theta + 1e-4, b)) - guess(max(theta - 1e-4, a))) / (
             min(theta + 1e-4, b) - max(theta - 1e-4, a)
         )
@@ -154,11 +156,6 @@ def _root(f: Function, left: tuple[float, float], right: tuple[float, float], gu
             if not abs(change) < 0.5 * last or not a < theta + change < b:
                 break
             theta, last = theta + change, abs(change)
-    return brent(f, (a, b), rtol=1e-14)
-
-
-def brent(f: Function, bracket: tuple[float, float], **options: float) -> float:
-    """The zero of f between two points of different sign, by Brent's method, to 1e-15."""
-    from scipy.optimize import root_scalar  # an eighth of what co.simulate takes to load
-
-    return float(root_scalar(f, bracket=bracket, method="brentq", xtol=1e-15, **options).root)
+    if np.sign(f(b)) == np.sign(fa):  # f jumps across zero at the node, where what is held over a step changes
+        return b
+    return brent(f, a, b, rtol=1e-14)

@@ -85,10 +85,11 @@ def with_own_directions(
     Without directions in equal number for all members, Kelvin–Noether quantities are left out, with a warning.
     """
     flags = jax.tree.map(lambda axis: axis == 0, members.axes, is_leaf=lambda x: x is None)
-    inputs = constants.inputs
+    renewal = constants.renewal
 
     def of_members(monitors: Any, own: bool) -> tuple[Constants, Constants]:
-        return Constants(members.parameters, monitors, inputs), Constants(flags, own, None if inputs is None else False)
+        axis = None if renewal is None else False
+        return Constants(members.parameters, monitors, renewal), Constants(flags, own, axis)
 
     c0 = constants.monitors.get("c0")
     if c0 is None:
@@ -110,7 +111,7 @@ def member_constants(constants: Constants, axes: Constants, index: int = 0) -> C
     flags = jax.tree.map(lambda flag, part: jax.tree.map(lambda _: flag, part), axes.system, constants.system)
     system = jax.tree.map(lambda leaf, flag: leaf[index] if flag else leaf, constants.system, flags)
     monitors = jax.tree.map(lambda leaf: leaf[index] if axes.monitors else leaf, constants.monitors)
-    return Constants(system, monitors, constants.inputs)
+    return Constants(system, monitors, constants.renewal)
 
 
 @dataclass(repr=False, eq=False)

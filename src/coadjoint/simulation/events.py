@@ -15,7 +15,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import EVENTS
+from coadjoint.methods.program import ALL_HELD, EVENTS
 from coadjoint.simulation.driver import Plan
 
 Direction = Literal["rising", "falling", "both"]
@@ -114,8 +114,9 @@ def as_held(plan: Plan) -> Plan:
 
 
 def holding(plan: Plan) -> Plan:
-    """The plan of steps that take inputs and internal state as they are."""
-    return replace(plan, program=replace(plan.program, holding=True))
+    """The plan of steps that take inputs and internal state as they are, by the same program."""
+    held = None if plan.constants.renewal is None else ALL_HELD
+    return replace(plan, constants=replace(plan.constants, renewal=held))
 
 
 class DenseStep:
@@ -134,6 +135,6 @@ class DenseStep:
         """The record after a part of the step, and the values of all events at it."""
         state = self.record
         if fraction:
-            state = sound(part_of_step(self.held, state, fraction)).final
+            state = sound(part_of_step(self.held, state, fraction, monitors=True)).final
         chunk = sound(part_of_step(self.opening if fraction else self.held, state, 1.0, monitors=True))
         return jax.tree.map(lambda leaf: leaf[0], chunk.records), chunk.monitors[EVENTS][0]

@@ -118,7 +118,7 @@ def _program(system, method, state, kelvin_noether, monitors, events=()) -> tupl
     functions += crossing
     digest = version(system, state, *functions)
     program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
-    holds = system.inputs is not None and system.inputs.holds
+    holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
     return program, Constants(system.parameters, watching, RENEWED if holds else None)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.kernels.run.probe import Probe
 from coadjoint.mechanics.state import State
-from coadjoint.methods.program import HELD, Constants
+from coadjoint.methods.program import INPUTS_HELD, Constants
 from coadjoint.simulation.accuracy.metric import Difference, differences, relative, sizes_of
 from coadjoint.simulation.driver import Plan
 
@@ -41,8 +41,8 @@ class Doubling:
     def __init__(self, plan: Plan, state: State, axes: Any = None, count: int = 1):
         self.plan, self.order = plan, plan.program.method.order
         constants = plan.constants
-        if constants.inputs is not None:
-            constants = Constants(constants.system, constants.monitors, HELD)
+        if constants.renewal is not None:
+            constants = Constants(constants.system, constants.monitors, INPUTS_HELD)
         self.probe = Probe(plan.backend, plan.program, constants, state, plan.watches, axes, count)
         layout = self.probe.layout
         self.places: Any = layout.unpack(np.arange(layout.size))

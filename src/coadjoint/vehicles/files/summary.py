@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
+from coadjoint.roots import brent
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
@@ -48,7 +48,7 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
     push = _surge(vehicle)
     if not push(0.0) > 0 or push(FASTEST) > 0:
         return None
-    return float(brentq(push, 0.0, FASTEST, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+    return brent(push, 0.0, FASTEST, xtol=1e-12)
 
 
 def without_terminal_speed(vehicle: Vehicle) -> str:

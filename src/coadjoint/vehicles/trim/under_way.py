@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import brentq
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SE3
@@ -16,6 +15,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
+from coadjoint.roots import brent
 from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.model.craft import Craft
 
@@ -171,7 +171,7 @@ def propulsion_at(level: Level, speed: float) -> np.ndarray:
     def missing(share: float) -> float:
         return level.surge(speed, rest + share * (highest - rest))
 
-    return rest + float(brentq(missing, 0.0, 1.0, xtol=1e-12)) * (highest - rest)  # pyright: ignore
+    return rest + brent(missing, 0.0, 1.0, xtol=1e-12) * (highest - rest)
 
 
 def size(part: Any) -> int:
