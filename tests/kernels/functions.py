@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 LANGUAGE = {
     "solve": lambda a, b: jnp.linalg.solve(a, b),
@@ -59,3 +60,28 @@ SMOOTH = {
     "own index": lambda x: x[jnp.argmax(x)] * jnp.arange(4.0)[jnp.argmin(x)],
 }
 """Functions of three numbers with derivatives."""
+
+
+LINE, SHEET = np.sin(np.arange(3000.0)), np.cos(np.arange(70.0 * 40)).reshape(70, 40)
+GRID = np.linspace(-2.5, 2.5, 3000)
+
+
+def whole(x):
+    """A whole number, negative or beyond the ends of short arrays for some x."""
+    return jnp.floor(20 * x).astype(int)
+
+
+TABLES = {
+    "entry": lambda x: jnp.asarray(LINE)[whole(x[0]) + 1000] * x,
+    "entry beyond the ends, clipped": lambda x: jnp.asarray(LINE[:30]).at[whole(x)].get(mode="clip"),
+    "entry beyond the ends, filled": lambda x: jnp.asarray(LINE[:30]).at[whole(x)].get(mode="fill", fill_value=7.0),
+    "entry from the end": lambda x: jnp.asarray(LINE)[whole(-jnp.abs(x)) - 1],
+    "row and column": lambda x: jnp.asarray(SHEET)[whole(x[0]) + 35, whole(x[1]) % 40] * x,
+    "row": lambda x: jnp.asarray(SHEET)[whole(x[0]) + 35] @ jnp.arange(40.0) * x,
+    "column": lambda x: jnp.asarray(SHEET)[:, whole(x[2]) % 40].sum() + x,
+    "window": lambda x: jax.lax.dynamic_slice(jnp.asarray(SHEET), (whole(x[0]), whole(x[1])), (2, 3)).sum(0),
+    "window of whole numbers": lambda x: jax.lax.dynamic_slice(jnp.arange(900), (whole(x[0]) + 300,), (3,)) * x,
+    "place in a row": lambda x: jnp.searchsorted(jnp.asarray(GRID), x) * x,
+    "long interpolation": lambda x: jnp.interp(x, jnp.asarray(GRID), jnp.asarray(LINE)),
+}
+"""Functions of three numbers that look something up in constants."""

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.expressions.expression import reachable
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.continuous import reference
 
 DURATION = 1.0
@@ -168,6 +170,67 @@ def test_a_jump_on_the_grid_belongs_to_the_step_that_starts_there_whatever_round
     grid = np.cumsum(np.full(40, 0.1)) - 0.1
     assert np.any(times != grid)
     np.testing.assert_array_equal(evaluate(jax.vmap(co.Held(times, np.arange(40.0))), grid), np.arange(40.0))
+
+
+LONG = np.random.default_rng(11).normal(size=(20_000, 3))
+ROWS = np.linspace(-3.0, 4.0, len(LONG))
+
+
+def midpoints(steps: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """The times at which `Midpoint` looks, and the rows of the long table that are in force there."""
+    at = (np.arange(steps) + 0.5) * dt
+    return at, LONG[np.searchsorted(ROWS, at, side="right") - 1]
+
+
+def test_a_long_table_drives_by_the_rows_in_force_on_every_path():
+    """Alone, beside others, stepped and by XLA it is what a table of these rows only does; also its derivatives."""
+    steps, dt = 20, 0.05
+    at, used = midpoints(steps, dt)
+    inputs = {"spin": 0.4, "torque": co.Held(ROWS, LONG)}
+    run = co.trajectory(BODY, START, dt=dt, steps=steps, inputs=inputs, backend="native")
+    few = {"spin": 0.4, "torque": co.Held(at - 0.3 * dt, used)}
+    assert np.array_equal(run.final.mu, co.trajectory(BODY, START, dt=dt, steps=steps, inputs=few).final.mu)
+    by_xla = co.trajectory(BODY, START, dt=dt, steps=steps, inputs=inputs, backend="xla")
+    np.testing.assert_allclose(by_xla.final.mu, run.final.mu, rtol=1e-12)
+    members = BODY.replace(inertia=co.each([[1.0, 1.5, 2.0], [1.1, 1.6, 2.1]]))
+    told = {"monitors": False, "accuracy": False, "backend": "native"}
+    beside = co.simulate(members, START, dt=dt, steps=steps, inputs=inputs, **told)
+    np.testing.assert_allclose(beside.final.mu[0], run.final.mu, rtol=1e-12)
+    stepper = co.Stepper(BODY, START, dt=dt, inputs={"spin": co.Held(ROWS, LONG[:, 0]), "torque": np.zeros(3)})
+    for row in used:
+        stepper.step({"torque": row})
+    both = {"spin": co.Held(ROWS, LONG[:, 0]), "torque": co.Held(at - 0.3 * dt, used)}
+    assert np.array_equal(stepper.state.mu, co.trajectory(BODY, START, dt=dt, steps=steps, inputs=both).final.mu)
+    with co.float64():
+
+        def speed(inertia, backend):
+            system = BODY.replace(inertia=inertia)
+            return co.trajectory(system, START, dt=dt, steps=steps, inputs=inputs, backend=backend).final.xi[2]
+
+        slopes = [jax.grad(speed)(np.array([1.0, 1.5, 2.0]), backend) for backend in ("native", "xla")]
+    np.testing.assert_allclose(slopes[0], slopes[1], rtol=1e-10)
+
+
+def test_a_long_table_of_lines_is_the_function_that_it_tabulates():
+    """Within the error of linear interpolation, h²/8 max|u″|, here 1.5e-9."""
+    times = np.linspace(-1.0, 2.0, 30_000)
+    table = {"spin": co.Linear(times, evaluate(jax.vmap(spin), times)), "torque": co.Signal(torque)}
+    options = {"dt": 0.05, "steps": 20, "backend": "native"}
+    run, smooth = (co.trajectory(BODY, START, inputs=inputs, **options) for inputs in (table, SMOOTH))
+    np.testing.assert_allclose(run.final.mu, smooth.final.mu, atol=5e-9)
+    assert np.any(run.final.mu != smooth.final.mu)
+
+
+@pytest.mark.parametrize("kind", [co.Held, co.Linear])
+def test_what_a_table_costs_grows_with_the_logarithm_of_its_rows(kind):
+    """100 000 rows are looked at 17 times, and come to fewer operations than 100 would by selection."""
+
+    def operations(count: int) -> int:
+        tracer = Tracer()
+        found = tracer.trace(kind(np.arange(count), np.arange(2.0 * count).reshape(-1, 2)), tracer.symbols("t", 0.0))
+        return len(reachable(flat(found)))
+
+    assert operations(100_000) < 250
 
 
 def test_tables_may_be_parameters_and_are_differentiated():

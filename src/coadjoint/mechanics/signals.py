@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -48,8 +50,8 @@ class Signal:
 class _Table(Signal):
     """Values at times, kept before the first time and after the last.
 
-    The row in force is found by halving, so that n rows cost about n selections and work wherever JAX or the tracer
-    computes. Times and values may be parameters, inside forces or a Lagrangian.
+    The row in force is found by bisection, so that a table may be long. Times and values may be parameters, inside
+    forces or a Lagrangian: n rows of these cost about n selections.
     """
 
     def __init__(self, times: Any, values: Any):
@@ -67,6 +69,23 @@ class _Table(Signal):
 
     times: Array
     values: Array
+
+    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+        """Borders (k − 1,) and columns (k, …), computed by JAX or NumPy: row i holds from borders[i − 1] to [i]."""
+        raise NotImplementedError
+
+    @cached_property
+    def _constants(self) -> tuple[Array, list[Array]]:
+        """The rows of constants, with borders at infinity that make them 2ᵏ − 1."""
+        borders, columns = self._rows(np)
+        size = (1 << len(borders).bit_length()) - 1
+        return np.concatenate([borders, np.full(size - len(borders), np.inf)]), columns
+
+    def _row(self, t: Any) -> list[Array]:
+        """The row of every column that is in force at t."""
+        if traced(self.times, self.values):
+            return _row_by_halving(t, *self._rows(jnp))
+        return _row_by_bisection(t, *self._constants)
 
     def _key(self) -> tuple[Any, ...]:
         return type(self), np.asarray(self.times).tobytes(), np.shape(self.values), np.asarray(self.values).tobytes()
@@ -93,10 +112,13 @@ class Held(_Table):
     Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
+    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+        gaps = number.diff(self.times)
+        early = EARLY * number.min(gaps) if len(gaps) else 0.0
+        return self.times[1:] - early, [self.values]
+
     def __call__(self, t: Any) -> Array:
-        gaps = jnp.diff(jnp.asarray(self.times))
-        early = EARLY * jnp.min(gaps) if len(gaps) else 0.0
-        return _row(t, self.times[1:] - early, [self.values])[0]
+        return self._row(t)[0]
 
 
 class Linear(_Table):
@@ -110,18 +132,44 @@ class Linear(_Table):
     Raises ArgumentError for times that do not increase, and for shapes that do not match.
     """
 
+    def _rows(self, number: Any) -> tuple[Array, list[Array]]:
+        times, values = number.asarray(self.times), number.asarray(self.values)
+        lengths = number.diff(times).reshape(-1, *(1 for _ in values.shape[1:]))
+        flat = number.zeros((1, *values.shape[1:]))
+        slopes = number.concatenate([flat, number.diff(values, axis=0) / lengths, flat])
+        begins, starts = number.concatenate([times[:1], times]), number.concatenate([values[:1], values])
+        return times, [begins, starts, slopes]
+
     def __call__(self, t: Any) -> Array:
-        times, values = jnp.asarray(self.times), jnp.asarray(self.values)
-        lengths = jnp.diff(times).reshape(-1, *(1 for _ in values.shape[1:]))
-        flat = jnp.zeros((1, *values.shape[1:]))
-        slopes = jnp.concatenate([flat, jnp.diff(values, axis=0) / lengths, flat])
-        begins, starts = jnp.concatenate([times[:1], times]), jnp.concatenate([values[:1], values])
-        begin, start, slope = _row(t, times, [begins, starts, slopes])
+        begin, start, slope = self._row(t)
         return start + (t - begin) * slope
 
 
-def _row(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
-    """Row i of every column, borders[i − 1] ≤ t < borders[i], by halving a number of rows that is a power of two."""
+@jax.jit
+def _row_by_bisection(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
+    """Row i of every column, borders[i − 1] ≤ t < borders[i], among 2ᵏ − 1 borders by k looks at them.
+
+    Compiled, so that JAX traces it once for a shape.
+    """
+    look = (len(borders) + 1) // 2
+    i = jnp.zeros(jnp.shape(t), int)
+    while look:
+        i = jnp.where(t >= _at(borders, i + (look - 1)), i + look, i)
+        look //= 2
+    return [_at(column, i) for column in columns]
+
+
+def _at(column: Array, i: Array) -> Array:
+    """column[i], the last row where i is beyond it."""
+    return column.at[i].get(mode="clip", wrap_negative_indices=False)
+
+
+def _row_by_halving(t: Any, borders: Array, columns: list[Array]) -> list[Array]:
+    """Row i of every column, borders[i − 1] ≤ t < borders[i], by halving a number of rows that is a power of two.
+
+    For numbers that are parameters, which lie nowhere in memory where an index could point: n rows cost about n
+    selections.
+    """
     count = len(columns[0])
     size = 1 << max(count - 1, 0).bit_length()
     borders = jnp.concatenate([jnp.asarray(borders), jnp.full(size - count + 1, jnp.inf)])

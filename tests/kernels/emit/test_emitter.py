@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from equations import Equations, Still
-from functions import SMOOTH
+from functions import SMOOTH, TABLES
 
 from coadjoint.kernels.run import native
 from coadjoint.kernels.run.ensemble import lanes, run_ensemble
@@ -25,7 +25,7 @@ OTHERS = {
     "extrema": lambda x: jnp.max(x) * jnp.min(x) + jnp.argmax(x) + jnp.any(x > 1) + jnp.all(x < 9),
     "remainders": lambda x: jnp.mod(x, 0.3) + jnp.fmod(-x, 0.7) + jnp.arctan2(x, -x[::-1]),
 }
-FUNCTIONS = {**{name: f for name, f in SMOOTH.items() if name != "own index"}, **OTHERS}
+FUNCTIONS = {**{name: f for name, f in SMOOTH.items() if name != "own index"}, **OTHERS, **TABLES}
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from functions import LANGUAGE, SMOOTH
+from functions import LANGUAGE, SMOOTH, TABLES
 
 from coadjoint.kernels.expressions.differentiation import backward, forward
 from coadjoint.kernels.expressions.expression import Graph, reachable
@@ -41,6 +41,8 @@ def values(roots, given):
             known[node] = np.divide(*args)
         elif node.op == "select":
             known[node] = args[1] if args[0] else args[2]
+        elif node.op == "entry":
+            known[node] = node.value.numbers[int(args[0])]
         else:
             known[node] = (UNARY if len(args) == 1 else BINARY)[node.op](*args)
     return np.array([known[root] for root in roots], dtype=float)
@@ -72,9 +74,20 @@ def test_what_has_no_expression_is_named(name):
         traced(LANGUAGE[name], A, B)
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", TABLES)
+def test_constants_are_looked_up_where_jax_looks_by_few_operations(name):
+    function = TABLES[name]
+    for x in (B, -B, 2 * B):
+        _, roots, _, given = traced(function, x)
+        np.testing.assert_allclose(values(roots, given), flat_numbers(evaluate(function, x)), rtol=1e-14)
+        with jax.enable_x64(True):
+            np.testing.assert_allclose(values(roots, given), jax.jit(function)(x), rtol=1e-13, atol=1e-13)
+        assert len(reachable(roots)) < 1000
+
+
+@pytest.mark.parametrize("name", {**SMOOTH, **TABLES})
 def test_forward_and_backward_derivatives_agree_with_jax(name):
-    function = SMOOTH[name]
+    function = {**SMOOTH, **TABLES}[name]
     graph, roots, symbols, given = traced(function, B)
     with jax.enable_x64(True):
         theirs = np.asarray(jax.jacfwd(function)(B)).reshape(len(roots), 3)

@@ -13,6 +13,7 @@ import numpy as np
 from llvmlite import ir
 
 from coadjoint.kernels.expressions.expression import Expr, reachable
+from coadjoint.kernels.expressions.tables import Table
 from coadjoint.kernels.untraceable import Untraceable
 
 DOUBLE = ir.DoubleType()
@@ -130,6 +131,8 @@ class Emitter:
         if op == "placeholder":
             raise Untraceable(str(node.value), "its result is used other than in a linear solve")
         args = [self._known(a) for a in node.args]
+        if isinstance(node.value, Table):
+            return self._entry(node.value, args[0])
         if op in _ARITHMETIC:
             flags = FUSED if self._exact is None or node in self._exact else FREE
             return getattr(builder, _ARITHMETIC[op])(*args, flags=flags)
@@ -153,6 +156,34 @@ class Emitter:
         if op in _LIBM:
             return self._libm(_LIBM[op], *args)
         raise Untraceable(op)
+
+    def _entry(self, table: Table, place: Any) -> Any:
+        """The number at a place in a constant array of the module, in each lane its own."""
+        b, array = self.builder, self._array(table)
+
+        def load(index: Any) -> Any:
+            return b.load(b.gep(array, [index]), align=8)
+
+        places = b.fptosi(place, self.counter)
+        if self.width == 1:
+            return load(places)
+        found = ir.Constant(self.number, ir.Undefined)
+        for lane in range(self.width):
+            number = ir.Constant(ir.IntType(32), lane)
+            found = b.insert_element(found, load(b.extract_element(places, number)), number)
+        return found
+
+    def _array(self, table: Table) -> Any:
+        """A pointer to the numbers of a table, which are in the module once, written as bytes."""
+        name = f"table.{table.digest}"
+        array: Any = self.module.globals.get(name)
+        if array is None:
+            bytes_ = table.numbers.tobytes()
+            kind = ir.ArrayType(ir.IntType(8), len(bytes_))
+            array = ir.GlobalVariable(self.module, kind, name)
+            array.global_constant, array.linkage, array.align = True, "internal", 8
+            array.initializer = ir.FormattedConstant(kind, 'c"\\' + bytes_.hex("\\") + '"')
+        return array.bitcast(DOUBLE.as_pointer())
 
     def _sign(self, x: Any) -> Any:
         builder, zero = self.builder, self.constant(0.0)

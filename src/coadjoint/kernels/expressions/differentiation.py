@@ -71,7 +71,7 @@ def _unary(rule: Callable[[Graph, Expr, Expr], Expr]) -> Partial:
     return lambda g, n: (rule(g, n.args[0], n),)
 
 
-_FLAT = ("sign", "floor", "ceil", "round_even", "round_away", "truncate")
+_FLAT = ("sign", "floor", "ceil", "round_even", "round_away", "truncate", "entry")
 
 PARTIALS: dict[str, Partial] = {
     "neg": lambda g, n: (g.constant(-1.0),),

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from coadjoint.kernels.expressions.operations import BINARY, UNARY
+from coadjoint.kernels.expressions.tables import Table
 from coadjoint.kernels.untraceable import TooLarge
 
 MAX_NODES = 120_000
@@ -24,12 +25,18 @@ TRUTH = frozenset(("lt", "le", "eq", "ne", "and", "or", "xor", "not", "is_finite
 """Operations whose results are true or false."""
 
 
+Value = float | bool | str | Table | None
+
+
 class Expr:
-    """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth."""
+    """An operation on nodes, a constant (`value`) or a symbol (`value` is its name); `number` grows with depth.
+
+    "entry" is the number at a whole place, its argument, of the table that is its `value`.
+    """
 
     __slots__ = ("args", "number", "op", "value")
 
-    def __init__(self, op: str, args: tuple[Expr, ...], value: float | bool | str | None, number: int) -> None:
+    def __init__(self, op: str, args: tuple[Expr, ...], value: Value, number: int) -> None:
         self.op = op
         self.args = args
         self.value = value
@@ -64,7 +71,7 @@ class Graph:
         self.true = self.constant(True)
         self.false = self.constant(False)
 
-    def _node(self, op: str, args: tuple[Expr, ...] = (), value: float | bool | str | None = None) -> Expr:
+    def _node(self, op: str, args: tuple[Expr, ...] = (), value: Value = None) -> Expr:
         key = (op, value, type(value), *args)
         node = self._table.get(key)
         if node is None:
@@ -92,6 +99,22 @@ class Graph:
     def placeholder(self, primitive: str) -> Expr:
         """Stands for a result of `primitive` that has no expression; using its value is an error."""
         return self._node("placeholder", (), primitive)
+
+    def inside(self, index: Expr, last: int) -> Expr:
+        """A whole index moved to 0 … last; 0 for NaN, so that whatever it is made of it points into its array."""
+        above = self.select(self.apply("lt", self.zero, index), index, self.zero)
+        end = self.constant(float(last))
+        return self.select(self.apply("lt", above, end), above, end)
+
+    def entry(self, table: Table, place: Expr) -> Expr:
+        """The number of a table at a whole place that is inside of it."""
+        if place.op == "const":
+            return self.constant(table.numbers[int(place.value)])  # pyright: ignore[reportArgumentType]
+        return self._node("entry", (place,), table)
+
+    def again(self, node: Expr, args: Iterable[Expr]) -> Expr:
+        """The operation of a node on other arguments."""
+        return self.entry(node.value, *args) if isinstance(node.value, Table) else self.apply(node.op, *args)
 
     def apply(self, op: str, *args: Expr) -> Expr:
         """The operation `op` of operations.UNARY and operations.BINARY, "div" or "select", simplified."""
@@ -309,5 +332,5 @@ def substitute(graph: Graph, roots: Iterable[Expr], mapping: Mapping[Expr, Expr]
             continue
         args = [new[a] for a in node.args]
         same = all(x is y for x, y in zip(args, node.args, strict=True))
-        new[node] = node if same else graph.apply(node.op, *args)
+        new[node] = node if same else graph.again(node, args)
     return [new[root] for root in roots]

@@ -1,4 +1,4 @@
-"""Indices that depend on values: a selection among all places where they may point."""
+"""Indices that depend on values: a load from constants, or a selection among all places where they may point."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
+from coadjoint.kernels.expressions.tables import Table
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
 from coadjoint.kernels.trace.movement import MOVEMENT, arranged, scatters
 from coadjoint.kernels.untraceable import Untraceable
+
+Window = Callable[[Sequence[Expr], Sequence[int]], Array]
+"""From starts and sizes along every axis to the elements of a window."""
 
 MAX_SELECTIONS = 20_000
 """More would cost more than the step that reads them; the program goes to XLA instead."""
@@ -22,15 +26,24 @@ MAX_SELECTIONS = 20_000
 def indexing_rules(graph: Graph, lift: Callable[[Array], Array]) -> dict[str, Rule]:
     """Slices, gathers and their transpose whose starts are expressions; with numbers they are data movement."""
 
+    tables = _Tables()
+
+    def windows(x: Array) -> Window:
+        """Windows of an array: of truth values, which are not loaded, as of expressions."""
+        if x.dtype.kind in "fiu":
+            return partial(_loaded, graph, tables.of(x), x.shape)
+        return partial(window, graph, lift(x))
+
     def dynamic_slice(p: Any, x: Array, *starts: Array) -> Array:
         if not any(map(symbolic, starts)):
             return MOVEMENT["dynamic_slice"](p, lift(x), *starts)
-        return window(graph, lift(x), [_entry(graph, start) for start in starts], p["slice_sizes"])
+        return windows(x)([_entry(graph, start) for start in starts], p["slice_sizes"])
 
     def gather(p: Any, operand: Array, indices: Array) -> Array:
         if not symbolic(indices):
             return MOVEMENT["gather"](p, lift(operand), indices)
-        return _gather(graph, p, lift(operand), indices)
+        _require_few("gather", operand.size if symbolic(operand) else math.prod(p["slice_sizes"]), indices.shape[:-1])
+        return _gather(graph, p, operand.shape, windows(operand), indices)
 
     added = scatters(graph.add, graph.sub, graph.mul, *(partial(graph.apply, name) for name in ("min", "max")))[
         "scatter-add"
@@ -65,22 +78,49 @@ def window(graph: Graph, x: Array, starts: Sequence[Expr], sizes: Sequence[int])
     return x
 
 
-def _gather(graph: Graph, p: Any, operand: Array, indices: Array) -> Array:
+class _Tables:
+    """The tables of constants, each made once: a function may look at the same constants many times."""
+
+    def __init__(self) -> None:
+        self.known: dict[tuple, tuple[Array, Table]] = {}
+
+    def of(self, x: Array) -> Table:
+        """The table of an array; the array is kept, so that no other comes to lie at its place."""
+        place = x.ctypes.data, x.shape, x.strides, x.dtype.str
+        if place not in self.known:
+            self.known[place] = x, Table(x)
+        return self.known[place][1]
+
+
+def _loaded(graph: Graph, table: Table, shape: tuple[int, ...], starts: Sequence[Expr], sizes: Sequence[int]) -> Array:
+    """`window` of constants, by the places of its elements among all of them in their order."""
+    strides = [math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
+    first = graph.zero
+    for start, stride, length, size in zip(starts, strides, shape, sizes, strict=True):
+        moved = graph.inside(start, length - size)
+        first = graph.add(first, graph.mul(moved, graph.constant(float(stride))))
+    found = np.empty(tuple(sizes), object)
+    for offset in np.ndindex(*sizes):
+        ahead = sum(k * stride for k, stride in zip(offset, strides, strict=True))
+        found[offset] = graph.entry(table, graph.add(first, graph.constant(float(ahead))))
+    return found
+
+
+def _gather(graph: Graph, p: Any, shape: tuple[int, ...], window: Window, indices: Array) -> Array:
     d, sizes, lead = p.fields("dimension_numbers"), p["slice_sizes"], indices.shape[:-1]
-    _require_few("gather", operand, lead)
     into, batching = d.start_index_map, (d.operand_batching_dims, d.start_indices_batching_dims)
     windows = np.empty((*lead, *sizes), object)
     for position in np.ndindex(*lead):
-        starts = _starts(graph, indices, position, operand.ndim, into, batching)
-        found = window(graph, operand, starts, sizes)
+        starts = _starts(graph, indices, position, len(shape), into, batching)
+        found = window(starts, sizes)
         if p["mode"] == lax.GatherScatterMode.FILL_OR_DROP:
-            found = _filled(graph, p, found, starts, [n - s for n, s in zip(operand.shape, sizes, strict=True)])
+            found = _filled(graph, p, found, starts, [n - s for n, s in zip(shape, sizes, strict=True)])
         windows[position] = found
     return arranged(d, windows, len(lead))
 
 
-def _require_few(primitive: str, operand: Array, lead: tuple[int, ...]) -> None:
-    if operand.size * math.prod(lead) > MAX_SELECTIONS:
+def _require_few(primitive: str, size: int, lead: tuple[int, ...]) -> None:
+    if size * math.prod(lead) > MAX_SELECTIONS:
         raise Untraceable(primitive, "its indices depend on values and may point to too many places")
 
 
@@ -101,7 +141,7 @@ def _scatter_add(graph: Graph, p: Any, operand: Array, indices: Array, updates: 
     if any(node.op == "placeholder" for node in reachable([n for n in indices.reshape(-1) if isinstance(n, Expr)])):
         raise Untraceable("lu", "its factors are used outside a linear solve, for more than 3 unknowns")
     d, lead = p.fields("dimension_numbers"), indices.shape[:-1]
-    _require_few("scatter-add", operand, lead)
+    _require_few("scatter-add", operand.size, lead)
     window = list(d.update_window_dims)
     gone = {*d.inserted_window_dims, *d.operand_batching_dims}
     kept = iter(updates.shape[axis] for axis in window)
