@@ -36,10 +36,12 @@ CHAPTERS = ("groups", "spaces", "difference_maps", "mechanics", "methods", "theo
 RUNS = ("run", "finished", "ensemble", "simulate", "trajectory", "resume", "recording", "events", "steppers.stepper")
 """Of `simulation`, what `co.simulate` returns and what `coadjoint` itself names."""
 ARRAY = re.compile(r"\b(Array|ArrayLike|ndarray)\b")
-SIZE = r"(?:…|\.\.\.|\d+N?²?|N²?|n|k|m|d|j|dim|ambient|members|nodes|rows|steps|lines|unknowns|size|count|y|z"
+SIZE = (
+    r"(?:…|\.\.\.|\d+N?²?|N²?|n|k|m|d|j|dim|ambient|members|nodes|rows|steps|lines|unknowns|symmetries|size|count|y|z"
+)
 SIZE += r"|number of \w+|[a-z]+ of \w+)"
 SIZE += r"(?: [GQV]\b\*?)?(?: [+−·] [\w ]+)?"
-SHAPE = re.compile(rf"\({SIZE},(?: {SIZE}(?:, {SIZE})*)?\)|\bshapes?\b|\b(?:one|a) number\b|\bnumbers\b")
+SHAPE = re.compile(rf"\({SIZE},(?: {SIZE}(?:, {SIZE})*)?\)|\bshapes?\b|\b(?:[Oo]ne|a) number\b|\bnumbers\b")
 
 
 def bases(tree: ast.ClassDef, known: dict[str, ast.ClassDef]) -> Iterator[ast.ClassDef]:

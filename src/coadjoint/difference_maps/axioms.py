@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +38,7 @@ def require_own_map(difference_map: DifferenceMap, group: LieGroup) -> None:
 
 
 @lru_cache(maxsize=256)
-def require_map(difference_map: DifferenceMap, group: LieGroup, *stamps: Any) -> None:
+def require_map(difference_map: DifferenceMap, group: LieGroup, *stamps: object) -> None:
     """Raise GroupError unless τ is a difference map on the group and its own forms equal the derived ones.
 
     At random ξ inside the chart, relative 1e-9; `stamps` tell apart what compares equal.

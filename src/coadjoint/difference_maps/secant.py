@@ -7,7 +7,6 @@ taken between g and gH² needs it, because a chord of the orbit is no tangent ve
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -76,7 +75,7 @@ def require_secant(difference_map: DifferenceMap, group: LieGroup, space: Space)
     random = np.random.default_rng(1734)
     hxi = random.normal(scale=0.3, size=group.dim) / basis_sizes(group)
 
-    def misfit(hxi: Array, x: Array, v: Array) -> Any:
+    def misfit(hxi: Array, x: Array, v: Array) -> tuple[Array, Array]:
         forward, back = (difference_map.tau(group, s * hxi) for s in (0.5, -0.5))
         chord = space.push(group, forward, x, v) - space.push(group, back, x, v)
         tangent = space.lifted(group, hxi, x, secant(difference_map, group, space, hxi, x, v))

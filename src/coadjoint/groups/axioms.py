@@ -21,7 +21,7 @@ _DISTURBED = 1e-4
 
 
 @lru_cache(maxsize=256)
-def require_group(group: LieGroup, stamp: Any = None) -> None:
+def require_group(group: LieGroup, stamp: object = None) -> None:
     """Raise GroupError unless the group satisfies the axioms and its own forms equal the derived ones.
 
     At random ξ, η with |ξ̂| from 0.3 to 1.8, relative 1e-9. `stamp` tells apart what compares equal.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
 
 
-def real_form(matrix: Any) -> Any:
+def real_form(matrix: Array) -> Array:
     """[[A, −B], [B, A]] of complex matrices A + iB; it acts on (Re z, Im z).
 
     matrix: a NumPy or JAX array (…, N, N). Returns the same kind, (…, 2N, 2N).
@@ -20,7 +18,7 @@ def real_form(matrix: Any) -> Any:
     return numbers.concatenate([numbers.concatenate([A, -B], axis=-1), numbers.concatenate([B, A], axis=-1)], axis=-2)
 
 
-def complex_form(matrix: Any) -> Any:
+def complex_form(matrix: Array) -> Array:
     """A + iB of [[A, −B], [B, A]], the inverse of `co.real_form`.
 
     matrix: a NumPy or JAX array (…, 2N, 2N). Returns the same kind, (…, N, N).

@@ -6,7 +6,7 @@ and everything that the certificate measures are wrong in the same way. So each 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -38,12 +38,12 @@ def members(base: type) -> list[str]:
     return [name for name in vars(base) if not name.startswith("__")]
 
 
-def overrides(thing: Any, base: type, name: str) -> bool:
+def overrides(thing: object, base: type, name: str) -> bool:
     """Whether this is not the member of the base."""
     return _definition(thing, name) is not vars(base)[name]
 
 
-def own(thing: Any, base: type) -> tuple[Any, ...]:
+def own(thing: object, base: type) -> tuple[Any, ...]:
     """The definitions that do not stand in this library: of them, and of them alone, nothing is known."""
     if type(thing).__module__.split(".")[0] == _HERE:
         return ()
@@ -54,7 +54,7 @@ def own(thing: Any, base: type) -> tuple[Any, ...]:
 class _Itself:
     """An object that is equal to itself alone, kept so that no other comes to stand where it is in memory."""
 
-    def __init__(self, thing: Any):
+    def __init__(self, thing: object):
         self.thing = thing
 
     def __eq__(self, other: object) -> bool:
@@ -64,7 +64,7 @@ class _Itself:
         return id(self.thing)
 
 
-def _key(definition: Any) -> Any:
+def _key(definition: object) -> Hashable:
     """What tells a definition from others: an array's numbers, the entries of a list, else the definition itself."""
     if isinstance(definition, (np.ndarray, jax.Array)) and not definition.dtype.hasobject:
         return definition.dtype.str, definition.shape, np.asarray(definition).tobytes()
@@ -77,7 +77,7 @@ def _key(definition: Any) -> Any:
     return definition
 
 
-def parts(thing: Any, kind: type) -> Iterator[Any]:
+def parts(thing: object, kind: type) -> Iterator[Any]:
     """What an object holds of this kind, such as the factors of a product, and what these hold: inner ones first."""
     for value in vars(thing).values() if hasattr(thing, "__dict__") else ():
         for inner in value if isinstance(value, (tuple, list)) else (value,):
@@ -86,14 +86,14 @@ def parts(thing: Any, kind: type) -> Iterator[Any]:
                 yield inner
 
 
-def stamp(thing: Any, *bases: type) -> tuple[Any, ...]:
+def stamp(thing: object, *bases: type) -> tuple[Any, ...]:
     """What a verdict on an object depends on beside the object: its classes and the definitions of its own."""
     base = next(base for base in bases if isinstance(thing, base))
     inner = [part for kind in bases for part in parts(thing, kind)]
     return type(thing), tuple(map(_key, own(thing, base))), tuple(stamp(part, *bases) for part in inner)
 
 
-def require_hashable(thing: Any) -> None:
+def require_hashable(thing: object) -> None:
     """Raise GroupError for an object that cannot be the key of what is computed once for it."""
     try:
         hash(thing)
@@ -104,7 +104,7 @@ def require_hashable(thing: Any) -> None:
         ) from error
 
 
-def require_given(thing: Any, base: type, names: Sequence[str]) -> None:
+def require_given(thing: object, base: type, names: Sequence[str]) -> None:
     """Raise GroupError unless a class overrides these members, which the base does not have."""
     missing = [name for name in names if not overrides(thing, base, name)]
     if missing:
@@ -123,7 +123,7 @@ def in_words(what: str) -> Iterator[None]:
 
 
 def require_agreement(
-    thing: Any, where: str, identities: Callable[..., list[Identity]], points: Sequence[tuple[Any, ...]]
+    thing: object, where: str, identities: Callable[..., list[Identity]], points: Sequence[tuple[Any, ...]]
 ) -> None:
     """Raise GroupError unless all identities hold at these points: |found − expected| ≤ 1e-9 |expected|."""
     told: list[Identity] = []
@@ -139,7 +139,7 @@ def require_agreement(
         _require_close(thing, where, identity, pairs)
 
 
-def _require_close(thing: Any, where: str, identity: Identity, pairs: Sequence[tuple[Any, Any]]) -> None:
+def _require_close(thing: object, where: str, identity: Identity, pairs: Sequence[tuple[Any, Any]]) -> None:
     error = size = 0.0
     for pair in pairs:
         for found, expected in zip(*map(jax.tree.leaves, pair), strict=True):
@@ -153,7 +153,7 @@ def _require_close(thing: Any, where: str, identity: Identity, pairs: Sequence[t
         )
 
 
-def _pair(thing: Any, where: str, identity: Identity) -> tuple[Any, Any]:
+def _pair(thing: object, where: str, identity: Identity) -> tuple[Any, Any]:
     """Both sides; raises GroupError where the member raises, or returns another structure or another kind."""
     expected = identity.expected()
     what = f"`{identity.member}` of {_name(thing)}{where}"
@@ -172,18 +172,18 @@ def _shown(shapes: list[tuple[int, ...]]) -> str:
     return ", ".join(map(str, shapes)) or "nothing"
 
 
-def _name(thing: Any) -> str:
+def _name(thing: object) -> str:
     words = shown(thing)
     return words if type(thing).__name__ in words and not words.endswith("…") else type(thing).__name__
 
 
-def _definition(thing: Any, name: str) -> Any:
+def _definition(thing: object, name: str) -> object:
     """What stands under a name on the object itself, or first among its classes."""
     homes = [getattr(thing, "__dict__", {}), *map(vars, type(thing).__mro__)]
     return next(home[name] for home in homes if name in home)
 
 
-def _ships(definition: Any, kind: type) -> bool:
+def _ships(definition: object, kind: type) -> bool:
     """Whether a definition stands in this library; a plain value does where its class does."""
     function = getattr(definition, "fget", None) or getattr(definition, "__func__", definition)
     function = getattr(function, "func", function)

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups import LieGroup
@@ -24,7 +25,7 @@ _FINEST = 2**13
 """The most pieces into which an interval of a path is cut."""
 
 
-def reduced(connection: DiscreteConnection, g: Any, x: Any) -> Element:
+def reduced(connection: DiscreteConnection, g: Element, x: ArrayLike) -> Element:
     """σ_k = F_k⁻¹ Ω(x_k, x_{k+1}) with F_k = g_k⁻¹g_{k+1} of a motion on M × G (B32–B34); σ = e on horizontal steps.
 
     g: elements with a leading axis (N+1); x: shapes (N+1, m). Returns elements with a leading axis (N).
@@ -40,8 +41,11 @@ def reduced(connection: DiscreteConnection, g: Any, x: Any) -> Element:
     return finite(found, "The discrete connection")
 
 
-def reconstructed(connection: DiscreteConnection, g0: Any, x: Any, sigma: Any) -> Element:
-    """g_{k+1} = g_k Ω(x_k, x_{k+1}) σ_k⁻¹: the inverse of `reduced` from g₀ on, with a leading axis (N+1)."""
+def reconstructed(connection: DiscreteConnection, g0: Element, x: ArrayLike, sigma: Element) -> Element:
+    """g_{k+1} = g_k Ω(x_k, x_{k+1}) σ_k⁻¹: the inverse of `reduced` from g₀ on.
+
+    x: shapes (N+1, m). sigma: elements with a leading axis (N). Returns elements with a leading axis (N+1).
+    """
     x = shapes_of(connection, x)
     sigma = _elements_of(connection.group, sigma, len(x) - 1)
     compose, inverse = connection.group.compose, connection.group.inverse
@@ -53,7 +57,9 @@ def reconstructed(connection: DiscreteConnection, g0: Any, x: Any, sigma: Any) -
     return finite(_product(connection.group, checked_element(connection.group, g0), increments), "The motion")
 
 
-def horizontal_lift(connection: Connection | DiscreteConnection, shapes: Any, g0: Any = None, *, times: Any = None):
+def horizontal_lift(
+    connection: Connection | DiscreteConnection, shapes: Any, g0: Element = None, *, times: ArrayLike | None = None
+) -> Element:
     """The motion in G along a path of shapes with 𝒜 = e at each step, or 𝒜 = 0: momentum zero for a mechanical 𝒜.
 
     connection: a co.DiscreteConnection, for which g_{k+1} = g_k Ω(x_k, x_{k+1}), or a co.Connection, g⁻¹ġ = −A(x)ẋ.
@@ -119,7 +125,7 @@ def shapes_of(connection: DiscreteConnection, shapes: Any) -> np.ndarray:
     return found
 
 
-def _elements_of(group: LieGroup, g: Any, count: int) -> Element:
+def _elements_of(group: LieGroup, g: Element, count: int) -> Element:
     """Elements with a leading axis of this length; raises ArgumentError."""
     one = evaluate(group.identity)
     expected = [(count, *np.shape(leaf)) for leaf in jax.tree.leaves(one)]
@@ -147,7 +153,7 @@ def _product(group: LieGroup, g0: Element, increments: Element) -> Element:
     return evaluate(products, g0, increments)
 
 
-def _times(times: Any) -> np.ndarray:
+def _times(times: ArrayLike | None) -> np.ndarray:
     if times is None:
         raise ArgumentError("The lift of a continuous connection needs `times`, an array (N+1,).")
     found = float64(times, "Argument `times`")

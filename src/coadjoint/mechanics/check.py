@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import UNNAMED
@@ -164,7 +165,7 @@ def _parameter_gradients(system: System, start: State) -> list[dict[str, np.ndar
     return [{jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf) for path, leaf in leaves} for leaves in found]
 
 
-def _asymmetric(matrix: Any) -> bool:
+def _asymmetric(matrix: Array) -> bool:
     shape = np.shape(matrix)
     if len(shape) != 2 or shape[0] != shape[1]:
         return False

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import LieGroup
@@ -46,7 +47,7 @@ class Connection:
                 f"({self.group.dim}, {self.size}), but has shape {shown}."
             )
 
-    def __call__(self, x: Any) -> np.ndarray:
+    def __call__(self, x: ArrayLike) -> np.ndarray:
         """A(x), shape (dim G, m)."""
         return finite(evaluate(self.form, checked_vector(x, self.size, "x")), "The connection")
 
@@ -54,8 +55,8 @@ class Connection:
         """g⁻¹ġ = −A(x)ẋ, (dim G,), of the horizontal motion at x (m,) with shape velocity v (m,)."""
         return -self.form(x) @ v
 
-    def curvature(self, x: Any) -> np.ndarray:
-        """B(u, v) = DA(u)v − DA(v)u − [A u, A v] as an array (dim G, m, m).
+    def curvature(self, x: ArrayLike) -> np.ndarray:
+        """B(u, v) = DA(u)v − DA(v)u − [A u, A v] at x (m,) as an array (dim G, m, m).
 
         The holonomy of a small loop with sides εu, then εv is exp(−ε²B(u, v)) up to ε³. Of shapes (k, m), one for each.
         """
@@ -66,13 +67,13 @@ class Connection:
             brackets = jax.vmap(lambda u: jax.vmap(lambda v: self.group.ad(u, v))(columns))(columns)
             return slope - jnp.swapaxes(slope, 1, 2) - jnp.moveaxis(brackets, 2, 0)
 
-        x = float64(x, "Argument `x`")
-        if x.ndim not in (1, 2) or x.shape[-1] != self.size:
-            raise ArgumentError(f"Argument `x` must have shape ({self.size},) or (k, {self.size}), but has {x.shape}.")
-        return finite(evaluate(bent if x.ndim == 1 else jax.vmap(bent), x), "The curvature")
+        at = float64(x, "Argument `x`")
+        if at.ndim not in (1, 2) or at.shape[-1] != self.size:
+            raise ArgumentError(f"Argument `x` must have shape ({self.size},) or (k, {self.size}), but has {at.shape}.")
+        return finite(evaluate(bent if at.ndim == 1 else jax.vmap(bent), at), "The curvature")
 
 
-def require_bundle(group: Any, size: Any) -> None:
+def require_bundle(group: object, size: object) -> None:
     """Raise GroupError or ArgumentError unless G is a group and M = ℝᵐ with m ≥ 1."""
     if not isinstance(group, LieGroup):
         raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {group!r}.")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
@@ -80,14 +82,14 @@ def rates(system: System, state: State) -> tuple[Phase, Phase]:
     return Phase(at.mu, n, at.pi, a), moving
 
 
-def reference(system: System, start: State, times: Any, tolerance: float = 1e-13) -> State:
+def reference(system: System, start: State, times: ArrayLike, tolerance: float = 1e-13) -> State:
     """The continuous motion from `start` at the given times, by DOP853: a record with one row a time.
 
-    g, n, a, ξ, ν are integrated with relative tolerance `tolerance`; μ, π follow by the Legendre transform.
-    The start of a record takes (ξ, ν) from its momenta, because a record's own are those of a step, off by O(h). So
-    does that of a driven system whose ℓ takes inputs: its momenta are those with the start's own inputs.
-    Raises ArgumentError for a curved Q, for times out of order and for a system whose internal state has a rule, which
-    is applied from step to step; StepError where the integration fails.
+    times: (k,), s, in order. tolerance: relative, by default 1e-13; g, n, a, ξ, ν are integrated with it, and μ, π
+    follow by the Legendre transform. The start of a record takes (ξ, ν) from its momenta, because a record's own are
+    those of a step, off by O(h). So does that of a driven system whose ℓ takes inputs: its momenta are those with the
+    start's own inputs. Raises ArgumentError for a curved Q, for times out of order and for a system whose internal
+    state has a rule, which is applied from step to step; StepError where the integration fails.
     """
     if system.internal is not None:
         raise ArgumentError(
@@ -98,7 +100,7 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
         raise ArgumentError(
             "The reference solution needs a flat space of additional dynamics; compare with small steps."
         )
-    times = _in_order(times, float(start.t))
+    at = _in_order(times, float(start.t))
     start = start if system.inputs is None else with_own_momenta(system.driven(None), start)
     xi, nu = (start.xi, start.nu) if start.from_velocities else _velocities_of(system, start)
     moving = (start.g, start.n, start.a, xi, nu)
@@ -115,7 +117,7 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
     with jax.enable_x64(True):
         compiled = jax.jit(rate)
         rows = _integrate(
-            lambda t, y: np.asarray(compiled(t, y, system.parameters)), float(start.t), flat, times, tolerance
+            lambda t, y: np.asarray(compiled(t, y, system.parameters)), float(start.t), flat, at, tolerance
         )
 
         def complete(t, y):
@@ -124,10 +126,12 @@ def reference(system: System, start: State, times: Any, tolerance: float = 1e-13
                 t, parts, *legendre(system, parts[3], parts[1], parts[4], parts[2], t, start.inputs, start.internal)
             )
 
-        return jax.tree.map(np.asarray, jax.jit(jax.vmap(complete))(times, rows))
+        return jax.tree.map(np.asarray, jax.jit(jax.vmap(complete))(at, rows))
 
 
-def _integrate(rate: Any, first: float, y: np.ndarray, times: np.ndarray, tolerance: float) -> np.ndarray:
+def _integrate(
+    rate: Callable[[float, np.ndarray], np.ndarray], first: float, y: np.ndarray, times: np.ndarray, tolerance: float
+) -> np.ndarray:
     """y at the times, a row each; the start itself where there is no way to go."""
     if times[-1] == first:
         return y[None]
@@ -154,17 +158,17 @@ def _velocities_of(system: System, state: State) -> tuple[Array, Array]:
     return found.xi, found.nu
 
 
-def _in_order(times: Any, first: float) -> np.ndarray:
+def _in_order(times: ArrayLike, first: float) -> np.ndarray:
     """The times, all after or all before the start's, each further than the last."""
-    times = float64(times, "Argument `times`")
-    gaps = np.diff(times, prepend=first) if np.ndim(times) == 1 else np.zeros(0)
+    found = float64(times, "Argument `times`")
+    gaps = np.diff(found, prepend=first) if np.ndim(found) == 1 else np.zeros(0)
     forward, backward = (np.all(s * gaps[1:] > 0) and s * gaps[0] >= 0 for s in (1, -1)) if len(gaps) else (0, 0)
     if not forward and not backward:
         raise ArgumentError(
             f"Argument `times` must hold at least one time, in order and on one side of the start's t = {first:g} s: "
             "sort them."
         )
-    return times
+    return found
 
 
 def _flatten(tree: Any, numpy: Any = np) -> tuple[Any, Any]:

@@ -42,7 +42,7 @@ def rayleigh(dissipation: Callable[..., Any]) -> Callable[..., Force]:
     return force
 
 
-def quadratic_drag(coefficients: Any, velocity: Array) -> Array:
+def quadratic_drag(coefficients: Array, velocity: Array) -> Array:
     """−C|v|v, the drag of a fast flow, with |v| the Euclidean norm; its derivative at rest is 0.
 
     coefficients: C, a number, (k,) a value an axis, or a matrix (k, k); kg/m for a velocity in m/s. velocity: v, (k,).

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError
@@ -45,7 +46,7 @@ class DiscreteConnection:
         if not outside <= ROUND_OFF:
             raise ArgumentError(f"{_WHAT} must lie in {self.group!r}, but is outside by {float(outside):.1e}.")
 
-    def __call__(self, x: Any, x_next: Any) -> Element:
+    def __call__(self, x: ArrayLike, x_next: ArrayLike) -> Element:
         """Ω(x, x⁺)."""
         pair = checked_vector(x, self.size, "x"), checked_vector(x_next, self.size, "x_next")
         return finite(evaluate(self.increment, *pair), "The discrete connection")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups.group import Array
 from coadjoint.mechanics.signals import Held, Signal
 from coadjoint.mechanics.state import Motion
 from coadjoint.spaces.named import Named, named
@@ -52,8 +53,8 @@ class Inputs:
         held = {name: source for name, source in pairs if not isinstance(source, Signal)}
         return Named(**{n: getattr(before, n) if isinstance(s, Command) else named(s(motion)) for n, s in held.items()})
 
-    def at(self, t: Any, held: Any) -> Any:
-        """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
+    def at(self, t: Array, held: Any) -> Any:
+        """The inputs that ℓ and forces read at time t, one number in s, of a step over which `held` is held."""
         if self.names is None:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
         pairs = zip(self.names, self.sources, strict=True)
@@ -74,7 +75,7 @@ def inputs_from(given: Any) -> Inputs | None:
     return Inputs(tuple(sources) if isinstance(given, Mapping) else None, found)
 
 
-def _source(name: str, given: Any) -> Any:
+def _source(name: str, given: Any) -> Signal | Command | Callable[[Motion], Any]:
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
     if callable(given) or isinstance(given, Command):
         return given

@@ -10,10 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.reading import in_words, require_float64
+from coadjoint.mechanics.state import Motion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 
@@ -59,8 +61,11 @@ def advanced(system: System, state: State, renewed: Any = None) -> State:
     return state.replace(internal=chosen, internal_time=jnp.where(due, state.t, state.internal_time))
 
 
-def applied(system: System, state: State, h: Any) -> Any:
-    """rule(motion, h [, p]) at a state, in the structure of its internal state; raises LagrangianError."""
+def applied(system: System, state: State, h: Array) -> Named:
+    """rule(motion, h [, p]) at a state, in the structure of its internal state. h: one number, s.
+
+    Raises LagrangianError for another structure.
+    """
     assert system.internal is not None
     motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
     arguments = (motion, h) if system.parameters is None else (motion, h, system.parameters)
@@ -88,7 +93,7 @@ def _shown(parts: list[tuple[str, tuple[int, ...]]]) -> str:
     return ", ".join(shapes) or "no dictionary"
 
 
-def require_internal(system: System, start: State, h: Any) -> list[str]:
+def require_internal(system: System, start: State, h: Array) -> list[str]:
     """Raise unless the rule of the system advances the internal state of the start to finite float64 numbers.
 
     Returns the warnings of the rule.
@@ -101,7 +106,7 @@ def require_internal(system: System, start: State, h: Any) -> list[str]:
             "system.state(…, internal={name: value})."
         )
 
-    def rule(state: State) -> Any:
+    def rule(state: State) -> Named:
         return applied(system, state, h)
 
     if traced(system.parameters, start, h):
@@ -136,16 +141,22 @@ def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
 
 
 def sampled(
-    motion: Any, h: Any, held: Any, update: Callable[[Any], Mapping[str, Any]], *, period: Any, delay: Any = 0.0
+    motion: Motion,
+    h: Array,
+    held: Named,
+    update: Callable[[Any], Mapping[str, Any]],
+    *,
+    period: Array,
+    delay: Array = 0.0,
 ) -> dict[str, Any]:
     """A digital controller inside a rule: `update` at every multiple of `period`, in force `delay` later.
 
         controller = co.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2, delay=0.05)
 
-    motion, h: those of the rule. held: what `co.sampling` began. update: from the values computed last to the next
-    ones. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the node nearest to its time, so that a
-    period need not be a multiple of dt; one shorter than dt samples at every node. Raises ArgumentError for a delay
-    beyond the period.
+    motion, h: those of the rule; h is one number, s. held: what `co.sampling` began. update: from the values computed
+    last to the next ones. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the node nearest to its
+    time, so that a period need not be a multiple of dt; one shorter than dt samples at every node. Raises ArgumentError
+    for a delay beyond the period.
     """
     if not traced(period, delay) and not 0 <= delay <= period:
         raise ArgumentError(
@@ -167,11 +178,11 @@ def sampled(
     }
 
 
-def _where(condition: Any, new: Any, old: Any) -> Any:
+def _where(condition: Array, new: Any, old: Any) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
-def _like(values: Any, pending: Any) -> Any:
+def _like(values: Any, pending: Named) -> Any:
     values = named(values)
     if not isinstance(values, Named) or set(values) != set(pending):
         raise LagrangianError(

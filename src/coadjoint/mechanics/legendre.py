@@ -110,13 +110,13 @@ def improved(place: Place, p: Array) -> Array:
     return p + jnp.linalg.solve(curvature(p, place), place.z - velocities(p, place))
 
 
-def _improve(place: Place, carry: Any) -> Any:
+def _improve(place: Place, carry: tuple[Array, Array, int]) -> tuple[Array, Array, int]:
     """One more iteration: p, the size of its change, and the count."""
     p, _, trips = carry
     better = improved(place, p)
     return better, jnp.max(jnp.abs(better - p)) / (1e-300 + jnp.max(jnp.abs(better))), trips + 1
 
 
-def _unsolved(carry: Any) -> Array:
+def _unsolved(carry: tuple[Array, Array, int]) -> Array:
     _, change, trips = carry
     return (change > 1e-12) & (trips < FAR_TRIPS)

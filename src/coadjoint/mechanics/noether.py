@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
@@ -51,7 +52,7 @@ class KelvinNoether:
     Raises ArgumentError for a c₀ of numbers that are not float64; a run raises it for a 𝒦 that is not equivariant.
     """
 
-    def __init__(self, c0: Any, K: Callable[[Array, Any], Array] | None = None, space: Space | None = None):
+    def __init__(self, c0: ArrayLike, K: Callable[[Array, Any], Array] | None = None, space: Space | None = None):
         self.c0 = float64(c0, "Argument `c0`")
         self.K = K
         if space is not None and not isinstance(space, Space):
@@ -65,7 +66,7 @@ class KelvinNoether:
     def _key(self) -> tuple[Any, ...]:
         return np.shape(self.c0), np.asarray(self.c0).tobytes(), self.K, self.space
 
-    def __eq__(self, other: Any) -> bool:
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, KelvinNoether) and self._key() == other._key()
 
     def __hash__(self) -> int:

@@ -42,11 +42,11 @@ def poisson_bracket(f: Function, k: Function) -> Function:
         if not callable(given):
             raise ArgumentError(f"A Poisson bracket is that of two functions of a state, but got {given!r}.")
 
-    def value(state: State) -> Any:
+    def value(state: State) -> Array:
         slope, rate = _slope(f, state), vector_field(k, state)
         return sum(b @ x for b, x in zip(slope, rate, strict=True))
 
-    def bracket(state: State) -> Any:
+    def bracket(state: State) -> Array:
         if not isinstance(state, State):
             raise ArgumentError(f"A Poisson bracket is a function of a state, system.state(…), but got {state!r}.")
         for given in (f, k):

@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import DirectProduct, LieGroup
+from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
@@ -42,12 +43,12 @@ TANGENT = 1e-9
 class _Given(NamedTuple):
     """The arguments of `System.state`, checked: element and flat float64 arrays."""
 
-    g: Any
-    q: Any
-    qdot: Any
-    xi: Any
-    a0: Any
-    t: Any
+    g: Element
+    q: Array
+    qdot: Array
+    xi: Array
+    a0: Array
+    t: Array
 
 
 def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False) -> State:
@@ -139,10 +140,10 @@ def of_momenta(system: System, state: State) -> tuple[Any, Any]:
     Q, group, dim = system.additional, system.group, system.group.dim
     given = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
 
-    def unpack(z: Any) -> tuple[Any, Any]:
+    def unpack(z: Array) -> tuple[Any, Any]:
         return z[:dim], Q.tangent(group, state.n, z[dim:])
 
-    def momenta(z: Any) -> Any:
+    def momenta(z: Array) -> Array:
         xi, nu = unpack(z)
         mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
         return jnp.concatenate([mu, Q.coordinates(group, state.n, pi)])
@@ -153,7 +154,7 @@ def of_momenta(system: System, state: State) -> tuple[Any, Any]:
         found = velocities(at, place)
         return found[:dim], found[dim:]
 
-    def improve(_: Any, z: Any) -> Any:
+    def improve(_: int, z: Array) -> Array:
         return z - jnp.linalg.solve(jax.jacfwd(momenta)(z), momenta(z) - given)
 
     z = jax.lax.fori_loop(0, FROM_REST, improve, jnp.zeros_like(given))
@@ -198,7 +199,7 @@ def _require_lagrangian(system: System, arguments: tuple[Any, ...], inputs: Any,
         raise
 
 
-def _check(system: System, element: Any, q, qdot, xi, a0, t, by_momenta: bool = False) -> _Given:
+def _check(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> _Given:
     if by_momenta:
         size = system.additional.ambient(system.group)
         pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
@@ -279,7 +280,7 @@ def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None) ->
     return mu, system.additional.project(system.group, n, pi)
 
 
-def checked_element(group: LieGroup, g: Any) -> Any:
+def checked_element(group: LieGroup, g: Element) -> Element:
     """g as an element of the group with float64 leaves; raises ArgumentError for wrong shapes and for g outside G."""
     identity = evaluate(group.identity)
     if g is None:
@@ -304,7 +305,7 @@ def checked_element(group: LieGroup, g: Any) -> Any:
     return element
 
 
-def _require_inside(group: LieGroup, element: Any) -> None:
+def _require_inside(group: LieGroup, element: Element) -> None:
     if float(evaluate(group.outside, element)) <= ON_GROUP:
         return
     whole, of = group, ""
@@ -336,7 +337,7 @@ def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
     return point, velocity
 
 
-def _require_tangent(system: System, point: Any, velocity: Any) -> None:
+def _require_tangent(system: System, point: Array, velocity: Array) -> None:
     """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
     group, Q = system.group, system.additional
     if Q.flat or traced(point, velocity):
@@ -350,7 +351,7 @@ def _require_tangent(system: System, point: Any, velocity: Any) -> None:
         )
 
 
-def _advected(system: System, a0: Any) -> Any:
+def _advected(system: System, a0: Any) -> Array:
     group, V = system.group, system.advected
     if V.ambient(group) == 0:
         if a0 is not None:

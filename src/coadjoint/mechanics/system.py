@@ -17,7 +17,7 @@ from coadjoint.mechanics import legendre
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
-from coadjoint.mechanics.inputs import Inputs, inputs_from
+from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only, require_signature
@@ -171,7 +171,7 @@ class System:
             raise ArgumentError("This system has no parameters to replace.")
         return replace_parameters(self, self.parameters.replace(**values))
 
-    def driven(self, inputs: Any) -> System:
+    def driven(self, inputs: Given | Inputs | None) -> System:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
         return replaced(self, inputs=inputs_from(inputs))
 

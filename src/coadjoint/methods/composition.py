@@ -153,7 +153,7 @@ class Composition(_OverBase):
         return tuple((step, part * fraction) for part in self.substeps for step, fraction in self.pattern)
 
 
-def _require_method(base: Any, name: str) -> None:
+def _require_method(base: object, name: str) -> None:
     if not isinstance(base, Method):
         raise ArgumentError(f"{name} needs a method such as co.Midpoint(co.Cayley()), but got {base!r}.")
 

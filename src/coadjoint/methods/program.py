@@ -14,6 +14,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
 from coadjoint.mechanics.internal import advanced
 from coadjoint.mechanics.ledger import entered, with_jump
+from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method, Step
@@ -31,9 +32,9 @@ class Constants:
     first, in a program that does without the others.
     """
 
-    system: Any
+    system: Parameters | None
     monitors: Any
-    renewal: Any = None
+    renewal: Array | None = None
 
 
 jax.tree_util.register_dataclass(Constants, ["system", "monitors", "renewal"], [])
@@ -44,10 +45,10 @@ RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
 Monitor = Callable[[System, Step, State, Any, Any], Any]
 
 
-def held(system: System, state: State, renewal: Any = None) -> State:
+def held(system: System, state: State, renewal: Array | None = None) -> State:
     """The state at a node with the inputs and the internal state that are held over the step from there.
 
-    renewal: see `Constants`.
+    renewal: one number, see `Constants`.
     """
     driven = _with_inputs(system, state, renewal)
     return with_jump(
@@ -55,7 +56,7 @@ def held(system: System, state: State, renewal: Any = None) -> State:
     )
 
 
-def _with_inputs(system: System, state: State, renewal: Any) -> State:
+def _with_inputs(system: System, state: State, renewal: Array | None) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
     motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)

@@ -28,7 +28,7 @@ SE3_UNITS = {
 }
 
 
-def kinetic(omega: Array, v: Array, p: Any) -> Array:
+def kinetic(omega: Array, v: Array, p: Parameters) -> Array:
     """½ [v; ω]ᵀ(M_RB + M_A)[v; ω] = ½ m|v + ω×r_g|² + ½ ω·I_cω + ½ [v; ω]ᵀM_A[v; ω], J.
 
     omega: (3,), rad/s. v: (3,), m/s.
@@ -38,7 +38,7 @@ def kinetic(omega: Array, v: Array, p: Any) -> Array:
     return 0.5 * (p.mass * center @ center + omega @ p.inertia @ omega + both @ p.added_mass @ both)
 
 
-def potential(depth: Array, down: Array, p: Any) -> Array:
+def potential(depth: Array, down: Array, p: Parameters) -> Array:
     """U = −(mg − B) depth − (mg r_g − B r_b)·down, J. depth: one number, m. down: (3,) in the body frame."""
     weight = p.mass * p.gravity
     righting = weight * p.center_of_mass - p.buoyancy * p.center_of_buoyancy

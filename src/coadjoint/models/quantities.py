@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.spaces.numbers import float64
 
@@ -17,7 +18,7 @@ SINGULAR = 1e-13
 """Up to this fraction of the largest eigenvalue, an eigenvalue counts as zero."""
 
 
-def number(value: Any, name: str, at_least: float | None = None) -> Any:
+def number(value: Any, name: str, at_least: float | None = None) -> Array:
     """A finite number; raises ArgumentError, also for a number below `at_least`."""
     found = float64(value, f"Argument `{name}`")
     if np.shape(found) != ():
@@ -27,15 +28,15 @@ def number(value: Any, name: str, at_least: float | None = None) -> Any:
     return found
 
 
-def positive(value: Any, name: str) -> Any:
-    """A positive number; raises ArgumentError."""
+def positive(value: Any, name: str) -> Array:
+    """One number, positive and finite; raises ArgumentError."""
     found = number(value, name)
     if not traced(found) and found <= 0:
         raise ArgumentError(f"Argument `{name}` must be positive, but is {float(found):g}.")
     return found
 
 
-def vector(value: Any, name: str, size: int = 3) -> Any:
+def vector(value: Any, name: str, size: int = 3) -> Array:
     """A finite vector (size,); raises ArgumentError."""
     found = float64(value, f"Argument `{name}`")
     if np.shape(found) != (size,):
@@ -43,7 +44,7 @@ def vector(value: Any, name: str, size: int = 3) -> Any:
     return found
 
 
-def matrix(value: Any, name: str, size: int = 3) -> Any:
+def matrix(value: Any, name: str, size: int = 3) -> Array:
     """A finite matrix (size, size); raises ArgumentError."""
     found = float64(value, f"Argument `{name}`")
     if np.shape(found) != (size, size):
@@ -51,7 +52,7 @@ def matrix(value: Any, name: str, size: int = 3) -> Any:
     return found
 
 
-def direction(value: Any, name: str) -> Any:
+def direction(value: Any, name: str) -> Array:
     """A unit vector (3,); raises ArgumentError."""
     found = vector(value, name)
     length = 1.0 if traced(found) else float(np.linalg.norm(found))
@@ -60,7 +61,7 @@ def direction(value: Any, name: str) -> Any:
     return found
 
 
-def positive_definite(value: Any, name: str, size: int = 3) -> Any:
+def positive_definite(value: Any, name: str, size: int = 3) -> Array:
     """A symmetric positive definite matrix (size, size), or its diagonal (size,); raises ArgumentError."""
     found = _symmetric(value, name, size)
     if traced(found):
@@ -78,7 +79,7 @@ def positive_definite(value: Any, name: str, size: int = 3) -> Any:
     return found
 
 
-def positive_semidefinite(value: Any, name: str, size: int = 3) -> Any:
+def positive_semidefinite(value: Any, name: str, size: int = 3) -> Array:
     """A symmetric matrix (size, size) without negative eigenvalues, or its diagonal (size,); raises ArgumentError.
 
     For added mass, which may vanish: a body of revolution moves no fluid when it rolls.
@@ -95,7 +96,7 @@ def positive_semidefinite(value: Any, name: str, size: int = 3) -> Any:
     return found
 
 
-def _symmetric(value: Any, name: str, size: int) -> Any:
+def _symmetric(value: Array, name: str, size: int) -> Array:
     found = float64(value, f"Argument `{name}`")
     if np.shape(found) == (size,):
         return jnp.diag(found) if traced(found) else np.diag(found)

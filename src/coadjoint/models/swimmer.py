@@ -34,7 +34,7 @@ UNITS = {
 """Three components share an array, the angular one first; momenta and energies are per metre of depth."""
 
 
-def links(x: Array, p: Any) -> tuple[Array, Array]:
+def links(x: Array, p: Parameters) -> tuple[Array, Array]:
     """The angles (3,) and centres (3, 2) of the front, middle and rear ellipse in the frame of the middle one.
 
     Joints are at the ends of the long axes; x are the angles of the front and the rear against the middle.
@@ -46,7 +46,7 @@ def links(x: Array, p: Any) -> tuple[Array, Array]:
     return angles, jnp.stack([front, jnp.zeros(2), rear])
 
 
-def inertias(p: Any) -> tuple[Array, Array, Array]:
+def inertias(p: Parameters) -> tuple[Array, Array, Array]:
     """𝒥 (kg m²), M_x, M_y (kg) of one ellipse with the fluid, one number each.
 
     Mass ρπab, added mass ρπb² and ρπa², added inertia ρπ(a² − b²)²/8.

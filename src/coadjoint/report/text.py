@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.groups.group import Array
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.report.reproduction import FIGURES, Reproduction, numbers
 
@@ -183,11 +184,11 @@ h, for `coadjoint.load`. The runs took {seconds:.2g} s, and {set_up:.2g} s to se
 {", ".join(f"{name} {number}" for name, number in p.items())}."""
 
 
-def _vector(values: Any) -> str:
+def _vector(values: Array) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in np.asarray(values)) + ")"
 
 
-def _diagonal(matrix: Any) -> str:
+def _diagonal(matrix: Array) -> str:
     matrix = np.asarray(matrix)
     if matrix.ndim == 2 and np.array_equal(matrix, np.diag(np.diag(matrix))):
         return "diag" + _vector(np.diag(matrix))

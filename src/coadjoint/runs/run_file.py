@@ -155,7 +155,7 @@ def _text(source: Path) -> str:
         raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
 
 
-def _free(name: str, given: Any) -> dict[str, Any]:
+def _free(name: str, given: object) -> dict[str, Any]:
     if not isinstance(given, dict):
         raise ArgumentError(f"[{name}] must be a section of a run file, but is {given!r}.")
     for key, value in given.items():

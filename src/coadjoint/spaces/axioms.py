@@ -56,7 +56,7 @@ def _require(space: Space, group: LieGroup) -> None:
             require_space(piece, group, stamp(piece, LieGroup, Space), stamp(group, LieGroup, Space))
 
 
-def _own(thing: Any) -> bool:
+def _own(thing: object) -> bool:
     """Whether an object, or what it holds, has a member of its own."""
     kinds = LieGroup, Space
     inner = (part for kind in kinds for part in parts(thing, kind))
@@ -65,7 +65,7 @@ def _own(thing: Any) -> bool:
 
 
 @lru_cache(maxsize=256)
-def require_space(space: Space, group: LieGroup, *stamps: Any) -> None:
+def require_space(space: Space, group: LieGroup, *stamps: object) -> None:
     """Raise GroupError unless the space carries an action and its own forms equal the derived ones, relative 1e-9.
 
     `stamps` tell apart what compares equal.
@@ -100,7 +100,7 @@ def _nearest(space: Space, group: LieGroup, x: np.ndarray) -> tuple[np.ndarray, 
     Raises GroupError where that leads nowhere.
     """
 
-    def both(x: Array) -> Any:
+    def both(x: Array) -> tuple[Array, Array]:
         return jax.value_and_grad(lambda x: jnp.asarray(space.defect(group, x), dtype=float))(x)
 
     best, nearest, unit = np.inf, x, 0.0
@@ -143,7 +143,7 @@ def _actions(
         E = _frame(space, group, x)
         v = E @ (E.T @ v)
 
-    def derived(name: str, *arguments: Any) -> Any:
+    def derived(name: str, *arguments: Any) -> Array:
         return getattr(Space, name)(space, group, *arguments)
 
     def both(name: str, says: str, *arguments: Any, measured: Any = lambda value: value) -> Identity:

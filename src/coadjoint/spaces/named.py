@@ -38,7 +38,7 @@ class Named:
     def __contains__(self, name: str) -> bool:
         return name in self._values
 
-    def __eq__(self, other: Any) -> bool:
+    def __eq__(self, other: object) -> bool:
         return self is other
 
     def __hash__(self) -> int:

@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, shown
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.jaxprs import Tracer
 
 
-def float64(value: Any, name: str) -> Any:
+def float64(value: Any, name: str) -> Array:
     """A finite float64 array from numbers, arrays and lists of these; raises ArgumentError with `name`.
 
     Floats of fewer digits, complex numbers, text and booleans are refused. Float64 tracers pass.

@@ -113,13 +113,13 @@ class Several(Space):
         parts = self._split(group, x)
         return Named(**{name: s.view(group, part) for name, (s, part) in zip(self.names, parts, strict=True)})
 
-    def point(self, group: LieGroup, value: Any, name: str) -> Any:
+    def point(self, group: LieGroup, value: Any, name: str) -> Array:
         return self._joined("point", group, value, name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
+    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
         return self._joined("velocity", group, value, name)
 
-    def _joined(self, method: str, group: LieGroup, value: Any, name: str) -> Any:
+    def _joined(self, method: str, group: LieGroup, value: Any, name: str) -> Array:
         if isinstance(value, Named):
             value = value.asdict()
         if not isinstance(value, Mapping) or set(value) != set(self.names):

@@ -108,7 +108,7 @@ class Space:
         """The user's point as a flat float64 array (ambient,); raises ArgumentError with `name` for a wrong shape."""
         return checked_vector(value, self.ambient(group), name)
 
-    def velocity(self, group: LieGroup, value: Any, name: str) -> Any:
+    def velocity(self, group: LieGroup, value: Any, name: str) -> Array:
         """The user's velocity likewise, (ambient,); whether it is tangent is not checked here."""
         return checked_vector(value, self.ambient(group), name)
 
@@ -162,7 +162,7 @@ def _require_affine(space: Space, group: LieGroup) -> None:
         )
 
 
-def checked_vector(value: Any, size: int, name: str) -> Any:
+def checked_vector(value: Any, size: int, name: str) -> Array:
     """A finite float64 vector (size,); raises ArgumentError. Of a tracer, type and shape are checked."""
     if traced(value):
         value = float64(value, f"Argument `{name}`")

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.casimirs import kept_by
 from coadjoint.mechanics.poisson import Phase, vector_field
@@ -27,8 +28,8 @@ def casimirs(reduced: Reduced) -> dict[str, Callable]:
     """The polynomial Casimir functions of the bracket on y modulo K, as functions of a state."""
     C, near = reduced.essential, reduced.near
 
-    def tensor(u: Any) -> Any:
-        def rate(i: int) -> Any:
+    def tensor(u: Array) -> Any:
+        def rate(i: int) -> Array:
             moving = vector_field(lambda s: jnp.concatenate([s.mu, s.n, s.pi, s.a])[i], _at(near, C.T @ u))
             return jnp.concatenate(moving)
 
@@ -96,7 +97,7 @@ def require_conserved(reduced: Reduced, integrals: Sequence[Callable]) -> None:
 def _is_integral(reduced: Reduced, function: Callable) -> bool:
     """Whether dC·Y = 0 and dC·K = 0 at random states."""
 
-    def slope(state: State) -> Any:
+    def slope(state: State) -> Array:
         y, rate = reduced.phase(state)
         return jax.grad(lambda y: function(_at(state, y)))(y), rate
 
@@ -110,7 +111,7 @@ def _is_integral(reduced: Reduced, function: Callable) -> bool:
     return True
 
 
-def _at(state: State, y: Any) -> State:
+def _at(state: State, y: Array) -> State:
     """The state with y = (μ, n, π, a)."""
     sizes = np.cumsum([np.shape(part)[0] for part in (state.mu, state.n, state.pi, state.a)])[:-1]
     phase = Phase(*jnp.split(y, sizes))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.continuous import rates
 from coadjoint.mechanics.discrete import Point, node
@@ -47,11 +48,14 @@ class Reduced:
 
     system: without explicit time, on a flat space of additional dynamics. near: a state around which K is looked for,
     at random motions; its inputs and internal state are held. symmetries: integrals C_i, functions of a state, along
-    whose flows a steady motion may go: Y − Σ λ_i X_{C_i} takes the place of Y, with λ = `rates`.
+    whose flows a steady motion may go: Y − Σ λ_i X_{C_i} takes the place of Y, with λ = rates.
+    rates: λ, (number of symmetries,), by default 0.
     Raises ArgumentError for another system.
     """
 
-    def __init__(self, system: System, near: State, symmetries: Sequence[Callable] = (), rates: Any = None):
+    def __init__(
+        self, system: System, near: State, symmetries: Sequence[Callable] = (), rates: np.ndarray | None = None
+    ):
         _require_autonomous(system)
         self.system = system
         self.near = near
@@ -60,8 +64,8 @@ class Reduced:
         self.sizes = _sizes(system)
         self._require_steady_forces()
 
-    def moved(self, state: State, z: Any) -> State:
-        """The state with ξ + δξ, n + δn, ν + δν, and g e^η, a ↦ e^{−η}a, for z = (δξ, δn, δν, η)."""
+    def moved(self, state: State, z: Array) -> State:
+        """The state with ξ + δξ, n + δn, ν + δν, and g e^η, a ↦ e^{−η}a, for z = (δξ, δn, δν, η), (size,)."""
         group, _, V = self.system.places
         d_xi, d_n, d_nu, eta = jnp.split(z, np.cumsum(self.sizes)[:-1])
         xi, n, nu = state.xi + d_xi, state.n + d_n, state.nu + d_nu
@@ -71,12 +75,12 @@ class Reduced:
             g, a = group.compose(g, F), V.act(group, group.inverse(F), a)
         return state.replace(g=g, n=n, a=a, xi=xi, nu=nu)
 
-    def energy(self, state: State) -> Any:
-        """E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ."""
+    def energy(self, state: State) -> Array:
+        """E = ⟨μ, ξ⟩ + ⟨π, ν⟩ − ℓ, one number."""
         return node(self.system, state, Point(state.xi, state.n, state.nu, state.a, state.t)).energy
 
-    def phase(self, state: State, along: Any = None) -> tuple[Any, Any]:
-        """y and Y as flat arrays, Y less what goes along the symmetries at `along`, by default at `rates`."""
+    def phase(self, state: State, along: Array | None = None) -> tuple[Any, Any]:
+        """y and Y as flat arrays (y,), Y less what goes along the symmetries at `along`, by default at `rates`."""
         y, moving = rates(self.system, state)
         rate = jnp.concatenate(moving)
         if self.symmetries:
@@ -85,8 +89,8 @@ class Reduced:
             )
         return jnp.concatenate(y), rate
 
-    def flows(self, state: State) -> Any:
-        """X_{C_i} of the symmetries, a row each, at a state with momenta."""
+    def flows(self, state: State) -> Array:
+        """X_{C_i} of the symmetries at a state with momenta, (symmetries, y): a row each."""
         return jnp.stack([jnp.concatenate(vector_field(symmetry, state)) for symmetry in self.symmetries])
 
     def with_momenta(self, state: State) -> State:
@@ -113,7 +117,7 @@ class Reduced:
     @cached_property
     def _tabulated(self) -> Any:
         def both(state: State) -> Any:
-            def at(z: Any) -> Any:
+            def at(z: Array) -> tuple[Array, Array]:
                 return self.phase(self.moved(state, z))
 
             zero = jnp.zeros(sum(self.sizes))
@@ -178,7 +182,7 @@ class Reduced:
     @cached_property
     def _ambient(self) -> Any:
         def both(state: State) -> Any:
-            def at(xi: Any, n: Any, nu: Any, a: Any) -> Any:
+            def at(xi: Any, n: Any, nu: Any, a: Any) -> tuple[Array, Array]:
                 return self.phase(state.replace(xi=xi, n=n, nu=nu, a=a))
 
             blocks = jax.jacfwd(at, argnums=(0, 1, 2, 3))(state.xi, state.n, state.nu, state.a)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -30,7 +32,7 @@ class Scales(NamedTuple):
     energy: float
 
 
-def natural_scales(system: System, state: State, y_z: np.ndarray, rate_z: np.ndarray, sizes: Any) -> Scales:
+def natural_scales(system: System, state: State, y_z: np.ndarray, rate_z: np.ndarray, sizes: Sequence[int]) -> Scales:
     """The scales at a state.
 
     y_z, rate_z: derivatives of y and of its rate by z, shape (rows of y, rows of z). sizes: how many of z are of each
@@ -53,7 +55,7 @@ def natural_scales(system: System, state: State, y_z: np.ndarray, rate_z: np.nda
     return Scales(z, y, rate, energy)
 
 
-def _rate(ad: np.ndarray, force_z: np.ndarray, inertia: np.ndarray, sizes: Any) -> float:
+def _rate(ad: np.ndarray, force_z: np.ndarray, inertia: np.ndarray, sizes: Sequence[int]) -> float:
     """ρ: the largest of |ad_ξ|, ∂f/∂v and √(∂f/∂q), f, v, q weighed by the roots of their inertias."""
     dim, ambient, _, angles = sizes
     weights = np.sqrt(inertia)
@@ -65,14 +67,14 @@ def _rate(ad: np.ndarray, force_z: np.ndarray, inertia: np.ndarray, sizes: Any) 
     return max(*largest[:2], float(np.sqrt(largest[2]))) or 1.0
 
 
-def _adjoint(group: LieGroup, xi: Any) -> tuple[np.ndarray, np.ndarray]:
+def _adjoint(group: LieGroup, xi: Array) -> tuple[np.ndarray, np.ndarray]:
     """ad_ξ as a matrix, and √(|tr ad_i²|/2) of every basis vector: 1 for a rotation in space, 0 for a translation."""
     unit = np.eye(group.dim)
 
-    def matrix(x: Any) -> Any:
+    def matrix(x: Array) -> Array:
         return jax.vmap(lambda e: group.ad(x, e), out_axes=1)(unit)
 
-    def squared(x: Any) -> Any:
+    def squared(x: Array) -> Array:
         found = matrix(x)
         return jnp.sum(found * found.T)
 

@@ -133,7 +133,7 @@ def _that_tell(changes: np.ndarray) -> np.ndarray:
 def _best(base: np.ndarray, changes: np.ndarray) -> np.ndarray:
     """t for which base − Σ t_i changes_i is definite, or as near to it as was found."""
 
-    def margin(t: Any) -> float:
+    def margin(t: np.ndarray | float) -> float:
         """The smallest eigenvalue of ±form relative to the largest."""
         values = np.linalg.eigvalsh(base - np.tensordot(np.atleast_1d(t), changes, 1))
         return float(max(values[0], -values[-1]) / max(np.max(np.abs(values)), 1e-300))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -159,7 +158,7 @@ def _without_zeros(L: np.ndarray, least: float) -> tuple[np.ndarray, int]:
 
 
 def _modes(
-    system: System, L: np.ndarray, charts: np.ndarray, eigenvalues: np.ndarray, y_z: Any, least: float
+    system: System, L: np.ndarray, charts: np.ndarray, eigenvalues: np.ndarray, y_z: np.ndarray, least: float
 ) -> tuple[Mode, ...]:
     dim, ambient = system.group.dim, system.additional.ambient(system.group)
     moving = [*range(dim), *range(dim + ambient, dim + 2 * ambient)]

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -76,7 +77,8 @@ def steady_motion(
 class Search:
     """The search for steady motions of one kind, at many values: `find(guess, aim)` with conditions(state, aim) = 0.
 
-    Its equations are traced once. names: what the conditions are about. Other arguments and errors as in
+    Its equations are traced once. aim: the first one, an array of any shape,
+    by default 0. names: what the conditions are about. Other arguments and errors as in
     `steady_motion`.
     """
 
@@ -86,7 +88,7 @@ class Search:
         near: State,
         conditions: Callable[[State, Any], Any] | None = None,
         free: Sequence[str] | Mapping[str, float] = (),
-        aim: Any = 0.0,
+        aim: Array = 0.0,
         names: Sequence[str] = (),
         symmetries: Sequence[Callable[[State], Any]] = (),
     ):
@@ -101,21 +103,21 @@ class Search:
         self.terms = GIVES_WAY * scales.rate * (np.abs(C) @ scales.y)
         conditions = conditions or self._on_the_orbit_of(near)
 
-        def equations(w: Any, guess: State, aim: Any) -> Any:
+        def equations(w: Array, guess: State, aim: Array) -> Array:
             state = self._moved(guess, w)
             wanted = conditions(self.reduced.with_momenta(state), aim)
             rate = self.reduced.phase(state, w[len(w) - carried :])[1]
             return jnp.concatenate([C @ rate / self.terms, jnp.ravel(jnp.asarray(wanted, dtype=float))])
 
-        def both(w: Any, guess: State, aim: Any) -> Any:
+        def both(w: Array, guess: State, aim: Array) -> tuple[Array, Array]:
             return equations(w, guess, aim), jax.jacfwd(equations)(w, guess, aim)
 
         self._zero = np.zeros(self.width + sum(self.sizes) + carried)
         given = self._zero, near, np.asarray(aim, dtype=float)
         self._both, self._state = tabulate(both, *given), tabulate(self._whole, *given[:2])
 
-    def find(self, guess: State, aim: Any = 0.0) -> SteadyMotion:
-        """The steady motion near the guess at this aim."""
+    def find(self, guess: State, aim: Array = 0.0) -> SteadyMotion:
+        """The steady motion near the guess at this aim, an array of the shape of the first one."""
 
         def both(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self._both(w, guess, np.asarray(aim, dtype=float))
@@ -144,8 +146,11 @@ class Search:
         n = unit[:, dim : dim + ambient] @ held.T
         return np.concatenate([unit[:, :dim], n, unit[:, dim + ambient :]], axis=1)
 
-    def idle(self, guess: State, aim: Any = 0.0) -> list[str]:
-        """Those of `free` that change nothing where the guess has them, such as a propeller that stands."""
+    def idle(self, guess: State, aim: Array = 0.0) -> list[str]:
+        """Those of `free` that change nothing where the guess has them, such as a propeller that stands.
+
+        aim: an array of the shape of the first one.
+        """
         slope = self._both(self._zero, guess, np.asarray(aim, dtype=float))[1]
         ends = self.width + np.cumsum([0, *self.sizes])
         columns = [slope[:, first:last] for first, last in pairwise(ends)]
@@ -165,7 +170,7 @@ class Search:
         weights = np.where(known, 1 / np.where(known, slopes, 1.0), 0.0)
         return lambda state, aim: weights * (jnp.stack([f(state) for f in functions]) - wanted)
 
-    def _moved(self, guess: State, w: Any) -> State:
+    def _moved(self, guess: State, w: Array) -> State:
         state = self.reduced.moved(guess, self.charts @ w[: self.width])
         ends = self.width + np.cumsum([0, *self.sizes])
         parts = [w[first:last] for first, last in pairwise(ends)]
@@ -175,7 +180,7 @@ class Search:
             state = state.replace(**{field: _replaced(getattr(state, field), name, changed)})
         return state
 
-    def _whole(self, w: Any, guess: State) -> State:
+    def _whole(self, w: Array, guess: State) -> State:
         """The state with its momenta, as a start."""
         return self.reduced.with_momenta(self._moved(guess, w)).replace(from_velocities=True)
 
@@ -236,7 +241,7 @@ def _newton(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], w: np.n
 def _values_and_slopes(functions: Sequence[Callable], state: State, scale: np.ndarray) -> tuple[Any, Any]:
     """The functions at a state, and the sizes of their derivatives by (μ, π) in natural sizes of y."""
 
-    def values(momenta: Any) -> Any:
+    def values(momenta: tuple[Array, Array]) -> Array:
         mu, pi = momenta
         return jnp.stack([f(state.replace(mu=mu, pi=pi)) for f in functions])
 

@@ -17,7 +17,7 @@ from coadjoint.kernels.run import backend
 from coadjoint.spaces import Space
 
 
-def whole_steps(steps: Any) -> int:
+def whole_steps(steps: object) -> int:
     """A number of steps from 1 on; raises ArgumentError."""
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
         raise ArgumentError(f"Argument `steps` must be a whole number from 1, but is {steps!r}.")

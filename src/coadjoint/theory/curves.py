@@ -9,7 +9,7 @@ mistakes. A rule of one velocity has the nodes g_kX_i with X = e, H, F at t + c_
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -74,7 +74,7 @@ class Trial(NamedTuple):
     curve: Callable[[Array, Array, Array], Curve]
 
 
-def trial(system: System, step: Any, h: Array, record: State) -> Trial:
+def trial(system: System, step: Step, h: Array, record: State) -> Trial:
     """The step of length h, one number, that starts at a record.
 
     Raises ArgumentError for steps without a discrete Lagrangian of their own.
@@ -117,7 +117,7 @@ def _place(
     return NodePlace(weight, frame, x, point)
 
 
-def _chord(system: System, step: Any, h: Array, record: State) -> Array:
+def _chord(system: System, step: Step, h: Array, record: State) -> Array:
     """d = s − n of a record, from ν in the frame of the rule's own node."""
     group, Q, _ = system.places
     turn = step.turn(system, h, record.xi)
@@ -126,7 +126,7 @@ def _chord(system: System, step: Any, h: Array, record: State) -> Array:
     return h * Q.push(group, turn, Q.act(group, group.inverse(turn), record.n), record.nu)
 
 
-def _quadrature(system: System, step: Any, h: Array, record: State) -> Trial:
+def _quadrature(system: System, step: Step, h: Array, record: State) -> Trial:
     group, tau, dim = system.group, step.difference_map, system.group.dim
 
     def curve(z: Array, n: Array, a: Array) -> Curve:
@@ -143,7 +143,7 @@ def _quadrature(system: System, step: Any, h: Array, record: State) -> Trial:
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _of_ones_own(system: System, step: Any, h: Array, record: State) -> Trial:
+def _of_ones_own(system: System, step: Step, h: Array, record: State) -> Trial:
     """A rule that only says what it sums, h Σ w ℓ, without forces: where its nodes stand is not known."""
     if system.forces is not None:
         raise ArgumentError(
@@ -162,7 +162,7 @@ def _of_ones_own(system: System, step: Any, h: Array, record: State) -> Trial:
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _in_algebra_form(system: System, step: Any, h: Array, record: State) -> Trial:
+def _in_algebra_form(system: System, step: Variational, h: Array, record: State) -> Trial:
     """Λ(ξ, n, s, a) of the user with forces at the left node, or its adjoint with forces at the right one."""
     group, Q, V = system.places
     dim, held = group.dim, (record.inputs, record.internal)
@@ -184,7 +184,7 @@ def _in_algebra_form(system: System, step: Any, h: Array, record: State) -> Tria
     return Trial(jnp.concatenate([record.xi, _chord(system, step, h, record)]), curve)
 
 
-def _in_group_form(system: System, step: Any, h: Array, record: State) -> Trial:
+def _in_group_form(system: System, step: GroupVariational, h: Array, record: State) -> Trial:
     """Λ(F, n, s, a) with F = (1 + χ̂)F_k, which is e^χF_k to first order; forces at the left node."""
     group, dim = system.group, system.group.dim
     last = step.relative(system, record, h)
@@ -201,7 +201,7 @@ def _in_group_form(system: System, step: Any, h: Array, record: State) -> Trial:
     return Trial(jnp.concatenate([jnp.zeros(dim), h * record.nu]), curve)
 
 
-def _galerkin(system: System, step: Any, h: Array, record: State) -> Trial:
+def _galerkin(system: System, step: Galerkin, h: Array, record: State) -> Trial:
     """g(t) = ḡτ(Θ(t)), q(t) = ḡ·x(t) with polynomials of the velocities Ω, V at Gauss's nodes; Θ = 0 in the middle."""
     group, Q, _ = system.places
     tau, rule = step.difference_map, gauss(step.degree)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code
 from coadjoint.mechanics.connection import random_shapes
@@ -15,6 +16,7 @@ from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.mechanical_connection import timeless
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
+from coadjoint.methods.method import Step
 from coadjoint.spaces.numbers import float64
 
 
@@ -49,7 +51,7 @@ def discrete_mechanical_connection(system: System, method: Method, dt: float) ->
     return DiscreteConnection(group, size, increment)
 
 
-def one_stage(system: System, method: Method) -> Any:
+def one_stage(system: System, method: Method) -> Step:
     """The step of a method that has one Λ(F, x, x⁺; h); raises ArgumentError for others."""
     if not isinstance(method, Method):
         raise ArgumentError(f"Argument `method` must be a method such as co.Midpoint(), but is {method!r}.")
@@ -64,8 +66,8 @@ def one_stage(system: System, method: Method) -> Any:
     return step
 
 
-def positive_step(dt: Any) -> Any:
-    """h > 0; raises ArgumentError."""
+def positive_step(dt: Any) -> Array:
+    """h > 0, one number, s; raises ArgumentError."""
     h = float64(dt, "Argument `dt`")
     if np.shape(h) != () or not h > 0:
         raise ArgumentError(f"Argument `dt` must be a positive number, but is {dt!r}.")

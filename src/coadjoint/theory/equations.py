@@ -21,6 +21,7 @@ from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
+from coadjoint.methods.method import Step
 from coadjoint.theory.curves import NODES
 from coadjoint.theory.euler_poincare import advected, impulse
 from coadjoint.theory.instant import Instant, require_one
@@ -121,14 +122,15 @@ def equations_of(
     if len(records.t) < 3:
         raise ArgumentError(f"The equations need at least 3 records, but there are {len(records.t)}.")
     noether = noether or KelvinNoether(np.ones(system.group.dim))
-    slopes = evaluate(jax.vmap(partial(slopes_of, system, method, h)), records)
+    step = method.stages[0][0]
+    slopes = evaluate(jax.vmap(partial(slopes_of, system, step, h)), records)
     rows = [*_of_nodes(system, records, slopes), *_of_steps(system, slopes), *_of_momenta(system, records, slopes)]
     rows += _of_noether(system, records, slopes, noether)
     if isinstance(method, GroupVariational):
         rows += _of_group_form(system, records, slopes, h, unreduced or unreduce(system))
         rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
     elif not isinstance(method, Galerkin):
-        rows.append(_of_variations(system, method, records, h))
+        rows.append(_of_variations(system, step, records, h))
     return Equations(tuple(rows))
 
 
@@ -240,7 +242,7 @@ def _of_noether(system: System, records: State, slopes: Slopes, noether: KelvinN
     ]
 
 
-def _of_variations(system: System, step: Any, records: State, h: float) -> Residual:
+def _of_variations(system: System, step: Step, records: State, h: float) -> Residual:
     """(P47): δξ = dτ⁻¹_{−hξ}η⁺/h − dτ⁻¹_{hξ}η/h gives δF = −ηF + Fη⁺, for two fixed η."""
     group = system.group
     eta, ahead = np.random.default_rng(47).normal(size=(2, group.dim))

@@ -26,7 +26,7 @@ class Instant:
     All are None for a system that has none of them.
     """
 
-    t: Any = None
+    t: Array = None
     inputs: Any = None
     internal: Any = None
 

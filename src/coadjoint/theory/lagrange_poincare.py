@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.derivative import right_derivative
@@ -24,6 +25,7 @@ from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
+from coadjoint.methods.method import Step
 from coadjoint.methods.program import held
 from coadjoint.theory.algorithm import whole_steps
 from coadjoint.theory.discrete_mechanical_connection import one_stage, positive_step
@@ -58,7 +60,7 @@ class ReducedLagrangian:
     """l(x, σ, x⁺) = Λ(Ω(x, x⁺)σ⁻¹, x, x⁺; h) of a rule on M × G (B33–B34), with its slopes."""
 
     system: System
-    step: Any
+    step: Step
     connection: DiscreteConnection
     h: Array
 
@@ -187,7 +189,7 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
 
 
 def lagrange_poincare_residual(
-    system: System, start: State, *, dt: float, method: Method, connection: DiscreteConnection, g: Any, x: Any
+    system: System, start: State, *, dt: float, method: Method, connection: DiscreteConnection, g: Element, x: ArrayLike
 ) -> np.ndarray:
     """Left minus right side of (B35), (B36) at the inner nodes of any motion on M × G, shape (N−1, dim G + m).
 
@@ -221,7 +223,7 @@ def _begun(system: System, start: State, method: Method, h: float) -> State:
     return method.begin(system, evaluate(partial(held, system), start), h)
 
 
-def _reduced_lagrangian(system: System, method: Method, connection: Any, dt: Any) -> ReducedLagrangian:
+def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Any) -> ReducedLagrangian:
     """l of a rule through a connection; raises ArgumentError for what does not fit."""
     size = shape_size(system)
     if not isinstance(connection, DiscreteConnection):

@@ -17,6 +17,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
+from coadjoint.methods.method import Step
 from coadjoint.theory.euler_poincare import Link, Momenta, advected, left_momenta, right_momenta
 from coadjoint.theory.instant import require_one
 from coadjoint.theory.slopes import legendre_transforms, slopes_of
@@ -106,7 +107,7 @@ def _steps(system: System, method: Method, records: State, h: float) -> _Done:
     return jax.tree.map(lambda *leaves: np.reshape(np.stack(leaves), (*lead, *np.shape(leaves[0]))), *found)
 
 
-def _require_whole(method: Method, records: State, h: Any) -> None:
+def _require_whole(method: Method, records: State, h: float) -> None:
     """Raise ArgumentError where records are nearer to each other than h, so that a step between them was another."""
     if method.variable or not np.ndim(records.t) or traced(records.t, h):
         return
@@ -118,14 +119,14 @@ def _require_whole(method: Method, records: State, h: Any) -> None:
         )
 
 
-def _done(system: System, step: Any, record: State, h: Array) -> _Done:
+def _done(system: System, step: Step, record: State, h: Array) -> _Done:
     """A stage from the unknowns of its record."""
     slopes = slopes_of(system, step, h, record)
     end = system.group.compose(record.g, slopes.link.F), advected(system, slopes.link)[0]
     return _Done(Transforms(*legendre_transforms(system, slopes)), end)
 
 
-def _stage(system: System, step: Any, record: State, h: Array) -> tuple[_Done, State]:
+def _stage(system: System, step: Step, record: State, h: Array) -> tuple[_Done, State]:
     """A stage, and the state after it with the momenta F⁺."""
     done = _done(system, step, record, h)
     right = done.transforms.plus
@@ -136,7 +137,7 @@ def _composed(system: System, stages: list[tuple[Any, float]], like: State) -> C
     """A step of several stages: the first from its record, the others solved anew; each kind is traced once."""
     kinds: dict[Any, Callable[..., Any]] = {}
 
-    def solved(step: Any, state: State, h: Array):
+    def solved(step: Step, state: State, h: Array):
         def residual(z: Array) -> Array:
             return step.residual(system, state, h, z)
 

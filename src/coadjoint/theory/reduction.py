@@ -16,6 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System
+from coadjoint.spaces.named import Named
 from coadjoint.theory.euler_poincare import Link
 from coadjoint.theory.instant import ALWAYS, Instant, given, require_instants
 from coadjoint.theory.unreduced import (
@@ -145,7 +146,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
     return UnreducedLagrangian(group, function, **spaces, **driven).driven(system.inputs)
 
 
-def flat(value: Any) -> Array:
+def flat(value: Array | Named) -> Array:
     """A point as one array (ambient,), whether it came as an array or by names."""
     return jnp.concatenate([flat(part) for part in value.asdict().values()]) if hasattr(value, "asdict") else value
 

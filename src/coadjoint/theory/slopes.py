@@ -6,14 +6,15 @@ mistakes.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from coadjoint.groups.group import Array
+from coadjoint.groups.group import Array, LieGroup
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Step
 from coadjoint.theory.curves import Curve, Trial, trial
 from coadjoint.theory.euler_poincare import Link, Momenta
 from coadjoint.theory.instant import instants
@@ -45,7 +46,7 @@ class Slopes(NamedTuple):
     inner: Array
 
 
-def slopes_of(system: System, step: Any, h: Array, record: State) -> Slopes:
+def slopes_of(system: System, step: Step, h: Array, record: State) -> Slopes:
     """A step with D^R_FΛ and D^L_FΛ, (dim G,) each, the gradients of Λ, and the forces' share.
 
     h: its length, one number.
@@ -65,7 +66,7 @@ def slopes_of(system: System, step: Any, h: Array, record: State) -> Slopes:
     )  # fmt: skip
 
 
-def impulse_of(system: System, step: Any, h: Array, record: State) -> Impulse:
+def impulse_of(system: System, step: Step, h: Array, record: State) -> Impulse:
     """What the forces of a step of a rule of one velocity give at its two ends; h: its length, one number."""
     here = trial(system, step, h, record)
     curve = here.curve(here.z, record.n, record.a)
@@ -85,7 +86,7 @@ def _ends(system: System, here: Trial, record: State, curve: Curve) -> Array:
     return jnp.concatenate([jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(turning), moving])
 
 
-def _right_trivialised(group: Any, F: Array):
+def _right_trivialised(group: LieGroup, F: Array):
     """δF ↦ (δF)F⁻¹ ∈ 𝔤."""
     return lambda change: group.vee(jnp.linalg.solve(F.T, change.T).T)
 
@@ -151,7 +152,7 @@ def legendre_transforms(system: System, at: Slopes) -> tuple[Momenta, Momenta]:
     return left, Momenta(at.left + at.impulse.torque_next, Q.project(group, ahead, pi))
 
 
-def trivialised(system: System, step: Any, h: float, record: State) -> Array:
+def trivialised(system: System, step: Step, h: float, record: State) -> Array:
     """The matrix (dim, dim) of δξ ↦ (δF)F⁻¹ ∈ 𝔤 for F = F(hξ), by differentiation of F: h dτ_{hξ}."""
     group = system.group
 

@@ -107,7 +107,7 @@ class UnreducedLagrangian:
         return self.function(e, n, F, s, *others, **keywords)
 
 
-def keywords_of(function: Any) -> tuple[str, ...]:
+def keywords_of(function: object) -> tuple[str, ...]:
     """Which of t, inputs and internal a function takes by keyword; raises LagrangianError for what is no function."""
     if not callable(function):
         raise LagrangianError(f"The unreduced discrete Lagrangian must be a Python function, but is {function!r}.")
@@ -137,7 +137,7 @@ def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configur
     return Configuration(g, Q.point(group, q, "q"))
 
 
-def parameter_of(places: Places, a0: Any) -> Any:
+def parameter_of(places: Places, a0: Any) -> Array:
     """a₀ as an array (dim V*,), (0,) without advected parameters; raises ArgumentError where it is missing."""
     require_parameter(places, a0)
     return np.zeros(0) if a0 is None else places.advected.point(places.group, a0, "a0")
