@@ -31,7 +31,19 @@ ROOMS_OF_VEHICLES = (
 )
 """From the ground up, too."""
 ROOMS_OF_KERNELS = (
-    *("untraceable", "float64", "program", "chunk", "packing", "expressions", "trace", "newton", "emit", "run"),
+    *(
+        "untraceable",
+        "collector",
+        "float64",
+        "program",
+        "chunk",
+        "packing",
+        "expressions",
+        "trace",
+        "newton",
+        "emit",
+        "run",
+    ),
 )
 
 TREES = modules()

@@ -121,7 +121,12 @@ def require_internal(system: System, start: State, h: Array) -> list[str]:
             f"{told.title} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
             "for a division by zero."
         )
-    return told.warnings(h, system.parameters)
+    return internal_warnings(system, h)
+
+
+def internal_warnings(system: System, h: Any) -> list[str]:
+    """The warnings of the rule of the system about steps of length h."""
+    return declared(system.internal).warnings(h, system.parameters)
 
 
 def failure(system: System, t: float, h: float) -> str | None:

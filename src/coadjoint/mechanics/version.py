@@ -49,7 +49,8 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
 
         return function
 
-    others = [jaxpr_of(function, state)[0] for function in more]
+    # A function of its own each time: JAX remembers what it has traced, and a function may have changed.
+    others = [jaxpr_of(lambda at, function=function: function(at), state)[0] for function in more]
     functions = ("lagrangian", "hamiltonian", "discrete_lagrangian", "group_lagrangian", "forces", "internal")
     given = [name for name in functions if getattr(system, name) is not None]
     for name in () if pure else filter(_UNREAD.get, given):

@@ -12,7 +12,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, member_of
 from coadjoint.mechanics.reading import in_words, require_float64
-from coadjoint.mechanics.signals import Signal
+from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -72,6 +72,8 @@ def _check_signal(source: Signal, start: State) -> None:
             "Argument `inputs` cannot hold numbers that are being differentiated or mapped: make them parameters, and "
             "use co.Linear(times, p.values) inside the forces."
         )
+    if isinstance(source, (Held, Linear)) and all(np.all(np.isfinite(x)) for x in (source.times, source.values)):
+        return
     t = np.float64(0.0) if traced(start.t) else np.ravel(start.t)[0]
     require_float64(getattr(source, "function", source), "The signal", (t,))
     with in_words("The signal"):

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.internal import internal_warnings, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.quantities import value
@@ -21,6 +23,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram
+from coadjoint.simulation import known
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import require_kinds, require_quantities
 from coadjoint.simulation.backwards import require_forward
@@ -45,7 +48,11 @@ ALONE = Shown(run_card, certificate)
 TOGETHER = Shown(ensemble_card)
 """How runs and ensembles are told."""
 
+Watched = tuple[tuple[str, Event], ...]
+"""Events by their names."""
 
+
+@collector_off()
 def prepare(
     system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
     kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None, events: Any = None,
@@ -55,32 +62,51 @@ def prepare(
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events)
         return _prepare_members(system, start, method, *whole)
     system, start = with_inputs(system, start, inputs, method.start == "velocity")
-    warnings = (
-        require_internal(system, start, h)
-        + system.check(start, method.regular)
-        + require_forward(system, method, start, h)
-    )
-    state = with_ledger(system, method.begin(system, start, h), monitors)
-    require_chart(system, method, state, h)
-    watched = require_events(method, state, until, events)
-    program, constants = _program(system, method, state, kelvin_noether, monitors, watched)
+    watched, noether = watched_events(until, events), _quantities(kelvin_noether)
+    functions = _functions(system, noether, monitors, watched)
+    reading = known.read(system, start, functions, method, h, monitors, tuple(noether), watched)
+    begun = known.found(reading)
+    if begun is None:
+        begun = _checked(system, start, method, h, monitors, noether, watched, reading)
+        known.remember(reading, begun)
+    state, warnings, program, watching = begun
+    warnings = internal_warnings(system, h) + warnings
+    constants = _constants(system, watching)
     chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
     return Run(system, method, start, plan, Position(state), Memory(), warnings, ALONE, crossed=crossed)
 
 
-def require_events(method: Method, state: State, until: Any, events: Any) -> tuple[tuple[str, Event], ...]:
+def _checked(
+    system: System, start: State, method: Method, h: float, monitors: bool, chosen: list[KelvinNoether],
+    watched: Watched, reading: known.Reading | None,
+) -> known.Known:  # fmt: skip
+    """What all checks of a run and its start find; raises what they raise."""
+    require_internal(system, start, h)
+    warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
+    state = with_ledger(system, method.begin(system, start, h), monitors)
+    require_chart(system, method, state, h)
+    require_events(method, state, watched)
+    digest = None if reading is None else reading.version
+    program, constants = _program(system, method, state, chosen, monitors, watched, digest)
+    return known.Known(state, warnings, program, constants.monitors)
+
+
+def watched_events(until: Any, events: Any) -> Watched:
     """The events to monitor by their names, `until` first; raises ArgumentError and LagrangianError."""
     end = as_event(until)
-    found = ((("until", end),) if end is not None else ()) + tuple(named_events(events).items())
-    for name, event in found:
+    return ((("until", end),) if end is not None else ()) + tuple(named_events(events).items())
+
+
+def require_events(method: Method, state: State, watched: Watched) -> None:
+    """Raise ArgumentError and LagrangianError for what cannot be monitored."""
+    for name, event in watched:
         require_event(event, name, state)
         if method.variable:
             raise ArgumentError(
                 f"An event, `{name}`, is located by parts of a step, but {method.title} chooses its own: leave it out."
             )
-    return found
 
 
 def require_fit(system: System, start: State, method: Method, h: float, inputs: Any = None, until: Any = None) -> None:
@@ -93,12 +119,14 @@ def require_fit(system: System, start: State, method: Method, h: float, inputs: 
     require_forward(system, method, start, h)
     state = method.begin(system, start, h)
     require_chart(system, method, state, h)
-    require_events(method, state, until, None)
+    require_events(method, state, watched_events(until, None))
 
 
-def _program(system, method, state, kelvin_noether, monitors, events=()) -> tuple[StepProgram, Constants]:
+def _program(
+    system, method, state, chosen, monitors, events=(), digest: str | None = None
+) -> tuple[StepProgram, Constants]:
+    """The program, and its constants; digest: that of the functions, where they have been read."""
     observed, watching = (), {}
-    chosen = _quantities(kelvin_noether)
     if monitors:
         for quantity in chosen:
             quantity.require_equivariant(system, state)
@@ -110,16 +138,24 @@ def _program(system, method, state, kelvin_noether, monitors, events=()) -> tupl
         if system.quantities:
             require_quantities(system, state)
         observed = observe.watching(system, method, state, noether)
-    functions = [partial(quantity.quantity, system) for quantity in chosen]
+    digest = digest or version(system, state, *_functions(system, chosen, monitors, events))
+    crossing = tuple(event.function for _, event in events)
+    program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
+    return program, _constants(system, watching)
+
+
+def _functions(system, chosen, monitors, events) -> list[Callable[[State], Any]]:
+    """What a run reads in addition to the functions of its system."""
+    functions: list[Callable[[State], Any]] = [partial(quantity.quantity, system) for quantity in chosen]
     functions += [partial(value, system, function) for _, function in system.quantities if monitors]
     if system.inputs is not None:
         functions.append(partial(inputs_held, system))
-    crossing = tuple(event.function for _, event in events)
-    functions += crossing
-    digest = version(system, state, *functions)
-    program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
+    return [*functions, *(event.function for _, event in events)]
+
+
+def _constants(system: System, watching: dict[str, Any]) -> Constants:
     holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
-    return program, Constants(system.parameters, watching, RENEWED if holds else None)
+    return Constants(system.parameters, watching, RENEWED if holds else None)
 
 
 def _quantities(given: Any) -> list[KelvinNoether]:
@@ -146,8 +182,9 @@ def _prepare_members(
     members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)
     require_chart(first, method, state, h)
-    watched = require_events(method, state, until, events)
-    program, constants = _program(first, method, state, kelvin_noether, monitors, watched)
+    watched = watched_events(until, events)
+    require_events(method, state, watched)
+    program, constants = _program(first, method, state, _quantities(kelvin_noether), monitors, watched)
     program, constants, axes = with_own_directions(program, constants, members, warnings)
     chosen = kernels.choose(program, member_constants(constants, axes), state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)

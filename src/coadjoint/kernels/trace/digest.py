@@ -6,6 +6,7 @@ import hashlib
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import jax
 import numpy as np
@@ -28,22 +29,31 @@ def digest(*values: Any) -> str:
     return hasher.hexdigest()[:32]
 
 
+_written: WeakKeyDictionary[Any, list[bytes]] = WeakKeyDictionary()
+"""What jaxprs within others feed to a hash. JAX keeps those of its own functions, which come in every trace again."""
+
+
 class _Feed:
     """Feeds values to a hash; variables of a jaxpr count by the order in which they appear."""
 
     def __init__(self, update: Callable[[bytes], None]):
         self.update = update
         self.order: dict[Any, int] = {}
+        self.constant = False
+        """Whether arrays that a jaxpr within holds have been fed."""
 
     def word(self, *parts: Any) -> None:
-        self.update("\x1f".join(_ADDRESS.sub("", str(part)) for part in parts).encode() + b"\x1e")
+        text = "\x1f".join(map(str, parts))
+        self.update((_ADDRESS.sub("", text) if " at 0x" in text else text).encode() + b"\x1e")
 
     def value(self, value: Any) -> None:
         if isinstance(value, jaxprs.Tracer):
             raise LagrangianError(TRACED_OUTSIDE)
         if jaxprs.is_jaxpr(value):
-            self.value(jaxprs.constants(value))
-            _Feed(self.update).jaxpr(value)
+            constants = jaxprs.constants(value)
+            self.constant = self.constant or bool(constants)
+            self.value(constants)
+            self.within(jaxprs.opened(value))
         elif isinstance(value, (np.ndarray, np.generic, jax.Array)):
             array = np.asarray(value)
             self.word("array", array.dtype, array.shape)
@@ -63,15 +73,28 @@ class _Feed:
         else:
             self.word(type(value).__name__, repr(value))
 
+    def within(self, jaxpr: Any) -> None:
+        """A jaxpr with variables of its own; what it feeds is kept, unless it holds arrays, which may change."""
+        parts = _written.get(jaxpr)
+        if parts is None:
+            parts = []
+            feed = _Feed(parts.append)
+            feed.jaxpr(jaxpr)
+            self.constant = self.constant or feed.constant
+            if not feed.constant:
+                _written[jaxpr] = parts = [b"".join(parts)]
+        for part in parts:
+            self.update(part)
+
     def jaxpr(self, jaxpr: Any) -> None:
         variables = jaxprs.variables(jaxpr)
         for group in (variables.constants, variables.inputs):
-            self.word("inputs", *(self.atom(v) for v in group))
+            self.word("inputs", *map(self.atom, group))
         for equation in jaxprs.equations(jaxpr):
-            self.word(equation.name, *(self.atom(v) for v in equation.inputs))
+            self.word(equation.name, *map(self.atom, equation.inputs))
             self.value(equation.parameters)
-            self.word("gives", *(self.atom(v) for v in equation.outputs))
-        self.word("outputs", *(self.atom(v) for v in variables.outputs))
+            self.word("gives", *map(self.atom, equation.outputs))
+        self.word("outputs", *map(self.atom, variables.outputs))
 
     def atom(self, atom: jaxprs.Atom) -> str:
         value = jaxprs.number(atom)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import jax
@@ -75,7 +75,7 @@ class Variables:
 
 def variables(jaxpr: Any) -> Variables:
     """The variables of a jaxpr's constants and inputs, and the atoms of its outputs."""
-    inner = _open(jaxpr)
+    inner = opened(jaxpr)
     return Variables(inner.constvars, inner.invars, inner.outvars)
 
 
@@ -86,7 +86,7 @@ def results(jaxpr: Any) -> list[jax.ShapeDtypeStruct]:
 
 def equations(jaxpr: Any) -> Iterator[Equation]:
     """The equations of a jaxpr in the order in which they are computed."""
-    return map(Equation, _open(jaxpr).eqns)
+    return map(Equation, opened(jaxpr).eqns)
 
 
 def inner_jaxprs(parameters: Mapping[str, Any]) -> list[Any]:
@@ -95,7 +95,8 @@ def inner_jaxprs(parameters: Mapping[str, Any]) -> list[Any]:
     return [value for row in rows for value in row if is_jaxpr(value)]
 
 
-def _open(jaxpr: Any) -> Any:
+def opened(jaxpr: Any) -> Any:
+    """A jaxpr without the values of its constants."""
     return getattr(jaxpr, "jaxpr", jaxpr)  # from 0.11 a jaxpr holds its constants and is its own `.jaxpr`
 
 
@@ -116,7 +117,12 @@ def shape(atom: Atom) -> tuple[int, ...]:
 
 def type_name(atom: Atom) -> str:
     """Type and shape of a variable in short, as `f64[3]`."""
-    return atom.aval.str_short()
+    return _short(atom.aval)
+
+
+@lru_cache(maxsize=4096)
+def _short(aval: Any) -> str:
+    return aval.str_short()
 
 
 class EquationParameters(dict[str, Any]):
@@ -313,7 +319,7 @@ def linear_solve(equation: Equation) -> LinearSolve:
 
 def is_determinant(equation: Equation) -> bool:
     """Whether a call with a derivative of its own is JAX's determinant, of whatever size and by whatever formula."""
-    source = getattr(getattr(_open(body(equation)), "debug_info", None), "func_src_info", None) or ""
+    source = getattr(getattr(opened(body(equation)), "debug_info", None), "func_src_info", None) or ""
     name, _, place = source.partition(" at ")
     return name.startswith("_det") and place.startswith(_DETERMINANTS)
 
