@@ -29,11 +29,10 @@ def about(value, deviation):
 craft = Craft(vehicles.load("remus_100"), controller=Cruise(), water=UniformWater())
 craft = craft.replace(
     mass=about(craft.vehicle.mass, 0.002),  # not quite neutrally buoyant
-    hull_axial_drag=about(0.42, 0.1),
-    hull_crossflow_drag=about(1.1, 0.1),
-    rudder_lift_slope=about(3.12, 0.1),
-    stern_planes_lift_slope=about(3.12, 0.1),
-    water_velocity=co.each(random.normal((0.0, 0.2, 0.0), (0.05, 0.05, 0.0), (members, 3))),  # m/s
+    hull={"axial_drag": about(0.42, 0.1), "crossflow_drag": about(1.1, 0.1)},
+    rudder={"lift_slope": about(3.12, 0.1)},
+    stern_planes={"lift_slope": about(3.12, 0.1)},
+    water={"velocity": co.each(random.normal((0.0, 0.2, 0.0), (0.05, 0.05, 0.0), (members, 3)))},  # m/s
 )
 start = craft.start(
     speed=co.each(random.uniform(1.2, 1.8, members)),
@@ -58,7 +57,7 @@ for statistic in found.statistic.values:
 
 heading = np.degrees(fleet.dataset.euler_angles[:, :, 0])
 hunting = np.abs(heading[:, -20:] - heading[:, -20:].mean("time")).max("time").values > 2.0
-slopes = fleet.system.parameters.rudder_lift_slope.values
+slopes = fleet.system.parameters.rudder.lift_slope.values
 print(f"{hunting.sum()} of {members:,} hunt about their course by more than 2°", end="")
 print(f", with a rudder of {slopes[hunting].max():.2f} per rad or less" if hunting.any() else "")
 

@@ -43,12 +43,11 @@ def torpedo():
     run = co.simulate(craft.system, start, dt=0.05, duration=199.9, inputs=inputs, save_every=2, monitors=False)
     p: Any = craft.system.parameters
     guess = craft.system.replace(
-        hull_axial_drag=0.6,
-        hull_crossflow_drag=0.8,
-        damping_linear=p.damping_linear * [1, 1, 1, 1.4, 0.7, 1],
+        hull={"axial_drag": 0.6, "crossflow_drag": 0.8},
+        damping={"linear": p.damping.linear * [1, 1, 1, 1.4, 0.7, 1]},
         added_mass=1.3 * p.added_mass,
     )
-    names = ["hull_axial_drag", "hull_crossflow_drag", "damping_linear[3]", "damping_linear[4]", "added_mass"]
+    names = ["hull.axial_drag", "hull.crossflow_drag", "damping.linear[3]", "damping.linear[4]", "added_mass"]
     return craft.system, start, run, guess, names
 
 
@@ -59,18 +58,17 @@ def hovering():
     random = np.random.default_rng(3)
     t = np.arange(0.0, 150.0, 1.5)
     wanted = random.uniform(-1, 1, (len(t), 6)) * [1, 1, 1, 0.5, 0.5, 0.6]
-    shares = np.linalg.pinv(p.thrusters_allocation / np.abs(p.thrusters_allocation).max(axis=1, keepdims=True))
+    shares = np.linalg.pinv(p.thrusters.allocation / np.abs(p.thrusters.allocation).max(axis=1, keepdims=True))
     widths = np.clip(220 * wanted @ shares.T, -250, 250)
     widths = 1500 + np.where(np.abs(widths) < 30, np.copysign(40.0, widths), widths)
     start = craft.start(position=(0, 0, 20), actuators={"thrusters": widths[0]})
     inputs = {"thrusters": co.Held(t, widths)}
     run = co.simulate(craft.system, start, dt=0.05, duration=149.9, inputs=inputs, save_every=2, monitors=False)
     guess = craft.system.replace(
-        damping_quadratic=0.7 * p.damping_quadratic,
-        damping_linear=1.4 * p.damping_linear,
+        damping={"quadratic": 0.7 * p.damping.quadratic, "linear": 1.4 * p.damping.linear},
         added_mass=p.added_mass * np.where(np.eye(6) > 0, 1.3, 1.0),
     )
-    names = ["damping_quadratic", "damping_linear", *[f"added_mass[{i},{i}]" for i in range(6)]]
+    names = ["damping.quadratic", "damping.linear", *[f"added_mass[{i},{i}]" for i in range(6)]]
     return craft.system, start, run, guess, names
 
 
@@ -98,7 +96,7 @@ def coverage(vehicle, seeds):
 
 def draw(found, system, path):
     """Left: measured and simulated for half a minute; right: the intervals of all logs over the truth."""
-    names = ["hull_axial_drag", "hull_crossflow_drag", "damping_linear[4]", "added_mass[1,1]", "added_mass[5,5]"]
+    names = ["hull.axial_drag", "hull.crossflow_drag", "damping.linear[4]", "added_mass[1,1]", "added_mass[5,5]"]
     with style.style():
         figure = style.canvas(style.PAGE, 4.2)
         subfigures: Any = figure.subfigures(1, 2, width_ratios=[1, 1.15])

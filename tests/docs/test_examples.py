@@ -107,7 +107,7 @@ def test_a_fleet_of_remus_spreads_with_its_currents_and_holds_its_depth(run_exam
     found = run_example("remus_fleet", 60, 100)
     fleet, q = found["fleet"], found["found"].q
     assert not fleet.failures and found["hunting"].sum() == 0
-    drift = fleet.system.parameters.water_velocity.values[:, 1]
+    drift = fleet.system.parameters.water.velocity.values[:, 1]
     assert np.corrcoef(fleet.dataset.q[:, -1, 1], drift)[0, 1] > 0.9
     assert q.sel(statistic="std")[-1, 1] > 1.0 > 0.1 > q.sel(statistic="std")[-1, 2]
     assert Path("remus_fleet.png").stat().st_size > 10_000

@@ -81,7 +81,7 @@ def test_commands_that_are_taken_half_a_step_early_move_actuators_to_second_orde
 def test_a_measured_log_of_a_craft_is_fitted_on_steps_that_are_fine_enough(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
-    names = ["hull_axial_drag", "added_mass[1,1]"]
+    names = ["hull.axial_drag", "added_mass[1,1]"]
     assert identify(system, log, start=start, parameters=names).dt == 0.05
     assert identify(system, replace(log, step=None), start=start, parameters=names).dt < 0.05
 
@@ -89,7 +89,7 @@ def test_a_measured_log_of_a_craft_is_fitted_on_steps_that_are_fine_enough(remus
 def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_log(synthetic_log(remus[2], noise=page.NOISE, seed=1).between(0.0, 40.0), "log.csv")
-    asked = ["identify", "remus_100", "log.csv", "--parameters", "hull_axial_drag", "added_mass[5,5]"]
+    asked = ["identify", "remus_100", "log.csv", "--parameters", "hull.axial_drag", "added_mass[5,5]"]
     assert main([*asked, "--out", "fit.png"]) == 0
     shown = capsys.readouterr().out
     assert "95% interval" in shown and "added_mass[5,5]" in shown and shown.splitlines()[-1] == "Figure: fit.png."
@@ -98,7 +98,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     assert main([*asked, *both, "--noise", "u=0.01", "--settle", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert [found["parameters"][name]["high"] for name in both] == [None, None]
-    drag = found["parameters"]["hull_axial_drag"]
+    drag = found["parameters"]["hull.axial_drag"]
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
 
 
@@ -107,7 +107,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     [
         (["remus_10", "log.csv", "--parameters", "hull"], "No vehicle `remus_10`"),
         (["remus_100", "none.csv", "--parameters", "hull"], "There is no file none.csv"),
-        (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull_axial_drag`"),
+        (["remus_100", "log.csv", "--parameters", "hul_axial"], "the nearest is `hull.axial_drag`"),
         (["remus_100", "log.csv", "--parameters", "hull", "--noise", "u"], "--noise must be NAME=VALUE"),
         (["remus_100", "log.csv", "--parameters", "hull", "--settle", "99"], "shorter than the log"),
         (["remus_100", "log.csv", "--parameters", "hull", "--out", "none/fit.png"], "The folder none does not exist"),
@@ -138,14 +138,14 @@ def test_commands_in_another_unit_and_missing_ones_are_refused(remus, tmp_path, 
     path.write_text(
         left_out.replace(next(n for n in left_out.splitlines()[1].split(",") if n.startswith("c_")), header)
     )
-    assert main(["identify", "remus_100", str(path), "--parameters", "hull_axial_drag"]) == 2
+    assert main(["identify", "remus_100", str(path), "--parameters", "hull.axial_drag"]) == 2
     assert sentence in capsys.readouterr().err
 
 
 def test_a_column_that_the_simulation_misses_is_told(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
-    names = ["hull_axial_drag"]
+    names = ["hull.axial_drag"]
     assert not any("misses" in doubt for doubt in identify(system, log, start=start, parameters=names).warnings)
     wrong = replace(log, columns={**log.columns, "roll": np.degrees(log.columns["roll"])})
     warnings = identify(system, wrong, start=start, parameters=names).warnings

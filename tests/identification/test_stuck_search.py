@@ -34,12 +34,14 @@ def test_a_search_that_is_stuck_begins_again_and_comes_to_the_truth():
     truth: Any = craft.system.parameters
     inputs = {"thrusters": commands}
     run = co.simulate(craft.system, start, dt=0.02, duration=39.9, inputs=inputs, save_every=5, monitors=False)
-    guess = craft.system.replace(damping_quadratic=1.3 * truth.damping_quadratic, added_mass=0.75 * truth.added_mass)
-    names = ["damping_quadratic", *(f"damping_linear[{i}]" for i in range(3)), "added_mass"]
+    guess = craft.system.replace(
+        damping={"quadratic": 1.3 * truth.damping.quadratic}, added_mass=0.75 * truth.added_mass
+    )
+    names = ["damping.quadratic", *(f"damping.linear[{i}]" for i in range(3)), "added_mass"]
     found = identify(guess, synthetic_log(run, noise=NOISE, seed=3), start=start, parameters=names)
     assert found.iterations > 100, "it is no longer stuck: take a harder log"
-    quadratic = np.asarray(truth.damping_quadratic)
+    quadratic = np.asarray(truth.damping.quadratic)
     for i in range(6):
-        estimate = found[f"damping_quadratic[{i}]"]
+        estimate = found[f"damping.quadratic[{i}]"]
         assert abs(estimate.value - quadratic[i]) < 4 * estimate.standard_error
     assert found.noise["roll"] < 0.006

@@ -17,7 +17,7 @@ from coadjoint.vehicles.water.water import UniformWater
 
 H = 0.05
 COMMANDS = {"rudder": 0.0, "stern_planes": 0.0, "propeller": 15.0}
-CHANGING = ("water_velocity", "center_of_mass", "inertia")
+CHANGING = ("water.velocity", "center_of_mass", "inertia")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_momenta_stay_where_that_is_asked_for(under_way):
 
 def test_what_does_not_enter_the_lagrangian_changes_no_bit_of_the_state(under_way):
     state = under_way.state
-    under_way.change(rudder_lift_slope=1.0, propeller_thrust=[0.2, -0.2])
+    under_way.change(rudder={"lift_slope": 1.0}, propeller={"thrust": [0.2, -0.2]})
     for name in ("mu", "pi", "g", "n"):
         assert np.array_equal(getattr(under_way.state, name), getattr(state, name))
 
@@ -87,7 +87,7 @@ def test_what_does_not_enter_the_lagrangian_changes_no_bit_of_the_state(under_wa
 def test_a_stuck_fin_stays_where_it_stands_and_a_free_one_follows(under_way):
     angle = float(under_way.observation["rudder"])
     free = under_way.clone()
-    under_way.change(rudder_lag=1e30)
+    under_way.change(rudder={"lag": 1e30})
     for body in (under_way, free):
         body.step({"rudder": -0.2}, n=60)
     assert under_way.observation["rudder"] == angle
@@ -97,10 +97,10 @@ def test_a_stuck_fin_stays_where_it_stands_and_a_free_one_follows(under_way):
 
 def test_a_dead_thruster_goes_on_as_a_vehicle_that_was_built_without_it(under_way, craft):
     state = under_way.state
-    under_way.change(propeller_thrust=[0.0, 0.0], propeller_torque=[0.0, 0.0])
-    dead = craft.replace(propeller_thrust=[0.0, 0.0], propeller_torque=[0.0, 0.0])
+    under_way.change(propeller={"thrust": [0.0, 0.0], "torque": [0.0, 0.0]})
+    dead = craft.replace(propeller={"thrust": [0.0, 0.0], "torque": [0.0, 0.0]})
     built = co.Stepper(
-        dead.system, state, dt=H, inputs=COMMANDS, changing=(*CHANGING, "propeller_thrust", "propeller_torque")
+        dead.system, state, dt=H, inputs=COMMANDS, changing=(*CHANGING, "propeller.thrust", "propeller.torque")
     )
     built.restore(state)
     speed = np.linalg.norm(state.nu)
@@ -112,7 +112,7 @@ def test_a_dead_thruster_goes_on_as_a_vehicle_that_was_built_without_it(under_wa
 
 def test_a_front_of_current_carries_the_vehicle_away(under_way):
     still = under_way.clone()
-    under_way.change(water_velocity=[0.0, 0.5, 0.0])
+    under_way.change(water={"velocity": [0.0, 0.5, 0.0]})
     np.testing.assert_allclose(moving(under_way)[1], moving(still)[1], rtol=1e-12, atol=1e-13)
     for body in (under_way, still):
         body.step(n=400)
@@ -126,12 +126,12 @@ def test_members_change_by_a_mask_and_by_a_value_each(craft):
     fleet = co.Stepper(craft.system, start, dt=H, inputs=COMMANDS, observe=observe, members=11)
     mask = np.arange(11) % 2 == 0
     fleet.change(mass=29.0, mask=mask)
-    fleet.change(rudder_area=np.linspace(0.01, 0.02, 11))
+    fleet.change(rudder={"area": np.linspace(0.01, 0.02, 11)})
     fleet.step({"rudder": 0.1}, n=40)
     assert np.array_equal(fleet.observation["mass"] == 29.0, mask)
-    assert np.array_equal(fleet.parameters.rudder_area, np.linspace(0.01, 0.02, 11))
+    assert np.array_equal(fleet.parameters.rudder.area, np.linspace(0.01, 0.02, 11))
     assert len(set(fleet.observation["q"][:, 1])) == 11
-    fleet.change(mass=31.0, rudder_area=0.015)
+    fleet.change(mass=31.0, rudder={"area": 0.015})
     assert fleet.parameters.mass == 31.0
 
 

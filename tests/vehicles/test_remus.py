@@ -18,13 +18,13 @@ DT = 0.05
 
 def cruise(revolutions: float, duration: float, vehicle: co.System = OPEN, **initial: Any):
     """Under way from 1.5 m/s without the propeller's torque, which would heel the vehicle."""
-    vehicle = vehicle.replace(propeller_torque_fraction=0.0)
+    vehicle = vehicle.replace(propeller={"torque_fraction": 0.0})
     start = remus_start(vehicle, **{"speed": 1.5, "revolutions": revolutions, **initial})
     return co.simulate(vehicle, start, dt=DT, duration=duration, save_every=10)
 
 
 def without_fins(**changes: Any) -> co.System:
-    return OPEN.replace(stern_planes_area=0.0, rudder_area=0.0, **changes)
+    return OPEN.replace(stern_planes={"area": 0.0}, rudder={"area": 0.0}, **changes)
 
 
 @pytest.mark.parametrize("n", [8.0, 15.0, 1525 / 60])
@@ -34,7 +34,7 @@ def test_the_terminal_speed_is_where_thrust_equals_drag(n):
 
     def balance(u):
         thrust = 0.9 * 1026 * D**4 * (0.4566 * n**2 + slope * n * 0.944 * u / D)
-        return thrust - 0.5 * 1026 * 0.42 * area * u**2 - P.damping_linear[0] * np.exp(-3 * u) * u
+        return thrust - 0.5 * 1026 * 0.42 * area * u**2 - P.damping.linear[0] * np.exp(-3 * u) * u
 
     speed = float(brentq(balance, 0.01, 10))  # pyright: ignore[reportArgumentType]
     run = cruise(n, duration=400.0)
@@ -48,7 +48,7 @@ def test_the_bollard_thrust_is_that_of_the_propeller_at_rest_ahead_and_astern():
     mass = P.mass + P.added_mass[0, 0]
     for n in (20.0, -20.0):
         thrust = 0.9 * 1026 * 0.14**4 * 0.4566 * n * abs(n)
-        vehicle = OPEN.replace(propeller_torque_fraction=0.0, center_of_mass=np.zeros(3))
+        vehicle = OPEN.replace(propeller={"torque_fraction": 0.0}, center_of_mass=np.zeros(3))
         h = 1e-6
         run = co.simulate(vehicle, remus_start(vehicle, revolutions=n), dt=h, steps=1)
         assert run.final.pi[0] == pytest.approx(thrust * h, rel=1e-6)
@@ -65,7 +65,7 @@ def test_positive_stern_planes_pitch_the_nose_down_and_positive_rudder_turns_it_
 
 def test_roll_at_rest_has_the_period_of_its_righting_moment():
     """W z_g φ = −M₄₄ φ̈ with M₄₄ less (m z_g)²/M₂₂, because the origin sways as the vehicle rolls."""
-    vehicle = without_fins(damping_linear=np.zeros(6), hull_crossflow_drag=0.0)
+    vehicle = without_fins(damping={"linear": np.zeros(6)}, hull={"crossflow_drag": 0.0})
     m, z = float(P.mass), 0.02
     inertia = 0.1120 + m * z**2 + 0.0336 - (m * z) ** 2 / (m + 29.4376)
     rate = np.sqrt(m * 9.81 * z / inertia)
@@ -76,7 +76,7 @@ def test_roll_at_rest_has_the_period_of_its_righting_moment():
 
 
 def test_slow_surge_decays_with_its_time_constant():
-    vehicle = OPEN.replace(hull_axial_drag=0.0, damping_fading=np.zeros(6), center_of_mass=np.zeros(3))
+    vehicle = OPEN.replace(hull={"axial_drag": 0.0}, damping={"fading": np.zeros(6)}, center_of_mass=np.zeros(3))
     run = co.simulate(vehicle, remus_start(vehicle, speed=0.1), dt=DT, duration=40.0)
     np.testing.assert_allclose(run.dataset.qdot[:, 0], 0.1 * np.exp(-(run.dataset.time + DT / 2) / 20.0), rtol=1e-5)
 
@@ -85,7 +85,7 @@ def test_fins_keep_the_course_that_the_munk_moment_would_turn_away():
     """Nothing is deleted from the equations: without fins a torpedo is unstable, with them it is not."""
     drift = []
     for vehicle in (without_fins(), OPEN):
-        vehicle = vehicle.replace(propeller_torque_fraction=0.0)
+        vehicle = vehicle.replace(propeller={"torque_fraction": 0.0})
         start = remus_start(vehicle, speed=1.5, revolutions=15.0)
         start = start.replace(nu=start.nu + np.array([0, 1e-4, 0]))
         run = co.simulate(vehicle, start, dt=DT, duration=10.0)
@@ -104,7 +104,7 @@ MISSION = {
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_a_mission_dives_turns_and_surfaces_within_the_limits_of_its_actuators(delay):
     current = np.array([0.1, 0.2, 0.0])
-    vehicle = remus_100(current=current).replace(controller_delay=delay)
+    vehicle = remus_100(current=current).replace(controller={"delay": delay})
     run = co.simulate(vehicle, remus_start(vehicle, speed=1.5, revolutions=15.0), dt=DT, duration=200.0, inputs=MISSION)
     assert run.plan.backend == "native" and 200.0 / run.seconds > 1000
     made = run.dataset

@@ -17,7 +17,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.system import System
 
-_ENTRY = re.compile(r"^(?P<name>[\w.]+)(\[(?P<index>[\d,\s]+)\])?$")
+_ENTRY = re.compile(r"^(?P<name>[^\[\]]+)(\[(?P<index>[\d,\s]+)\])?$")
 
 MOST = 40
 """The most numbers that are sought at once: no log tells more, and each costs a simulation at every iteration."""
@@ -94,7 +94,7 @@ class Unknowns:
 def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str]) -> Unknowns:
     """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`.
 
-    The name of a part of a craft stands for all its parameters: `"hull"` for `hull_axial_drag`, … Of a whole array
+    The name of a part of a craft stands for all its parameters: `"hull"` for `hull.axial_drag`, … Of a whole array
     those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
     those named in `positive` and the diagonals of positive definite matrices.
     Raises ArgumentError, with the nearest name there is, where `positive` names what is not sought, and for more than
@@ -169,7 +169,7 @@ def _expanded(parameters: Sequence[str], known: dict[str, tuple[int, np.ndarray]
     """The names, with that of a part replaced by those of its parameters that are not all zero."""
     found: list[str] = []
     for text in parameters:
-        begins = f"{text}_"
+        begins = f"{text}."
         whole = [name for name, (_, array) in known.items() if name.startswith(begins) and np.any(array)]
         found += whole if text not in known and whole else [text]
     return found

@@ -7,7 +7,9 @@ from typing import Any
 
 import jax
 
+from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.each import Each
+from coadjoint.paths import paths, respelled
 from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64
 
@@ -17,10 +19,11 @@ class Parameters(Named):
     """Named parameters, kept as float64 and read as attributes: `p.mass`, `p.rudder.area`.
 
         p = co.Parameters(mass=123.8, inertia=np.diag([5.46, 5.29, 5.72]), rudder=dict(area=0.02))
-        p.replace(mass=130.0)
+        p.replace(mass=130.0, rudder=dict(area=0.03))  # the other numbers of the rudder stay
 
     **values: each a number, an array of any shape, a nested dictionary of these, or `co.each` of them. Units are those
-    of the Lagrangian that reads them; models and vehicles use SI. They are a PyTree: JAX differentiates by them.
+    of the Lagrangian that reads them; models and vehicles use SI. They are a PyTree: JAX differentiates by them. Where
+    a name is a text, as in `changing=("rudder.area",)` or on the command line, it is the path with points.
 
     Raises ArgumentError for float32, complex numbers, text and values that are not finite.
     """
@@ -28,15 +31,53 @@ class Parameters(Named):
     __slots__ = ()
 
     def __init__(self, **values: Any):
-        super().__init__(**{name: _leaf(name, value) for name, value in values.items()})
+        super().__init__(**_checked(values))
+
+    def replace(self, **values: Any) -> Parameters:
+        """A copy with some values replaced; a dictionary replaces what it names and leaves the others as they are.
+
+        Raises ArgumentError for a name that is not there, and for one number in the place of several.
+        """
+        return Parameters(**_merged(self, values))
 
 
-def _leaf(name: str, value: Any) -> Any:
-    if isinstance(value, Each):
-        return value
-    if isinstance(value, Mapping):
-        require_names(value)
-        return Parameters(**value)
-    if isinstance(value, Named):
-        return value if isinstance(value, Parameters) else Parameters(**value.asdict())
-    return float64(value, f"Parameter `{name}`")
+def _checked(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The values as float64, and dictionaries of them as parameters; raises ArgumentError, naming the path."""
+    require_names(values)
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, (Mapping, Named)) and not isinstance(value, Parameters):
+            inner = _checked(value.asdict() if isinstance(value, Named) else value, f"{prefix}{name}.")
+            value = Parameters.tree_unflatten(tuple(inner), inner.values())
+        elif not isinstance(value, (Each, Parameters)):
+            value = float64(value, f"Parameter `{prefix}{name}`")
+        found[name] = value
+    return found
+
+
+def _merged(old: Parameters, values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The values of `old`, those that are given in their places."""
+    require_names(values)
+    found = old.asdict()
+    for name, value in values.items():
+        path = f"{prefix}{name}"
+        if name not in found:
+            raise ArgumentError(f"There is no `{path}` to replace{_hint(name, old, prefix)}.")
+        inner, several = found[name], isinstance(value, (Mapping, Named))
+        if isinstance(inner, Parameters) and not several:
+            raise ArgumentError(f"`{path}` is several numbers, {', '.join(inner)}: replace it by a dictionary of some.")
+        if several and not isinstance(inner, Parameters):
+            raise ArgumentError(f"`{path}` is one array of numbers, but is to be replaced by a dictionary.")
+        given = value.asdict() if isinstance(value, Named) else value
+        found[name] = _merged(inner, given, f"{path}.") if several else given
+    return found
+
+
+def _hint(name: str, old: Parameters, prefix: str) -> str:
+    where = respelled(name.replace(".", "_"), paths(old)).split(".")
+    if len(where) < 2:
+        return f"; there is: {', '.join(old) or 'nothing'}"
+    given = "…"
+    for key in reversed(where[1:]):
+        given = f"{{'{key}': {given}}}"
+    return f": it is `{prefix}{'.'.join(where)}`, replaced by {where[0]}={given}"

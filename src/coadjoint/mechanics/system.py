@@ -166,7 +166,7 @@ class System:
         return self.group.dim + self.additional.dim(self.group)
 
     def replace(self, **values: Any) -> System:
-        """A copy with some parameters replaced: `vehicle.replace(mass=130.0)`."""
+        """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`."""
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
         return replace_parameters(self, self.parameters.replace(**values))

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.paths import paths, respelled
 
 
 @jax.tree_util.register_pytree_with_keys_class
@@ -27,7 +28,9 @@ class Named:
             return self._values[name]
         except KeyError:
             known = ", ".join(self._values) or "nothing"
-            raise AttributeError(f"There is no `{name}` here; there is: {known}.") from None
+            hint = respelled(name, paths(self))
+            told = f": it is `{hint}`" if hint else f"; there is: {known}"
+            raise AttributeError(f"There is no `{name}` here{told}.") from None
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"Values cannot be changed in place; make a copy with replace({name}=…).")

@@ -20,7 +20,7 @@ def remus_100(*, automatic: bool = True, current: Any = (0.0, 0.0, 0.0)) -> Syst
 
     automatic: whether the `Cruise` controller flies it, by the inputs `depth` (m), `heading` (rad) and `speed` (m/s
     through the water); without, inputs `stern_planes`, `rudder` (rad) and `propeller` (1/s) command the actuators, or
-    they stay as they start. current: (3,) m/s, north, east, down; the parameter `water_velocity`.
+    they stay as they start. current: (3,) m/s, north, east, down; the parameter `water.velocity`.
     Energy has a line for each of `damping`, `hull`, `stern_planes`, `rudder`, `propeller`.
     """
     controller = Cruise() if automatic else None
@@ -49,7 +49,10 @@ def open_loop(*, fluid_density: Any, axial_drag: Any, crossflow_drag: Any, fin_l
     """REMUS 100 without a controller, neutrally buoyant, with other values of what is known worst."""
     made = remus_100(automatic=False, current=current)
     density = positive(fluid_density, "fluid_density")
-    given = {"hull_axial_drag": axial_drag, "hull_crossflow_drag": crossflow_drag}
-    slopes = {f"{fin}_lift_slope": fin_lift_slope for fin in FINS}
     parameters: Any = made.parameters
-    return made.replace(fluid_density=density, volume=parameters.mass / density, **given, **slopes)
+    return made.replace(
+        fluid_density=density,
+        volume=parameters.mass / density,
+        hull={"axial_drag": axial_drag, "crossflow_drag": crossflow_drag},
+        **{fin: {"lift_slope": fin_lift_slope} for fin in FINS},
+    )

@@ -138,7 +138,7 @@ def test_a_longer_period_and_delay_take_damping_away():
     craft = Craft(VEHICLES["cross"], controller=CONTROLLERS["cross"])
     start, beyond = craft.start(speed=1.5, actuators={"propeller": 15.0}), []
     for period, delay in ((0.1, 0.0), (0.6, 0.6)):
-        slower = craft.system.replace(controller_period=period, controller_delay=delay)
+        slower = craft.system.replace(controller={"period": period, "delay": delay})
         made = co.simulate(slower, start, dt=DT, duration=40.0, inputs={"depth": 0.0, "heading": 0.3, "speed": 1.5})
         beyond.append(float(made.dataset.euler_angles.values[:, 0].max()) - 0.3)
     assert beyond[1] > beyond[0] + 0.01

@@ -81,7 +81,7 @@ def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_sampl
     )
     start = craft.start(speed=1.5)
     for delay in (0.0, 0.15):
-        made = co.simulate(craft.system.replace(controller_delay=delay), start, dt=DT, duration=4.0).dataset
+        made = co.simulate(craft.system.replace(controller={"delay": delay}), start, dt=DT, duration=4.0).dataset
         t, command = made.time.values, made.internal_controller_value_rudder.values / 1e-3
         sampled = np.unique(np.round(command[command > 0], 9))[1:]  # The first is at the node after the start.
         np.testing.assert_allclose(np.diff(sampled), 0.2, atol=1e-9)
@@ -162,7 +162,7 @@ def test_a_controller_that_divides_by_zero_is_named():
         (lambda feedback: {"rudder": 0.1}, r"must be a function of \(feedback, p\), but takes \(feedback\)"),
         (lambda feedback, p: {"rudder": 1 / 0}, "^The controller failed: ZeroDivisionError"),
         (lambda feedback, p: {"rudder": feedback.headin}, "asks its feedback for `headin`.*did you mean `heading`"),
-        (lambda feedback, p: {"rudder": p.rudder_are}, "asks what it is given for `rudder_are`.*`rudder_area`"),
+        (lambda feedback, p: {"rudder": p.rudder.are}, "asks what it is given for `are`.*`area`"),
         (lambda feedback, p: {"rudder": "hard over"}, "commands `rudder` by 'hard over', which is no number"),
         (Cruise, r"is the class Cruise: give one of them, Cruise\(…\)"),
         (Confused(), "^The controller `Confused` has Python `if`.* jnp.where"),
@@ -179,7 +179,7 @@ def test_a_run_through_a_controller_in_numpy_has_no_derivative_and_says_so(deriv
     start = craft.start(speed=1.5)
 
     def east(area):
-        changed = craft.system.replace(rudder_area=area)
+        changed = craft.system.replace(rudder={"area": area})
         return co.trajectory(changed, start, dt=DT, steps=2, inputs={"heading": 0.5}).final.q[1]
 
     with co.float64(), pytest.raises(ArgumentError, match="`with_numpy` is called from outside JAX and has no deriv"):

@@ -227,7 +227,7 @@ def test_members_of_a_fleet_of_gliders_have_wings_of_their_own():
     glide, trimmed = trim(GLIDER, np.radians(-25.0), 0.3)
     craft = Craft(GLIDER)
     start = craft.start(velocity=(0.3, 0, 0), euler_zyx=(0, glide.pitch, 0), actuators=trimmed)
-    worse = craft.system.replace(hull_drag=co.each(np.array([[2.15, 25.0], [4.3, 25.0]])))
+    worse = craft.system.replace(hull={"drag": co.each(np.array([[2.15, 25.0], [4.3, 25.0]]))})
     runs = co.simulate(worse, start, dt=0.05, duration=60.0)
     assert np.all(np.diff(np.linalg.norm(runs.final.nu, axis=1)) < -0.03)
 

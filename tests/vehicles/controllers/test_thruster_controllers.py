@@ -76,7 +76,7 @@ def test_a_thruster_vehicle_would_be_turned_across_the_flow_by_the_munk_moment_t
         blind = Craft(rov(), controller=controller)
         mass = controller.mass.copy()
         mass[[0, 1, 2], [0, 1, 2]] = known * mass[[0, 1, 2], [0, 1, 2]] + (1 - known) * mass[0, 0]
-        system = blind.system.replace(controller_mass=mass)
+        system = blind.system.replace(controller={"mass": mass})
         made = co.simulate(system, blind.start(speed=0.5), dt=0.05, duration=20.0, inputs=inputs).dataset
         pitch.append(np.abs(made.euler_angles.values[:, 1]).max())
     assert pitch[0] < np.radians(8.0) and pitch[1] > 3 * pitch[0]

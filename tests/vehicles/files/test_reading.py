@@ -127,7 +127,7 @@ position = { value = [1.0, 2.0, 3.0], unit = "cm", source = "S" }
     made = vehicle(ELLIPSOID, "FLU", part)
     chute: Any = made.part("chute")
     assert chute.strength == 2.0 and np.allclose(chute.position, [0.01, -0.02, -0.03])
-    assert Craft(made).parameters.chute_strength == 2.0
+    assert Craft(made).parameters.chute.strength == 2.0
     again: Any = vehicle_from_text(vehicle_to_toml(made)).part("chute")
     assert again.strength == 2.0 and np.allclose(again.position, chute.position)
     with pytest.raises(ArgumentError, match="`strength` of the brake `chute` must be at least 0"):

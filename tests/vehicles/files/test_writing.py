@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from coadjoint import vehicles
+from coadjoint.paths import paths
 from coadjoint.vehicles import Controller, Vehicle
 from coadjoint.vehicles.controllers import Attitude, Cruise
 from coadjoint.vehicles.files.file import vehicle_from_text
@@ -22,9 +23,10 @@ def require_same(one: Vehicle, other: Vehicle) -> None:
         assert getattr(one, key) == getattr(other, key), key
     assert [type(part) for part in one.parts] == [type(part) for part in other.parts]
     for ours, theirs in zip(one.parts, other.parts, strict=True):
-        assert ours.parameters().keys() == theirs.parameters().keys()
-        for key, value in ours.parameters().items():
-            assert np.array_equal(value, theirs.parameters()[key]), (ours.name, key)
+        here, there = paths(ours.parameters()), paths(theirs.parameters())
+        assert here.keys() == there.keys()
+        for key, value in here.items():
+            assert np.array_equal(value, there[key]), (ours.name, key)
         assert ours.command == theirs.command
     assert type(one.controller) is type(other.controller)
     for field in fields(one.controller) if one.controller is not None else ():
@@ -49,9 +51,9 @@ def test_a_controller_that_has_been_fitted_is_written_with_its_gains(controller:
     fitted = controller.fitted(vehicle)
     again = vehicle_from_text(vehicle_to_toml(replace(vehicle, controller=fitted)), "again.toml").controller
     assert again is not None
-    refitted = again.fitted(vehicle).parameters()
-    assert refitted.keys() == fitted.parameters().keys()
-    for key, value in fitted.parameters().items():
+    refitted, before = paths(again.fitted(vehicle).parameters()), paths(fitted.parameters())
+    assert refitted.keys() == before.keys()
+    for key, value in before.items():
         np.testing.assert_allclose(refitted[key], value, rtol=1e-12, err_msg=key)
 
 

@@ -218,20 +218,23 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({"mission": {**LEVEL, "axes": "ENU/FLU"}}, "above all sections"),
         ({"axes": "ENU/FLU", "initial": {}, "mission": LEVEL}, "heading belongs to NED/FRD"),
         ({"parameters": {"mass": -3}}, "`mass` must be positive"),
-        ({"parameters": {"rudder_lift_slope": 0}}, "`lift_slope` of the fin `rudder` must be positive"),
+        ({"parameters": {"rudder": {"lift_slope": 0}}}, "`lift_slope` of the fin `rudder` must be positive"),
         ({**FLEET, "perturb": {"mass": "200 %"}}, r"Of member \d+: Argument `mass` must be positive"),
         ({**FLEET, "perturb": {"mass": 0.1}, "mission": {**LEVEL, "ends": "surface"}}, "ends would end each"),
         ({**FLEET, "perturb": {"mass": "nan %"}}, "must be finite"),
-        ({"parameters": {"rudder_limit_kg": 1}}, "unit of mass, but `rudder_limit` measures angle"),
+        ({"parameters": {"rudder": {"limit_kg": 1}}}, "unit of mass, but `limit` measures angle"),
         ({"controller": {"heading_reach_m": 1}}, "unit of length, but `heading_reach` measures angle"),
         ({"run": {"dt": 1, "steps": 1, "members": 2}, "perturb": {"mass_m": 1}}, "`mass` measures mass"),
         ({"controller": {"kind": "cruse"}}, "did you mean `cruise`"),
         ({"controller": {"periods": 1}}, "did you mean `period`"),
         ({"controller": {"kind": "none"}}, "no set point `depth`"),
-        ({"parameters": {"rudder_aera": 1}}, "did you mean `rudder_area`"),
-        ({"parameters": {"rudder_lag": -0.1}}, "`lag` of the fin `rudder` must be at least 0"),
+        ({"parameters": {"rudder": {"aera": 1}}}, "did you mean `area`"),
+        ({"parameters": {"rudder_limit_deg": 9}}, "`rudder_limit_deg` is called `rudder.limit`"),
+        ({"parameters": {"pilot_period": 0.1}}, "`pilot_period` is called `controller.period`"),
+        ({"parameters": {"rudder": 0.1}}, "rudder is several numbers"),
+        ({"parameters": {"rudder": {"lag": -0.1}}}, "`lag` of the fin `rudder` must be at least 0"),
         (
-            {"run": {"dt": 0.05, "duration": 5, "members": 4}, "perturb": {"rudder_lag": 9.0}},
+            {"run": {"dt": 0.05, "duration": 5, "members": 4}, "perturb": {"rudder": {"lag": 9.0}}},
             "Of member .: .*`lag` of the fin `rudder`",
         ),
         ({"water": {"kind": "tidel"}}, "did you mean `tidal`"),
@@ -286,16 +289,16 @@ def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(capsys):
 
 def test_units_of_parameters_are_those_that_they_measure():
     given = {
-        "propeller_limit_rpm": 900,
-        "rudder_limit_deg": 20,
+        "propeller": {"limit_rpm": 900},
+        "rudder": {"limit_deg": 20},
         "center_of_mass_mm": [0, 0, 20],
-        "controller_period_ms": 100,
+        "controller": {"period_ms": 100},
     }
     found = set_up(mission(parameters=given)).system.parameters
-    assert found.propeller_limit == pytest.approx(15.0)
-    assert found.rudder_limit == pytest.approx(np.radians(20))
+    assert found.propeller.limit == pytest.approx(15.0)
+    assert found.rudder.limit == pytest.approx(np.radians(20))
     assert found.center_of_mass == pytest.approx([0, 0, 0.02])
-    assert found.controller_period == pytest.approx(0.1)
+    assert found.controller.period == pytest.approx(0.1)
 
 
 def test_every_kind_of_current_can_be_said(tmp_path):
@@ -316,14 +319,14 @@ def test_every_kind_of_current_can_be_said(tmp_path):
     assert set(tables) == set(CURRENTS)
     for kind, table in tables.items():
         found = water(mission(water=table))
-        own = co.Parameters(**found.parameters(), fluid_density=1025.0)
+        own = co.Parameters(**found.parameters())
         memory = co.Parameters(**found.start()) if found.start() else None
         with co.float64():
             north = float(found.current(np.zeros(3), 0.0, memory, own)[0])
         assert north == pytest.approx(0.3), kind
     both = {"mean": tables["uniform"], "tide": tables["tidal"], "density": {"kind": "linear", "surface": 1025.0}}
     sea = water(mission(water=both))
-    own = co.Parameters(**sea.parameters(), fluid_density=1000.0)
+    own = co.Parameters(**sea.parameters())
     with co.float64():
         assert float(sea.current(np.zeros(3), 0.0, None, own)[0]) == pytest.approx(0.6)
         assert float(sea.density(0.0, own)) == 1025.0
@@ -373,7 +376,7 @@ def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys
 
 
 def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys, monkeypatch):
-    more = '[perturb]\nseed = 3\nmass = 0.5\nhull_axial_drag = "10 %"\n'
+    more = '[perturb]\nseed = 3\nmass = 0.5\nhull.axial_drag = "10 %"\n'
     Path("fleet.toml").write_text(MISSION.replace("duration = 10", "duration = 5\nmembers = 40") + more)
     assert main(["run", "fleet.toml", "--set", "output.figures=false", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -383,7 +386,7 @@ def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys,
         rows = list(csv.DictReader(file))
     assert (told["members"], told["finished"], len(rows)) == (40, 40, 40)
     mass = np.array([float(row["mass"]) for row in rows])
-    drag = np.array([float(row["hull_axial_drag"]) for row in rows])
+    drag = np.array([float(row["hull.axial_drag"]) for row in rows])
     assert np.std(mass) == pytest.approx(0.5, rel=0.4)
     assert np.std(drag) == pytest.approx(0.042, rel=0.4)
     data = co.load("fleet/trajectory.nc").dataset

@@ -36,7 +36,7 @@ def test_inputs_of_the_names_of_parts_command_them_and_other_parts_stay():
 
 def test_an_actuator_that_lags_acts_half_a_step_late_so_that_the_order_is_one():
     """The number of docs/actuators.md: 7 cm after 10 s at h = 0.05 s, by extrapolation to h → 0."""
-    craft = Craft(remus()).replace(rudder_lag=0.5)
+    craft = Craft(remus()).replace(rudder={"lag": 0.5})
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
     ends = [
         co.simulate(craft.system, start, dt=h, duration=10.0, inputs={"rudder": 0.2}, monitors=False).final.q
@@ -171,7 +171,7 @@ def test_the_energy_budget_of_a_craft_with_a_part_of_every_kind_closes_to_second
 
 
 def test_port_and_starboard_are_mirrored():
-    craft = Craft(remus()).replace(propeller_torque_fraction=0.0)
+    craft = Craft(remus()).replace(propeller={"torque_fraction": 0.0})
     mirror, turned = np.array([1.0, -1, 1]), np.array([-1.0, 1, -1])
     made = []
     for side in (1.0, -1.0):
@@ -197,7 +197,7 @@ def test_every_member_of_a_fleet_has_its_own_rudder_its_own_start_and_its_own_cu
     }
 
     def gone(area, speed, place, current, angle):
-        craft = Craft(remus(), water=UniformWater()).replace(rudder_area=area, water_velocity=current)
+        craft = Craft(remus(), water=UniformWater()).replace(rudder={"area": area}, water={"velocity": current})
         start = craft.start(position=place, speed=speed, actuators={"rudder": angle, "propeller": 12.0})
         return co.simulate(craft.system, start, dt=0.05, duration=10.0).dataset
 
@@ -213,7 +213,7 @@ def test_the_gradient_of_where_a_craft_ends_by_the_area_of_its_rudder_is_that_of
     start = craft.start(speed=1.5, actuators={"rudder": 0.1})
 
     def east(area):
-        path = co.trajectory(craft.system.replace(rudder_area=area), start, dt=0.05, steps=40, backend="native")
+        path = co.trajectory(craft.system.replace(rudder={"area": area}), start, dt=0.05, steps=40, backend="native")
         return path.final.q[1]
 
     def difference(d):
@@ -225,8 +225,10 @@ def test_the_gradient_of_where_a_craft_ends_by_the_area_of_its_rudder_is_that_of
 
 
 def test_a_system_knows_the_craft_that_it_was_made_by():
-    system = Craft(remus(), water=UniformWater(CURRENT)).system.replace(rudder_area=0.02, water_velocity=[0, 0.5, 0])
-    assert craft_of(system).system.parameters.rudder_area == 0.02  # pyright: ignore[reportOptionalMemberAccess]
+    system = Craft(remus(), water=UniformWater(CURRENT)).system.replace(
+        rudder={"area": 0.02}, water={"velocity": [0, 0.5, 0]}
+    )
+    assert craft_of(system).system.parameters.rudder.area == 0.02  # pyright: ignore[reportOptionalMemberAccess]
     np.testing.assert_allclose(craft_of(system).start(speed=1.5).qdot, [1.5, 0.5, 0])
     with pytest.raises(co.ArgumentError, match="was not made by a Craft"):
         craft_of(co.System(co.SO3(), lambda xi: xi @ xi))
@@ -302,11 +304,19 @@ def drifting(**inputs: Any):
         (lambda: remus().part("ruder"), "has no part `ruder`; its parts are: damping, hull"),
         (lambda: Craft(remus(), water=CURRENT), r"`water` must be a Water such as UniformWater"),
         (lambda: Craft(remus()).replace(ruder_area=1.0), "There is no `ruder_area` to replace"),
+        (lambda: Craft(remus()).replace(rudder_area=1.0), "it is `rudder.area`, replaced by rudder={'area': …}"),
+        (lambda: Craft(remus()).replace(**{"rudder.area": 1.0}), "it is `rudder.area`, replaced by rudder={'area': …}"),
+        (lambda: Craft(remus()).replace(rudder=1.0), "`rudder` is several numbers, position, normal, area"),
+        (lambda: Craft(remus()).replace(mass={"area": 1.0}), "`mass` is one array of numbers"),
+        (lambda: remus(parts=(Damping("mass"),)), "`mass` is taken"),
         (lambda: Craft(remus()).replace(mass=-5.0), "`mass` must be positive"),
-        (lambda: Craft(remus()).replace(rudder_normal=[0, 2, 0]), "`normal` of the fin `rudder` must be a unit vector"),
-        (lambda: Craft(remus()).replace(hull_length=[1, 2]), "`length` of the hull `hull` must be one number"),
         (
-            lambda: Craft(remus(), controller=Helmsman()).replace(water_velocity=1.0),
+            lambda: Craft(remus()).replace(rudder={"normal": [0, 2, 0]}),
+            "`normal` of the fin `rudder` must be a unit vector",
+        ),
+        (lambda: Craft(remus()).replace(hull={"length": [1, 2]}), "`length` of the hull `hull` must be one number"),
+        (
+            lambda: Craft(remus(), controller=Helmsman()).replace(water={"velocity": 1.0}),
             r"`velocity` must have shape \(3,\)",
         ),
         (lambda: Craft(remus()).start(actuators={"ruder": 0.1}), "`ruder` in `actuators` is no actuator .* are: stern"),
@@ -344,18 +354,21 @@ def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"rudder_lag": -0.1}, "`lag` of the fin `rudder` must be at least 0, but is -0.1"),
-        ({"rudder_area": -0.0133}, "`area` of the fin `rudder` must be at least 0"),
-        ({"rudder_normal": [0, 5, 0]}, "`normal` of the fin `rudder` must be a unit vector"),
-        ({"rudder_limit": co.each([0.2, -0.1, 0.3])}, "Of member 1: .*`limit` of the fin `rudder` must be positive"),
-        ({"rudder_normal": co.each([[0, 1, 0], [0, 0, 1], [0, 2, 0]])}, "Of member 2: .*unit vector"),
+        ({"rudder": {"lag": -0.1}}, "`lag` of the fin `rudder` must be at least 0, but is -0.1"),
+        ({"rudder": {"area": -0.0133}}, "`area` of the fin `rudder` must be at least 0"),
+        ({"rudder": {"normal": [0, 5, 0]}}, "`normal` of the fin `rudder` must be a unit vector"),
+        (
+            {"rudder": {"limit": co.each([0.2, -0.1, 0.3])}},
+            "Of member 1: .*`limit` of the fin `rudder` must be pos",
+        ),
+        ({"rudder": {"normal": co.each([[0, 1, 0], [0, 0, 1], [0, 2, 0]])}}, "Of member 2: .*unit vector"),
         ({"mass": -3.0}, "`mass` must be positive"),
         ({"center_of_mass": [0, 0.02]}, r"`center_of_mass` must have shape \(3,\)"),
         ({"inertia": [1.0, 2.0, 2.0]}, r"`inertia` must be of shape \(3, 3\), but has shape \(3,\)"),
         ({"inertia": np.diag([1.0, -2.0, 2.0])}, "`inertia` must be positive definite"),
-        ({"water_velocity": [0.1, 0.2]}, r"`velocity` must have shape \(3,\)"),
-        ({"controller_period": 0.0}, "`period` of the controller `Cruise` must be positive"),
-        ({"controller_allocation": [1.0]}, r"`controller_allocation` must be of shape"),
+        ({"water": {"velocity": [0.1, 0.2]}}, r"`velocity` must have shape \(3,\)"),
+        ({"controller": {"period": 0.0}}, "`period` of the controller `Cruise` must be positive"),
+        ({"controller": {"allocation": [1.0]}}, r"`controller.allocation` must be of shape"),
     ],
 )
 def test_what_replaces_a_parameter_is_checked_as_where_it_was_made(changed, sentence):
@@ -364,18 +377,18 @@ def test_what_replaces_a_parameter_is_checked_as_where_it_was_made(changed, sent
 
 
 def test_what_can_be_replaces_a_parameter_also_where_it_is_traced():
-    craft = Craft(remus(), controller=Cruise()).replace(rudder_area=co.each(np.linspace(0, 0.1, 5)), mass=32.0)
-    assert len(craft.parameters.rudder_area) == 5
+    craft = Craft(remus(), controller=Cruise()).replace(rudder={"area": co.each(np.linspace(0, 0.1, 5))}, mass=32.0)
+    assert len(craft.parameters.rudder.area) == 5
 
     def area(value):
-        return Craft(remus()).replace(rudder_area=value, rudder_lag=-value).parameters.rudder_area ** 2
+        return Craft(remus()).replace(rudder={"area": value, "lag": -value}).parameters.rudder.area ** 2
 
     assert evaluate(jax.grad(area), np.float64(0.3)) == 0.6
 
 
 def test_a_lag_of_zero_is_none():
     """exp(−h/τ) → 0: the rudder is where its command is one step later, without dividing by zero."""
-    craft = Craft(remus()).replace(rudder_lag=0.0)
+    craft = Craft(remus()).replace(rudder={"lag": 0.0})
     run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, steps=3, inputs={"rudder": 0.1})
     assert run.plan.backend == "native"
     np.testing.assert_array_equal(run.dataset.internal_rudder, [0.0, 0.1, 0.1, 0.1])

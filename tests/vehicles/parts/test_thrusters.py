@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.parts import T200, Damping, Thrusters
 from coadjoint.vehicles.parts.part import Flow
@@ -56,7 +56,7 @@ def rexrov(**changes: Any) -> Thrusters:
 
 
 def own(part: Thrusters) -> Named:
-    return Named(**part.parameters())
+    return named(part.parameters())
 
 
 CURVES = {
@@ -185,7 +185,7 @@ def test_a_lagging_thruster_follows_exp_of_time_exactly_whatever_the_step():
         run = co.simulate(craft.system, craft.start(), dt=h, steps=6, inputs=inputs)
         expected = np.outer(1 - np.exp(-run.dataset.time.values / tau), [1.0, -2.0, 5.0])
         np.testing.assert_allclose(run.dataset.internal_thrusters, expected, atol=1e-13)
-    narrow = co.simulate(craft.system.replace(thrusters_limit=0.5), craft.start(), dt=0.5, steps=6, inputs=inputs)
+    narrow = co.simulate(craft.system.replace(thrusters={"limit": 0.5}), craft.start(), dt=0.5, steps=6, inputs=inputs)
     clipped = np.outer(1 - np.exp(-narrow.dataset.time.values / tau), [0.5, -0.5, 0.5])
     np.testing.assert_allclose(narrow.dataset.internal_thrusters, clipped, atol=1e-13)
 
@@ -210,12 +210,12 @@ def test_every_member_of_an_ensemble_has_its_curve_and_gradients_go_through_it()
     craft = Craft(vehicle(part))
     start = craft.start()
     inputs = {"thrusters": co.Held([0.0], [[4.0]])}
-    many = craft.system.replace(thrusters_ahead=co.each([0.4, 0.5, 0.6]))
+    many = craft.system.replace(thrusters={"curve": {"ahead": co.each([0.4, 0.5, 0.6])}})
     speeds = co.simulate(many, start, dt=0.05, steps=40, inputs=inputs).final.pi[:, 0]
     np.testing.assert_allclose(speeds / speeds[1], [0.8, 1.0, 1.2], rtol=1e-10)
 
     def speed(ahead: Any) -> Any:
-        system = craft.system.replace(thrusters_ahead=ahead)
+        system = craft.system.replace(thrusters={"curve": {"ahead": ahead}})
         return co.trajectory(system, start, dt=0.05, steps=40, inputs=inputs, backend="native").final.pi[0]
 
     with co.float64():

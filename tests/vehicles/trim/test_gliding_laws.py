@@ -19,7 +19,7 @@ WINGS = LiftingBody("wings", drag=(2.15, 25.0), lift=(0.5, 132.5), pitch=(0.1, -
 
 
 def own(part: Part) -> Named:
-    return Named(**part.parameters())
+    return named(part.parameters())
 
 
 def through(v: Any, omega: Any = (0.0, 0.0, 0.0)) -> Any:

@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles import Craft, Vehicle
 from coadjoint.vehicles.water import (
     CurrentField,
@@ -148,7 +148,7 @@ def test_a_member_of_an_ensemble_is_the_run_of_its_seed(fleet):
 
 def at(water: Any, position: Any, t: float = 0.0) -> np.ndarray:
     """The current of a water with its own parameters."""
-    own = Named(**water.parameters(), fluid_density=1000.0)
+    own = named(water.parameters())
     return np.asarray(evaluate(lambda q, t: water.current(q, t, None, own), np.asarray(position, float), np.float64(t)))
 
 
@@ -355,7 +355,6 @@ REFUSED = [
     (lambda: Sea(), "at least one current or a density"),
     (lambda: Sea(tide=3.0), "`tide` must be a Water"),  # type: ignore[arg-type]
     (lambda: Sea(density=1025.0), "must be a Density"),  # type: ignore[arg-type]
-    (lambda: Sea(a=Sea(b=TIDE), a_b=TIDE), "have the same name"),
     (lambda: Sea(slow=GUSTS, fast=GaussMarkovCurrent((0.1, 0.1, 0), 5.0)), "`slow` and `fast` have the same seed"),
     (lambda: at_bottom("deep"), "must be a depth"),
     (lambda: at_bottom(lambda north, east: 20 + np.sin(np.asarray(north))), "must be written with jax.numpy"),

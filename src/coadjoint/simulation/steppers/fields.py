@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.paths import respelled
+
 
 class Fields(NamedTuple):
     """Names and shapes, one after the other in a row. Knows NumPy only: a saved stepper is without JAX."""
@@ -52,4 +54,6 @@ class Fields(NamedTuple):
 
     def unknown(self, name: Any, what: str) -> str:
         """The sentence about a name that is none."""
+        if path := respelled(str(name), self.names):
+            return f"There is no {what} `{name}`: it is `{path}`."
         return f"There is no {what} `{name}`; there is: {', '.join(self.names) or 'none'}."

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.paths import paths
 from coadjoint.simulation.steppers.buffers import by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
 from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
@@ -103,9 +104,9 @@ class Stepping(Standing):
     def change(
         self, values: Mapping[str, Any] | None = None, *, mask: Any = None, keep: str = "velocity", **named: Any
     ):
-        """Change parameters between two steps, by names, or by a dictionary where names have points in them.
+        """Change parameters between two steps, by names, or by a dictionary as `parameters` of a saved stepper shows.
 
-            stepper.change(rudder_lift_slope=0.0)             # a lost fin
+            stepper.change(rudder={"lift_slope": 0.0})        # a lost fin
             fleet.change(mass=30.0, mask=released)            # a dropped mass, of some members
 
         mask: (members,) truth values, whose; a value may also be one for each member. keep: "velocity", so that the
@@ -118,7 +119,7 @@ class Stepping(Standing):
             raise ArgumentError(f'Argument `keep` must be "velocity" or "momentum", but is {shown(keep)}.')
         if values is not None and not isinstance(values, Mapping):
             raise ArgumentError(f"Give parameters by their names, as in change(mass=30.0), but not {shown(values)}.")
-        given = {**(values or {}), **named}
+        given = paths({**(values or {}), **named})
         if not given:
             raise ArgumentError("Give at least one parameter to change, as in change(mass=30.0).")
         which = self._which(mask)

@@ -93,7 +93,7 @@ class Attitude(Controller):
         return self if self.model is not None else propose_attitude(self, vehicle)
 
     def parameters(self) -> dict[str, Any]:
-        return {**super().parameters(), **({} if self.model is None else self.model._asdict())}
+        return {**super().parameters(), **({} if self.model is None else {"model": self.model._asdict()})}
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -104,15 +104,16 @@ class Attitude(Controller):
 
     def steer(self, feedback: Feedback, memory: Any, own: Any, vehicle: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         assert self.allocation is not None
+        model = own.model
         v, faster = feedback.velocity, feedback.velocity[0] / own.speed
         R, goal = attitude_of(feedback.down, feedback.north), feedback.inputs.attitude
-        error = jnp.where(own.rolls > 0, attitude_error(R, goal), pointing_error(R, goal))
+        error = jnp.where(model.rolls > 0, attitude_error(R, goal), pointing_error(R, goal))
         gains, following = own.attitude_gains, memory.attitude + own.period * error
         wanted = -gains[0] * error - gains[1] * following - gains[2] * feedback.omega
-        natural = faster * own.flow @ jnp.concatenate([v[1:], feedback.omega]) + own.weight @ feedback.down
-        fins = own.inverse @ (wanted - natural) / jnp.maximum(faster, 0.5) ** 2
+        natural = faster * model.flow @ jnp.concatenate([v[1:], feedback.omega]) + model.weight @ feedback.down
+        fins = model.inverse @ (wanted - natural) / jnp.maximum(faster, 0.5) ** 2
         scale = jnp.minimum(1.0, own.fin_limit / jnp.maximum(jnp.max(jnp.abs(fins)), 1e-9))
         ahead, of_speed = pull(feedback, memory.speed, own)
-        commands = commands_of(self.allocation, scale * fins + own.ahead * ahead, vehicle)
+        commands = commands_of(self.allocation, scale * fins + model.ahead * ahead, vehicle)
         grows = (scale == 1.0) & (error @ error < 0.25)
         return commands, {"attitude": jnp.where(grows, following, memory.attitude), "speed": of_speed}

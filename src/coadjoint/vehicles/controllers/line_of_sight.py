@@ -81,8 +81,8 @@ class LineOfSight(Controller):
     way_points: (n, 3) m, north, east, depth; n ≥ 2. look_ahead: Δ, m, by default four lengths of the vehicle. gain: σ,
     m/s, 0.2 by default; 0 follows without integral. acceptance: m over ground, by default two lengths. helm: a
     controller with the set points `heading` and `depth` or `pitch`, by default the vehicle's own or one that is
-    proposed; its gains are `controller_helm_…`, and its period and delay those of the path. Its other set points, such
-    as `speed`, are those of the run. Raises ArgumentError.
+    proposed; its gains are `p.controller.helm.…`, and its period and delay those of the path. Its other set
+    points, such as `speed`, are those of the run. Raises ArgumentError.
     """
 
     way_points: Any = measured(u.LENGTH, None)
@@ -120,8 +120,7 @@ class LineOfSight(Controller):
         )
 
     def parameters(self) -> dict[str, Any]:
-        of_helm = {} if self.helm is None else self.helm.parameters()
-        return {**super().parameters(), **{f"helm_{key}": value for key, value in of_helm.items()}}
+        return {**super().parameters(), **({} if self.helm is None else {"helm": self.helm.parameters()})}
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -154,6 +153,6 @@ class LineOfSight(Controller):
             "depth": end[2],
             "pitch": here.climb - sunk,
         }
-        of_helm = Named(**{key: getattr(own, f"helm_{key}") for key in self.helm.parameters()})
-        commands, remembered = self.helm.steer(feedback._replace(inputs=Named(**wanted)), memory.helm, of_helm, vehicle)
+        set_points = feedback._replace(inputs=Named(**wanted))
+        commands, remembered = self.helm.steer(set_points, memory.helm, own.helm, vehicle)
         return commands, {"leg": number, "beside": beside, "beneath": beneath, "helm": remembered}

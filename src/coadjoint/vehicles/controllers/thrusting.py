@@ -36,7 +36,7 @@ class Thrusting(Controller):
 
     W is net weight and righting torque, and T the torque of ad*_V MV on SE(3), V = (v, ω): the Munk moment, which would
     turn the vehicle across the flow, is fed forward. M = M_RB + M_A, the model that the controller has, is the
-    parameter `controller_mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a
+    parameter `controller.mass`. The wrench w is shared out by `Thrusters.allocate`, which keeps its direction where a
     thruster is at its limit.
     """
 

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each
-from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.damping import Damping
 from coadjoint.vehicles.parts.derivatives import Derivatives
@@ -165,7 +163,7 @@ def _thrusters_together(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _matrix(part: Thrusters) -> np.ndarray:
-    return np.asarray(evaluate(part.matrix, Named(**part.parameters())))
+    return part.nominal_matrix
 
 
 def _far(name: str, position: Any, size: float) -> Iterator[str]:

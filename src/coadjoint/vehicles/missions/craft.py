@@ -15,7 +15,6 @@ from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import split_name
 from coadjoint.vehicles.logs.headers import inside
 from coadjoint.vehicles.missions import legs
-from coadjoint.vehicles.missions.measures import dimensions, measures
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
 from coadjoint.vehicles.missions.water import water
@@ -31,6 +30,7 @@ def set_up(file: MissionFile) -> Setup:
     """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
     from coadjoint.models.quantities import vector
     from coadjoint.vehicles import axes as border
+    from coadjoint.vehicles.missions.measures import measures, parameters_in_si
     from coadjoint.vehicles.model.craft import Craft
 
     vehicle = _vehicle(file)
@@ -41,9 +41,8 @@ def set_up(file: MissionFile) -> Setup:
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
     craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)))
-    kinds = measures(craft.parameters.asdict(), vehicle, craft.controller)
-    require_new_names(file)
-    craft = craft.replace(**in_si("parameters", file.parameters, list(kinds), kinds))
+    kinds = measures(craft)
+    craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
     start = craft.start(**begun)
     require_room(file, start)
     system = craft.system
@@ -56,16 +55,6 @@ def set_up(file: MissionFile) -> Setup:
     told = {"vehicle_length": float(vehicle.length or 1.0)}
     told |= {"way_points": points.ravel().tolist()} if len(points) else {}
     return Setup(system, start, inputs or None, legs.until(file, arrived), told)
-
-
-def require_new_names(file: MissionFile) -> None:
-    """Raise ArgumentError for parameters under a name that they had before, with the new one."""
-    for title, given in (("parameters", file.parameters), ("perturb", file.perturb)):
-        for key in given:
-            if key.startswith("pilot_"):
-                raise ArgumentError(
-                    f"[{title}] `{key}` is called `controller_{key.removeprefix('pilot_')}`: rename it."
-                )
 
 
 def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
@@ -88,6 +77,7 @@ def _vehicle(file: MissionFile) -> Any:
 def _controller(file: MissionFile, vehicle: Any) -> Any:
     """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint.vehicles.files.kinds import kinds
+    from coadjoint.vehicles.missions.measures import dimensions
 
     CONTROLLERS = kinds("controllers")
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.runs.units import in_si
-from coadjoint.units import Dimension
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -17,25 +15,36 @@ if TYPE_CHECKING:
 SYMMETRIC = ("inertia", "added_mass")
 
 
-def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, Dimension | None]) -> Any:
+def perturbed(file: MissionFile, system: Any, kinds: Mapping[str, Any]) -> Any:
     """The system with co.each of p + σ ζ for every parameter of [perturb], ζ normal and independent.
 
     σ is a number in the parameter's unit, or a text such as "5 %" of the parameter itself; of an array each entry has
     its own ζ, of a symmetric matrix each pair. kinds: what the parameters measure. Raises ArgumentError.
     """
+    from coadjoint.vehicles.missions.measures import parameters_in_si
+
+    given = {key: value for key, value in file.perturb.items() if key != "seed"}
+    deviations = parameters_in_si("perturb", given, kinds)
+    random = np.random.default_rng(_seed(file))
+    return system.replace(**_varied(deviations, system.parameters, file.run.members, random)) if deviations else system
+
+
+def _varied(deviations: Mapping[str, Any], values: Any, members: int, random: np.random.Generator) -> dict[str, Any]:
+    """p + σ ζ of each member in the place of σ."""
     import coadjoint as co
 
-    values = system.parameters.asdict()
-    deviations = in_si("perturb", {key: v for key, v in file.perturb.items() if key != "seed"}, list(values), kinds)
-    random = np.random.default_rng(_seed(file))
-    changed = {}
+    found: dict[str, Any] = {}
     for name, given in deviations.items():
-        value = np.asarray(values[name], dtype=float)
-        zeta = random.standard_normal((file.run.members, *value.shape))
+        value = getattr(values, name)
+        if isinstance(given, Mapping):
+            found[name] = _varied(given, value, members, random)
+            continue
+        value = np.asarray(value, dtype=float)
+        zeta = random.standard_normal((members, *value.shape))
         if name in SYMMETRIC:
             zeta = np.triu(zeta) + np.swapaxes(np.triu(zeta, 1), 1, 2)
-        changed[name] = value + _deviation(name, given, value) * zeta
-    return system.replace(**{name: co.each(values) for name, values in changed.items()}) if changed else system
+        found[name] = co.each(value + _deviation(name, given, value) * zeta)
+    return found
 
 
 def seeds(file: MissionFile) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError
+from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.vehicles.figures.declared import FIGURES
@@ -147,8 +148,7 @@ def _varied(fleet: Any) -> dict[str, np.ndarray]:
     from coadjoint.mechanics.each import Each
 
     found: dict[str, np.ndarray] = {}
-    parameters: Any = fleet.system.parameters
-    for name, value in parameters.asdict().items():
+    for name, value in paths(fleet.system.parameters).items():
         if isinstance(value, Each):
             table = np.asarray(value.values).reshape(len(value), -1)
             ends = [""] if np.ndim(value.values) == 1 else [f"[{i + 1}]" for i in range(table.shape[1])]

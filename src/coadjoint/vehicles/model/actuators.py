@@ -12,7 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each, stacked
+from coadjoint.mechanics.each import Each, count_members, stacked
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import Motion
@@ -20,7 +20,7 @@ from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
 from coadjoint.vehicles.model.controller_mistakes import called, steer
-from coadjoint.vehicles.model.energies import Surroundings, own_of
+from coadjoint.vehicles.model.energies import Surroundings
 from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
@@ -75,13 +75,11 @@ class Rule(InternalRule):
             commands.update({name: getattr(motion.internal.controller.value, name) for name in steered})
         for part in self.vehicle.commanded:
             actual = getattr(motion.internal, part.name)
-            own = own_of(p, part.name, part.parameters())
             if part.name in commands:
-                actual = part.advance(actual, jnp.asarray(commands[part.name]), h, own)
+                actual = part.advance(actual, jnp.asarray(commands[part.name]), h, getattr(p, part.name))
             after[part.name] = actual
         if self.water.start():
-            own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
-            after["water"] = self.water.advance(motion.internal.water, h, own)
+            after["water"] = self.water.advance(motion.internal.water, h, p.water)
         return after
 
     def seeded(self, internal: Named, seeds: np.ndarray) -> Named:
@@ -100,8 +98,9 @@ class Rule(InternalRule):
         """A sentence where a step is longer than the period of the controller."""
         if self.controller is None:
             return []
-        given = p.controller_period.values if isinstance(p.controller_period, Each) else p.controller_period
-        period, step = float(np.min(given)), float(np.abs(h))
+        given = p.controller.period
+        period = float(np.min(given.values if isinstance(given, Each) else given))
+        step = float(np.abs(h))
         if step <= period * (1 + 1e-9):
             return []
         return [
@@ -115,20 +114,18 @@ class Rule(InternalRule):
 
         Nor for an ensemble whose members have waters of their own, since p is theirs together.
         """
-        own = own_of(p, "water", self.water.parameters(), fluid_density=p.fluid_density)
-        numbers = own.asdict().values()
-        if any(isinstance(number, Each) for number in numbers) or (
-            isinstance(self.water, UniformWater) and not np.any(own.velocity)
+        if count_members(p.water) is not None or (
+            isinstance(self.water, UniformWater) and not np.any(p.water.velocity)
         ):
             return {}
         around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
-        return {"current": self.water.current(around.place(), motion.t, around.memory, own)}
+        return {"current": self.water.current(around.place(), motion.t, around.memory, p.water)}
 
     def limits(self, p: Any) -> dict[str, tuple[float | None, float | None]]:
         """±`limit`, or `low` and `high`, of the actuators for which these are one number."""
         found: dict[str, tuple[float | None, float | None]] = {}
         for part in self.vehicle.commanded:
-            limit, low, high = (_one_number(p, f"{part.name}_{end}") for end in ("limit", "low", "high"))
+            limit, low, high = (_one_number(getattr(p, part.name), end) for end in ("limit", "low", "high"))
             found[part.name] = (low, high) if limit is None else (-limit, limit)
         return found
 
@@ -141,7 +138,7 @@ class Rule(InternalRule):
         """The controller's samples after h, and the names of the parts that it steers."""
         steered: set[str] = set()
         feedback = seen(self.water, self.vehicle, motion, p, inputs)
-        own = p if isinstance(controller, FunctionController) else own_of(p, "controller", controller.parameters())
+        own = p if isinstance(controller, FunctionController) else p.controller
 
         def update(last: Any) -> dict[str, Any]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
@@ -151,7 +148,7 @@ class Rule(InternalRule):
             return {**found, MEMORY: remembered} if MEMORY in last else found
 
         held = motion.internal.controller
-        samples = sampled(motion, h, held, update, period=p.controller_period, delay=p.controller_delay)
+        samples = sampled(motion, h, held, update, period=p.controller.period, delay=p.controller.delay)
         return samples, steered
 
     def _checked(self, commands: Any) -> dict[str, Any]:
@@ -256,7 +253,7 @@ def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
         if shape != known[name].shape:
             raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
         part = vehicle.part(name)
-        _require_in_range(part, value, own_of(p, name, part.parameters()))
+        _require_in_range(part, value, getattr(p, name))
     return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}
 
 
@@ -266,7 +263,7 @@ def _require_in_range(part: Part, value: Any, own: Named) -> None:
     A range that is another for each member, or that is being differentiated, is not looked at.
     """
     value = value.values if isinstance(value, Each) else value
-    if any(isinstance(number, Each) for number in own.asdict().values()) or traced(value, own):
+    if count_members(own) is not None or traced(value, own):
         return
     ends = part.travel(own)
     if ends is None:

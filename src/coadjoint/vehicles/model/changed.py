@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import is_dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,52 +11,68 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each, count_members, member_of
-from coadjoint.vehicles.parts.thrusters import Thrusters
+from coadjoint.spaces.named import Named
 
 FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")
 """Arrays whose shape others count on: a diagonal is no matrix here."""
 
 
-def require_possible(owners: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
-    """Raise ArgumentError unless each owner of parameters can be built with its changes, for every member.
+def require_possible(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any], path: str = "") -> None:
+    """Raise ArgumentError unless the owner of numbers can be built with those that were found, for every member.
 
-    owners: by the prefix of their parameters, as `rudder` of `rudder_area`. What is being traced is not looked at.
+    nominal: those that it was made with, in dictionaries where its own parts have them. path: where they stand among
+    the parameters of a craft. What is being traced is not looked at.
     """
-    for prefix, owner in owners.items():
-        known = {f"{prefix}_{key}": key for key in owner.parameters()}
-        found = {key: changes[name] for name, key in known.items() if name in changes}
-        require_buildable(owner, owner.parameters(), found, f"{prefix}_")
-
-
-def require_buildable(owner: Any, nominal: Mapping[str, Any], changes: Mapping[str, Any], prefix: str = "") -> None:
-    """Raise ArgumentError unless this dataclass, whose numbers are `nominal`, can be built with the changes."""
-    new = {key: value for key, value in changes.items() if not traced(value) and not _same(value, nominal[key])}
-    for key, value in new.items():
-        if getattr(owner, key, None) is not nominal[key] or key in FIXED:
-            _require_shape(prefix + key, value, nominal[key])
-    build = _builder(owner, nominal)
-    for which, values in _members(new):
+    changed = _changed(owner, nominal, found, path)
+    for which, values in _members(changed):
         try:
-            build(values)
+            _rebuilt(owner, _by_owner(values))
         except ArgumentError as error:
             raise ArgumentError(f"Of {which}: {error}" if which else str(error)) from error
 
 
-def _builder(owner: Any, nominal: Mapping[str, Any]) -> Callable[[Mapping[str, Any]], Any]:
-    """What builds the owner again; numbers that are no field of its own are those of a curve, or need no check."""
+def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> dict[tuple[str, ...], Any]:
+    """What is no longer as it was, by its path; raises ArgumentError for other shapes."""
+    changed: dict[tuple[str, ...], Any] = {}
+    for key, old in nominal.items():
+        new, here = getattr(found, key) if isinstance(found, Named) else found[key], f"{path}.{key}" if path else key
+        if isinstance(old, Mapping):
+            inner = _changed(part_of(owner, key), old, new, here)
+            changed |= {(key, *rest): value for rest, value in inner.items()}
+        elif not traced(new) and not _same(new, old):
+            if getattr(owner, key, None) is not old or key in FIXED:
+                _require_shape(here, new, old)
+            changed[key,] = new
+    return changed
 
-    def build(values: Mapping[str, Any]) -> None:
-        own = {key: value for key, value in values.items() if getattr(owner, key, None) is nominal[key]}
-        rest = {key: value for key, value in values.items() if key not in own}
-        if isinstance(owner, Thrusters) and rest:
-            own["curve"] = replace(owner.curve, **rest)
-        if own and is_dataclass(owner):
-            replace(owner, **own)  # pyright: ignore[reportArgumentType]
 
-    return build
+def part_of(owner: Any, name: str) -> Any:
+    """What has the group `name` of an owner's parameters: a thruster's curve, the controller at a helm, a current."""
+    return getattr(owner, "owners", {}).get(name, getattr(owner, name, None))
 
 
-def _members(values: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _by_owner(values: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
+    """Dictionaries in dictionaries, from paths."""
+    found: dict[str, Any] = {}
+    for (key, *rest), value in values.items():
+        found[key] = {**found.get(key, {}), tuple(rest): value} if rest else value
+    return {key: _by_owner(value) if isinstance(value, Mapping) else value for key, value in found.items()}
+
+
+def _rebuilt(owner: Any, values: Mapping[str, Any]) -> Any:
+    """The owner with these numbers; raises ArgumentError. A number that is none of its fields needs no check."""
+    if not is_dataclass(owner):
+        return owner
+    own: dict[str, Any] = {field.name: getattr(owner, field.name) for field in fields(owner)}
+    new: dict[str, Any] = {}
+    for key, value in values.items():
+        made = _rebuilt(part_of(owner, key), value) if isinstance(value, Mapping) else value
+        if key in own and isinstance(own[key], (int, float, np.ndarray, Each)) != isinstance(value, Mapping):
+            new[key] = made
+    return replace(owner, **new) if new else owner  # pyright: ignore[reportArgumentType]
+
+
+def _members(values: Mapping[Any, Any]) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     """The values of each member, with a word for it; of one number that varies, its least and its largest.
 
     Every check of one number asks for an interval, so that the two ends tell of all between.
@@ -78,8 +94,6 @@ def _members(values: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]
 
 def _require_shape(name: str, value: Any, nominal: Any) -> None:
     """Raise ArgumentError for a number whose shape is not what it was."""
-    if isinstance(nominal, Mapping):
-        return
     given, wanted = (np.shape(v.values)[1:] if isinstance(v, Each) else np.shape(v) for v in (value, nominal))
     if given != wanted:
         expected = "one number" if wanted == () else f"of shape {wanted}"
@@ -89,6 +103,6 @@ def _require_shape(name: str, value: Any, nominal: Any) -> None:
 def _same(value: Any, nominal: Any) -> bool:
     if value is nominal:
         return True
-    if any(isinstance(one, (Each, Mapping)) for one in (value, nominal)) or traced(nominal):
+    if any(isinstance(one, Each) for one in (value, nominal)) or traced(nominal):
         return False
     return np.shape(value) == np.shape(nominal) and bool(np.all(np.asarray(value) == np.asarray(nominal)))

@@ -45,8 +45,8 @@ class Feedback(NamedTuple):
 class Controller(ABC):
     """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
 
-    Fields that hold numbers are parameters: `controller_period` of the system, and `own.gains` in `steer` is
-    `controller_gains`.
+    Fields that hold numbers are parameters: `p.controller.gains` of the system, and `steer` gets `p.controller` as
+    `own`.
     """
 
     kind: ClassVar[str] = ""

@@ -19,16 +19,14 @@ from coadjoint.spaces import Defining
 from coadjoint.vehicles import axes as turned
 from coadjoint.vehicles.model import energies
 from coadjoint.vehicles.model.actuators import Rule, starting_actuators
-from coadjoint.vehicles.model.changed import require_buildable, require_possible
+from coadjoint.vehicles.model.changed import require_possible
 from coadjoint.vehicles.model.controller import Controller
-from coadjoint.vehicles.model.energies import Surroundings, actual_of, own_of
+from coadjoint.vehicles.model.energies import Surroundings, actual_of
 from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.start import starting_motion, through_water
-from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.model.vehicle import BODY, Vehicle
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.water.water import StillWater, UniformWater, Water
-
-BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
 
 
 class Craft:
@@ -63,21 +61,23 @@ class Craft:
         controller = None if controller is None else controller.fitted(vehicle)
         self.vehicle, self.controller, self.water = vehicle, controller, StillWater() if water is None else water
         self.rule = Rule(vehicle, controller, self.water)
-        self._changes: dict[str, Any] = {}
+        self.parameters = Parameters(**self._nominal)
+        """All numbers: the body's own, `p.mass`, and those of each part, `p.rudder.area`, of `water`, `controller`."""
 
     def replace(self, **values: Any) -> Craft:
-        """A copy with some parameters replaced, one for each member where one likes: `rudder_area=co.each(areas)`.
+        """A copy with some parameters replaced, each by one or by one of each member.
+
+            craft.replace(mass=32.0, rudder={"area": co.each(areas)})
 
         Raises ArgumentError for a name that is no parameter, and for what body, parts, controller or water cannot
         have, as where they were made; 0 for a lag is none.
         """
         made = Craft(self.vehicle, controller=self.controller, water=self.water)
-        made._changes = {**self._changes, **values}
-        changed = made.parameters.asdict()  # raises where a name is none
-        changed = {name: changed[name] for name in made._changes}
-        nominal = {name: getattr(self.vehicle, name) for name in BODY}
-        require_buildable(self.vehicle, nominal, {name: changed[name] for name in BODY if name in changed})
-        require_possible(dict(self._owners), changed)
+        made.parameters = self.parameters.replace(**values)
+        found, nominal = made.parameters.asdict(), made._nominal
+        require_possible(self.vehicle, {name: nominal[name] for name in BODY}, {name: found[name] for name in BODY})
+        for name, owner in self.owners.items():
+            require_possible(owner, nominal[name], found[name], name)
         return made
 
     @cached_property
@@ -97,22 +97,16 @@ class Craft:
         )
 
     @property
-    def parameters(self) -> Parameters:
-        """All numbers: of the body under their own names, of others as `rudder_area`, `controller_period`, …"""
-        values = {name: getattr(self.vehicle, name) for name in BODY}
-        for prefix, owner in self._owners:
-            for key, value in owner.parameters().items():
-                name = f"{prefix}_{key}"
-                if name in values:
-                    raise ArgumentError(f"Two parameters are named `{name}`: give one of the parts another name.")
-                values[name] = value
-        return Parameters(**values).replace(**self._changes)
+    def _nominal(self) -> dict[str, Any]:
+        """The numbers that vehicle, water and controller were made with."""
+        body = {name: getattr(self.vehicle, name) for name in BODY}
+        return {**body, **{name: owner.parameters() for name, owner in self.owners.items()}}
 
     @property
-    def _owners(self) -> list[tuple[str, Part | Controller | Water]]:
-        """What has parameters beside the body, by their prefix."""
-        controllers = [] if self.controller is None else [("controller", self.controller)]
-        return [*((part.name, part) for part in self.vehicle.parts), ("water", self.water), *controllers]
+    def owners(self) -> dict[str, Part | Controller | Water]:
+        """What has parameters beside the body, by its name among them."""
+        controllers = {} if self.controller is None else {"controller": self.controller}
+        return {**{part.name: part for part in self.vehicle.parts}, "water": self.water, **controllers}
 
     def start(
         self,
@@ -133,11 +127,10 @@ class Craft:
         co.each may stand for any of them but axes and t.
         Raises ArgumentError for wrong shapes, for actuators that the vehicle does not have, and out of their range.
         """
-        p = self.system.parameters
+        p = self.parameters
         internal = self.rule.start(starting_actuators(self.vehicle, actuators, p), t)
-        own = own_of(p, "water", self.water.parameters(), fluid_density=self.vehicle.fluid_density)
         velocity = through_water(speed, velocity)
-        begun = starting_motion(self.water, own, position, velocity, euler_zyx, angular_velocity, t, axes)
+        begun = starting_motion(self.water, p.water, position, velocity, euler_zyx, angular_velocity, t, axes)
         a0 = {"down": [0, 0, 1], "north": [1, 0, 0]}
         return self.system.state(**begun, a0=a0, t=t, internal=internal or None)
 
@@ -169,11 +162,11 @@ class Craft:
             if not self._remembers:
                 self.rule.inputs(motion)
             around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
-            own = own_of(p, part.name, part.parameters())
-            return part.force(around.flow(motion.xi, motion.nu), actual_of(part, motion.internal), own)
+            flow = around.flow(motion.xi, motion.nu)
+            return part.force(flow, actual_of(part, motion.internal), getattr(p, part.name))
 
         if part.passive and isinstance(self.water, UniformWater):
-            push.passive = lambda p: not np.any(p.water_velocity)  # pyright: ignore[reportFunctionMemberAccess]
+            push.passive = lambda p: not np.any(p.water.velocity)  # pyright: ignore[reportFunctionMemberAccess]
         return push
 
     def _units(self) -> dict[str, str]:
@@ -197,7 +190,7 @@ class Craft:
 def craft_of(system: System) -> Craft:
     """The craft that a system was made by, with the parameters that the system has; raises ArgumentError.
 
-    So `craft_of(vehicle.replace(rudder_area=0.02)).start(speed=1.5)` begins what has been changed.
+    So `craft_of(vehicle.replace(rudder={"area": 0.02})).start(speed=1.5)` begins what has been changed.
     """
     rule = system.internal
     if not isinstance(rule, Rule) or system.parameters is None:

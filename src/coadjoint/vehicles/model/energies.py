@@ -10,14 +10,8 @@ import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force, Motion
-from coadjoint.spaces.named import Named
 from coadjoint.vehicles.parts.part import Flow, Part, acting_at
 from coadjoint.vehicles.water.water import Water
-
-
-def own_of(p: Any, prefix: str, parameters: dict[str, Any], **more: Any) -> Named:
-    """The parameters `prefix_key` of the system, as `own.key`."""
-    return Named(**{key: getattr(p, f"{prefix}_{key}") for key in parameters}, **more)
 
 
 class Surroundings:
@@ -29,7 +23,7 @@ class Surroundings:
         self.back = jnp.stack([a.north, jnp.cross(a.down, a.north), a.down], axis=1)  # R⁻¹, from space to body
         self.n = n
         self.memory = internal.water if water.start() else None
-        self.own = own_of(p, "water", water.parameters(), fluid_density=p.fluid_density)
+        self.own, self.fluid_density = p.water, p.fluid_density
 
     def place(self, position: Array | float = 0.0) -> Array:
         """R(n + r) in space, (3,) m, of the point r of the body."""
@@ -48,10 +42,15 @@ class Surroundings:
         """The depth of the point r of the body, m."""
         return (self.n + position) @ self.down
 
+    def pressure_head(self, position: Array) -> Array:
+        """∫₀^depth ρ dz above the point r of the body, kg/m²."""
+        depth = self.depth(position)
+        return self.water.pressure_head(depth, self.own) if self.water.stratified else self.fluid_density * depth
+
     def flow(self, omega: Array, nu: Array) -> Flow:
         """The water as the parts meet it."""
         depth = self.depth()
-        density = self.water.density(depth, self.own)
+        density = self.water.density(depth, self.own) if self.water.stratified else self.fluid_density
         here = self.current()
         elsewhere = None if self.water.uniform else lambda position: self.current(position) - here
         return Flow(nu - here, omega, density, self.down, depth, self.t, elsewhere)
@@ -62,7 +61,7 @@ def masses(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Arr
     yield p.mass, p.center_of_mass, 0.0
     for part in parts:
         if part.holds_mass:
-            yield from part.lumps(actual_of(part, internal), own_of(p, part.name, part.parameters()))
+            yield from part.lumps(actual_of(part, internal), getattr(p, part.name))
 
 
 def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Array, Array]]:
@@ -70,7 +69,7 @@ def volumes(parts: tuple[Part, ...], internal: Any, p: Any) -> Iterator[tuple[Ar
     yield p.volume, p.center_of_buoyancy
     for part in parts:
         if part.holds_mass:
-            yield from part.displaced(actual_of(part, internal), own_of(p, part.name, part.parameters()))
+            yield from part.displaced(actual_of(part, internal), getattr(p, part.name))
 
 
 def actual_of(part: Part, internal: Any) -> Any:
@@ -96,7 +95,7 @@ def lagrangian(water: Water, parts: tuple[Part, ...], omega, n, nu, a, p, t, int
         velocity = moving + jnp.cross(omega, position) + inside
         total = total + mass * (0.5 * velocity @ velocity + p.gravity * around.depth(position))
     for volume, position in volumes(parts, internal, p):
-        total = total - volume * p.gravity * water.pressure_head(around.depth(position), around.own)
+        total = total - volume * p.gravity * around.pressure_head(position)
         if not carried:
             c = around.current(position)
             velocity = nu + jnp.cross(omega, position)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.spaces.named import Named, named
+from coadjoint.spaces.named import named
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.part import Part
 
@@ -67,8 +67,8 @@ def _summed(of: Iterable[tuple[Any, Any]]) -> tuple[float, np.ndarray]:
     return total, moment
 
 
-def _start(part: Part) -> tuple[Any, Named]:
+def _start(part: Part) -> tuple[Any, Any]:
     """The actuator where it starts, and the part's own numbers."""
     command = part.command
     actual = None if command is None else named(part.at_rest(np.full(command.shape, command.start)))
-    return actual, Named(**part.parameters())
+    return actual, named(part.parameters())

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
+from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative, place
 from coadjoint.vehicles.parts.part import Part
@@ -82,7 +83,9 @@ class Vehicle:
         return tuple(part for part in self.parts if part.command is not None)
 
 
-RESERVED = ("controller", "water", "shear", "memory", "time", "inputs", "sample", "release")
+BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
+"""The numbers of the body, by their names among the parameters of a craft."""
+RESERVED = (*BODY, "controller", "water", "shear", "memory", "time", "inputs", "sample", "release")
 """Words that are taken: no part may have them as its name."""
 
 
@@ -92,7 +95,7 @@ def _different(parts: Any) -> tuple[Part, ...]:
     for part in found:
         if not isinstance(part, Part):
             raise ArgumentError(f"Argument `parts` must hold parts such as Fin or Damping, but holds {part!r}.")
-        if part.name in RESERVED:
+        if part.name in RESERVED or hasattr(Named, part.name):
             raise ArgumentError(f"The name `{part.name}` is taken: call the part something else.")
         if part.name.startswith(("controller_", "water_")):
             raise ArgumentError(

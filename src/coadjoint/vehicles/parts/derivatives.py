@@ -30,8 +30,6 @@ class Monomial(NamedTuple):
     factors: tuple[tuple[int, bool], ...]
     """Which velocity, and whether its size counts."""
     deflections: int
-    key: str
-    """The name of its parameter: Z_u|w| is `Z_u_abs_w`."""
 
     @property
     def length_power(self) -> int:
@@ -91,9 +89,8 @@ class Derivatives(Part):
         object.__setattr__(self, "_monomials", monomials)
 
     def parameters(self) -> dict[str, Any]:
-        """The coefficients by name, |w| written as `abs_w`, and the numbers of the actuator."""
-        named = {m.key: value for m, value in zip(self.monomials, self.coefficients.values(), strict=True)}
-        return {**named, **super().parameters()}
+        """The coefficients by name, and the numbers of the actuator."""
+        return {**self.coefficients, **super().parameters()}
 
     @property
     def monomials(self) -> tuple[Monomial, ...]:
@@ -112,9 +109,9 @@ class Derivatives(Part):
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         V = jnp.concatenate([flow.velocity, flow.omega])
         totals = [jnp.zeros(()) for _ in AXES]
-        for monomial in self.monomials:
+        for name, monomial in zip(self.coefficients, self.monomials, strict=True):
             scale = 1.0 if self.length is None else 0.5 * flow.density * own.length**monomial.length_power
-            value = getattr(own, monomial.key) * scale * monomial.value(V, actual)
+            value = getattr(own, name) * scale * monomial.value(V, actual)
             totals[monomial.axis] = totals[monomial.axis] + value
         return Force(force=jnp.stack(totals[:3]), torque=jnp.stack(totals[3:]))
 
@@ -134,6 +131,4 @@ def _monomial(name: Any, part: str, moved: bool) -> Monomial:
             f"The coefficient {name!r} needs a deflection: give the derivatives `{part}` a `limit` in rad."
         )
     places = tuple((VELOCITIES.index(factor.strip("|")), factor[0] == "|") for factor in factors)
-    words = "_".join(["", *(f"abs_{factor[1]}" if factor[0] == "|" else factor for factor in factors)])
-    words = words if "|" in product else f"_{product}"
-    return Monomial(AXES.index(axis), places, len(deflected), f"{axis}{words}{'_deflected' * len(deflected)}")
+    return Monomial(AXES.index(axis), places, len(deflected))

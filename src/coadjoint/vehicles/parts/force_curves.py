@@ -33,7 +33,7 @@ class ForceCurve(ABC):
         return None
 
     def parameters(self) -> dict[str, Any]:
-        """The numbers of the curve, which `force` and `command` read as own.<key>."""
+        """The numbers of the curve, `p.thrusters.curve` of a system, which `force` and `command` get as `own`."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @abstractmethod

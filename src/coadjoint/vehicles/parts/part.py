@@ -56,8 +56,8 @@ class Command:
 class Part(ABC):
     """One thing on a vehicle: a line of its energy budget, and an actuator where it has a `command`.
 
-    name: a word, unique on a vehicle. Fields of a kind that hold numbers are its parameters: `rudder_area` of the
-    system is `area` of the part `rudder`, which its methods read as `own.area`.
+    name: a word, unique on a vehicle. Fields of a kind that hold numbers are its parameters: `area` of the part
+    `rudder` is `p.rudder.area` of the system, and its methods get `p.rudder` as `own`.
     """
 
     kind: ClassVar[str] = ""

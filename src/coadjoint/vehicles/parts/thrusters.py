@@ -14,7 +14,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import direction, positive, vector
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.parts.force_curves import Polynomial
@@ -131,7 +131,7 @@ class Thrusters(Part):
         return Command(self.unit, (self.count,), self.curve.neutral)
 
     def parameters(self) -> dict[str, Any]:
-        return {**super().parameters(), **self.curve.parameters()}
+        return {**super().parameters(), "curve": self.curve.parameters()}
 
     def matrix(self, own: Any) -> Array:
         """B, (6, n), from the geometry or as given."""
@@ -144,7 +144,7 @@ class Thrusters(Part):
 
     def thrusts(self, actual: Array, own: Any, density: Any = None) -> Array:
         """f(u), (n,) N, with the dead band, in water of a density, kg/m³ (None: that of the curve)."""
-        found = self.curve.force(actual, own)
+        found = self.curve.force(actual, own.curve)
         if "dead_band" in own:
             found = jnp.where(jnp.abs(actual - self.curve.neutral) < own.dead_band, 0.0, found)
         return found * (density / own.density) if "density" in own and density is not None else found
@@ -160,11 +160,11 @@ class Thrusters(Part):
     def commands_for(self, thrusts: Array, own: Any) -> Array:
         """The commands whose thrusts are nearest to these, (n,) N."""
         limit = _ends(own)
-        u, rest = self.curve.command(thrusts, own, limit), self.curve.neutral
+        u, rest = self.curve.command(thrusts, own.curve, limit), self.curve.neutral
         if "dead_band" in own:
             # A little beyond the edge, which rounding must not put inside.
             edge = rest + jnp.sign(thrusts) * own.dead_band * (1 + 1e-12)
-            pushes = jnp.abs(thrusts) > 0.5 * jnp.abs(self.curve.force(edge, own))
+            pushes = jnp.abs(thrusts) > 0.5 * jnp.abs(self.curve.force(edge, own.curve))
             u = jnp.where(jnp.abs(u - rest) > own.dead_band, u, jnp.where(pushes, edge, rest))
         return jnp.clip(u, *limit)
 
@@ -191,7 +191,7 @@ class Thrusters(Part):
     @property
     def nominal(self) -> Named:
         """The numbers of the part as it was made, as `own`."""
-        return Named(**self.parameters())
+        return named(self.parameters())
 
     @property
     def nominal_matrix(self) -> np.ndarray:

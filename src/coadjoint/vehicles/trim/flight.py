@@ -14,7 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import named
 from coadjoint.stability.steady import Search, SteadyMotion
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.model.loads import loads
@@ -255,7 +255,7 @@ def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
 
 
 def _travel(part: Any) -> tuple[Any, Any] | None:
-    return part.travel(Named(**part.parameters()))
+    return part.travel(named(part.parameters()))
 
 
 def _is_beyond(part: Any, actual: Any) -> bool:

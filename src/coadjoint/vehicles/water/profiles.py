@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import positive, vector
-from coadjoint.vehicles.water.water import UniformWater, Water, nested
+from coadjoint.vehicles.water.water import UniformWater, Water
 
 VISCOUS = 0.01
 """The part of the depth above the bottom in which a power law, whose slope has no bound there, goes linearly to 0."""
@@ -144,20 +144,17 @@ class Sheared(Water):
         return self.surface.timed
 
     def parameters(self) -> dict[str, Any]:
-        return {
-            **{f"surface_{key}": value for key, value in self.surface.parameters().items()},
-            **self.profile.parameters(),
-        }
+        return {"surface": self.surface.parameters(), "profile": self.profile.parameters()}
 
     def start(self) -> dict[str, Any]:
         return self.surface.start()
 
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
-        return self.surface.advance(internal, h, nested(own, "surface", self.surface))
+        return self.surface.advance(internal, h, own.surface)
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
-        above = self.surface.current(position, t, internal, nested(own, "surface", self.surface))
-        return above * self.profile.part(position[2], own)
+        above = self.surface.current(position, t, internal, own.surface)
+        return above * self.profile.part(position[2], own.profile)
 
     def __repr__(self) -> str:
         return f"Sheared({self.surface!r}, {self.profile!r})"

@@ -12,9 +12,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.each import Each
 from coadjoint.vehicles.water.density import Density
-from coadjoint.vehicles.water.water import Water, nested
+from coadjoint.vehicles.water.water import Water
 
-DENSITY = "density"
 RANDOM = ".random"
 
 
@@ -23,7 +22,7 @@ class Sea(Water):
 
         sea = Sea(tide=TidalCurrent(["M2"], [[0.5, 0.0, 0.0]]), gusts=GaussMarkovCurrent((0.1, 0.1, 0.0), 60.0))
 
-    The parameter `amplitudes` of the current `tide` is `water_tide_amplitudes` of the system. density: a Density, by
+    The `amplitudes` of the current `tide` are `p.water.tide.amplitudes` of the system. density: a Density, by
     default the vehicle's own fluid density. Raises ArgumentError for what is no current and no density.
     """
 
@@ -45,9 +44,6 @@ class Sea(Water):
             raise ArgumentError("A sea needs at least one current or a density; without both it is StillWater().")
         object.__setattr__(self, "own_density", density)
         object.__setattr__(self, "currents", currents)
-        keys = [key for name, current in currents.items() for key in (f"{name}_{k}" for k in current.parameters())]
-        if len(keys) > len(set(keys)):
-            raise ArgumentError(f"Two parameters of the sea have the same name: rename one of {', '.join(currents)}.")
         _require_different_seeds(self.start())
 
     own_density: Density | None
@@ -69,9 +65,13 @@ class Sea(Water):
     def timed(self) -> bool:
         return any(current.timed for current in self.currents.values())
 
+    @property
+    def owners(self) -> dict[str, Water | Density]:
+        """What has its parameters, by name."""
+        return {**self.currents, **({} if self.own_density is None else {"density": self.own_density})}
+
     def parameters(self) -> dict[str, Any]:
-        owners = {**self.currents, **({} if self.own_density is None else {DENSITY: self.own_density})}
-        return {f"{name}_{key}": value for name, owner in owners.items() for key, value in owner.parameters().items()}
+        return {name: owner.parameters() for name, owner in self.owners.items()}
 
     def start(self) -> dict[str, Any]:
         begun = {name: current.start() for name, current in self.currents.items()}
@@ -88,8 +88,7 @@ class Sea(Water):
 
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
         return {
-            name: self.currents[name].advance(getattr(internal, name), h, nested(own, name, self.currents[name]))
-            for name in self.start()
+            name: self.currents[name].advance(getattr(internal, name), h, getattr(own, name)) for name in self.start()
         }
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
@@ -97,18 +96,18 @@ class Sea(Water):
         total = jnp.zeros(3)
         for name, current in self.currents.items():
             memory = getattr(internal, name) if name in remembering else None
-            total = total + current.current(position, t, memory, nested(own, name, current))
+            total = total + current.current(position, t, memory, getattr(own, name))
         return total
 
     def density(self, depth: Array, own: Any) -> Array:
         if self.own_density is None:
             return super().density(depth, own)
-        return self.own_density.density(depth, nested(own, DENSITY, self.own_density))
+        return self.own_density.density(depth, own.density)
 
     def pressure_head(self, depth: Array, own: Any) -> Array:
         if self.own_density is None:
             return super().pressure_head(depth, own)
-        return self.own_density.pressure_head(depth, nested(own, DENSITY, self.own_density))
+        return self.own_density.pressure_head(depth, own.density)
 
     def __repr__(self) -> str:
         parts = [f"{name}={current!r}" for name, current in self.currents.items()]

@@ -10,15 +10,14 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import vector
-from coadjoint.spaces.named import Named
 
 
 @dataclass(frozen=True, eq=False)
 class Water(ABC):
     """What surrounds a craft. Axes of the space frame: north, east, down.
 
-    Fields that hold numbers are parameters: `water_velocity` of the system is `velocity` of the water, which its
-    methods read as `own.velocity`. `own` has the vehicle's `fluid_density` too.
+    Fields that hold numbers are parameters: `velocity` of a water is `p.water.velocity` of the system, and its methods
+    get `p.water` as `own`.
     """
 
     uniform = True
@@ -58,12 +57,12 @@ class Water(ABC):
         """c(q, t), the velocity of the water, (3,) m/s."""
 
     def density(self, depth: Array, own: Any) -> Array:
-        """ρ, kg/m³; by default that of the vehicle."""
-        return own.fluid_density
+        """ρ, kg/m³, of water that is `stratified`; where a class has none, it is the vehicle's."""
+        raise NotImplementedError
 
     def pressure_head(self, depth: Array, own: Any) -> Array:
-        """∫₀^depth ρ dz, kg/m²: what buoyancy has of it is g times volume times this."""
-        return own.fluid_density * depth
+        """∫₀^depth ρ dz, kg/m², of water that is `stratified`: in buoyancy it is multiplied by g and the volume."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +81,3 @@ class UniformWater(Water):
 def StillWater() -> UniformWater:
     """Water without a current."""
     return UniformWater(np.zeros(3))
-
-
-def nested(own: Any, name: str, owner: Any) -> Named:
-    """The parameters `name_key` of a water that is made of others, as the `own.key` of the `owner` of that name."""
-    given = {key: getattr(own, f"{name}_{key}") for key in owner.parameters()}
-    return Named(**given, fluid_density=own.fluid_density)

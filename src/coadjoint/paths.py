@@ -1,0 +1,20 @@
+"""Paths such as `rudder.area`, of values in nested namespaces and dictionaries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+def paths(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """The values of a nested dictionary, or namespace with `asdict`, by their paths, in their order."""
+    found: dict[str, Any] = {}
+    for name, value in (tree if isinstance(tree, Mapping) else tree.asdict()).items():
+        inner = isinstance(value, Mapping) or hasattr(value, "asdict")
+        found |= paths(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": value}
+    return found
+
+
+def respelled(name: str, known: Iterable[str]) -> str:
+    """The path `rudder.area` among those that are known, of the name `rudder_area`; "" if there is none."""
+    return next((path for path in known if path != name and path.replace(".", "_") == name), "")
