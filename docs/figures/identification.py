@@ -13,6 +13,7 @@ import numpy as np
 import coadjoint as co
 from coadjoint import vehicles
 from coadjoint.identification import identify, synthetic_log
+from coadjoint.paths import paths
 from coadjoint.plotting import style
 from coadjoint.vehicles import Craft
 
@@ -75,7 +76,7 @@ def hovering():
 def truth(system, name):
     """The value of a parameter or of one of its entries."""
     key, _, index = name.rstrip("]").partition("[")
-    return float(np.asarray(getattr(system.parameters, key))[tuple(map(int, index.split(","))) if index else ()])
+    return float(np.asarray(paths(system.parameters)[key])[tuple(map(int, index.split(","))) if index else ()])
 
 
 def coverage(vehicle, seeds):
