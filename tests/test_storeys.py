@@ -10,6 +10,7 @@ STOREYS = (
     *(
         "errors",
         "lazy",
+        "paths",
         "extensions",
         "units",
         "csv_tables",
