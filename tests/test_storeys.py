@@ -9,6 +9,7 @@ from imports import circles, modules, named
 STOREYS = (
     *(
         "errors",
+        "log",
         "lazy",
         "paths",
         "extensions",

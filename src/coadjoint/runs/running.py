@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import FileError, StepError
+from coadjoint.log import logger
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free
 from coadjoint.report.summary import run_summary, to_json, versions
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
 
 TRAJECTORY = "trajectory.nc"
+
+_log = logger(__name__)
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,7 @@ def write(file: Runnable, folder: Path, made: Setup, run: Run, failure: str | No
     summary = {**certificate, **summary, "failure": failure, "figures": figures, "versions": versions()}
     write_text(folder / SUMMARY, to_json(summary))
     discard(folder)
+    _log.info("%s: results are in %s.", run.title, folder)
     return Written(run, folder, summary, failure)
 
 

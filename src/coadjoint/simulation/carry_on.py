@@ -6,6 +6,7 @@ import time
 
 from coadjoint.errors import StepError
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
+from coadjoint.log import logger
 from coadjoint.mechanics.internal import failure
 from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
@@ -22,6 +23,8 @@ from coadjoint.simulation.events import not_finite
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import fixed_steps
 
+_log = logger(__name__)
+
 
 def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy: bool = True) -> Run | Ensemble:
     """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
@@ -30,6 +33,8 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     sink = Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run)) if judging else run.memory
     try:
         before = run.seconds
+        if not ended:
+            _log.info("%s begins, %d steps by %s.", run.title, run.plan.steps, run.plan.backend)
         if not ended:
             if isinstance(run, Ensemble) and run.plan.events:
                 EnsembleEvents(run.plan, run.axes, sink, run.crossed, run.ended).drive(
@@ -48,6 +53,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
         if not ended:
             sink.finish(run.position)
+            _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)
     finally:
         sink.release()
     if not isinstance(run, Ensemble) and run.position.failed:

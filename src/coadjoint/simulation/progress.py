@@ -1,11 +1,18 @@
-"""A progress bar for runs that take longer than a second, on a terminal only."""
+"""The progress of runs: a bar on a terminal for those over a second, log messages for those over ten."""
 
 from __future__ import annotations
 
 import sys
 from typing import Any
 
+from coadjoint.log import logger
+
+_log = logger(__name__)
+
 _QUIET_SECONDS = 1.0
+
+LOGGED_SECONDS = 10.0
+"""Between log messages of a run."""
 
 
 class Progress:
@@ -15,6 +22,7 @@ class Progress:
         self.steps, self.title, self.unit = steps, title, unit
         self.wanted = sys.stderr.isatty() if wanted is None else wanted
         self.done = 0
+        self._logged = 0.0
         self._bar: Any = None
         self._task: Any = None
 
@@ -28,6 +36,10 @@ class Progress:
     def advance(self, steps: int, seconds: float) -> None:
         """`steps` more are done, after `seconds` of running in all."""
         self.done += steps
+        if seconds >= self._logged + LOGGED_SECONDS:
+            self._logged = seconds
+            speed = self.done / seconds
+            _log.info("%s: %d of %d %s, %.3g %s/s.", self.title, self.done, self.steps, self.unit, speed, self.unit)
         if not self.wanted or seconds < _QUIET_SECONDS:
             return
         if self._bar is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.trace.digest import digest
+from coadjoint.log import logger
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -29,6 +30,8 @@ from coadjoint.simulation.reading import read_checkpoint, read_configuration
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
 from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
+
+_log = logger(__name__)
 
 FORMAT = 1
 
@@ -134,6 +137,7 @@ def resume(
         store = Store(run, place, header["identity"], lock)
         found, arrays = read_checkpoint(place, header["identity"])
         run.position = store.take_up(found, arrays, run.position)
+        _log.info("%s holds %d of %d records.", place, store.count, store.total)
         run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
         run.accuracy = accuracy_from(found["attributes"]) if run.position.ended else None
         made = _with_store(run, store)

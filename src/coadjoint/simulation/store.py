@@ -21,6 +21,7 @@ from zarr.codecs import Crc32cCodec
 
 from coadjoint.errors import FileError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.log import logger
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.simulation import checkpoint as disk
@@ -37,6 +38,8 @@ from coadjoint.simulation.reading import (
 )
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import times
+
+_log = logger(__name__)
 
 BATCH = 1024
 """Records whose derived variables are computed at once. Always this many, so that no value depends on which others
@@ -173,6 +176,7 @@ class Store:
         self._kept = self.count
         ended = time.monotonic()
         self._due = ended + max(PERIOD, BURDEN * (ended - began))
+        _log.debug("%s: checkpoint at %d of %d records.", self.folder, self.count, self.total)
 
     def release(self) -> None:
         """Let other processes use the folder."""

@@ -1,0 +1,18 @@
+"""Where the library speaks outside its results: loggers of the standard library, by the names of its modules.
+
+    logging.basicConfig(level=logging.INFO)
+
+A log message is about what the library does; what the user should change is a warning, and what cannot be done an
+error. Nothing is shown unless the user's program says so.
+"""
+
+from __future__ import annotations
+
+import logging
+
+logging.getLogger("coadjoint").addHandler(logging.NullHandler())
+
+
+def logger(module: str) -> logging.Logger:
+    """The logger of a module of this library, of its `__name__`."""
+    return logging.getLogger(module)
