@@ -18,7 +18,7 @@ from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import Connection, finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.reading import trace
-from coadjoint.mechanics.start import checked_element
+from coadjoint.mechanics.start_arguments import checked_element
 from coadjoint.spaces.numbers import float64
 
 _FINEST = 2**13

@@ -1,0 +1,154 @@
+"""The arguments of a start, checked: element, points and velocities as flat float64 arrays, of one or many members."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import DirectProduct, LieGroup
+from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.each import Each, member_of
+from coadjoint.spaces.numbers import float64
+from coadjoint.spaces.space import checked_vector
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
+
+ON_GROUP = 1e-9
+"""How far outside its group an element may be by round-off."""
+
+TANGENT = 1e-9
+"""How far a velocity may leave its tangent space by round-off, relative to its size where that is over 1."""
+
+
+class Checked(NamedTuple):
+    """The arguments of `System.state`, checked: element and flat float64 arrays."""
+
+    g: Element
+    q: Array
+    qdot: Array
+    xi: Array
+    a0: Array
+    t: Array
+
+
+def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
+    if by_momenta:
+        size = system.additional.ambient(system.group)
+        pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
+        q, qdot = _pair(system, q, None)[0], pi
+    else:
+        q, qdot = _pair(system, q, qdot)
+    xi = (
+        np.zeros(system.group.dim) if xi is None else checked_vector(xi, system.group.dim, "mu" if by_momenta else "xi")
+    )
+    t = float64(t, "Argument `t`")
+    if np.shape(t) != ():
+        raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(t)}.")
+    return Checked(element, q, qdot, xi, _advected(system, a0), t)
+
+
+def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_momenta: bool = False) -> Checked:
+    """All members, stacked; the group elements are checked together, because that is what takes time."""
+    group = system.group
+    if isinstance(arguments[-1], Each):
+        raise ArgumentError("Argument `t` must be the same for all members: an ensemble has one time axis.")
+    g, *others = arguments
+    first = checked_element(group, member_of(g, 0))
+    if isinstance(g, Each):
+        elements = jax.tree.map(lambda leaf, values: np.asarray(values), first, g.values)
+        outside = np.asarray(evaluate(jax.vmap(group.outside), elements))
+        worst = int(np.argmax(outside))
+        _require_inside(group, jax.tree.map(lambda leaf: leaf[worst], elements))
+    else:
+        elements = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *leaf.shape)), first)
+    rows = [checked(system, first, *member_of(others, index), by_momenta=by_momenta) for index in range(count)]
+    stack = [np.stack([getattr(row, name) for row in rows]) for name in Checked._fields[1:]]
+    return Checked(elements, *stack)
+
+
+def checked_element(group: LieGroup, g: Element) -> Element:
+    """g as an element of the group with float64 leaves; raises ArgumentError for wrong shapes and for g outside G."""
+    identity = evaluate(group.identity)
+    if g is None:
+        return identity
+    leaves, structure = jax.tree.flatten(identity)
+    if isinstance(g, list) and len(leaves) == 1:
+        g = float64(g, "Argument `g`")
+    given: list[Any] = []
+    shapes = None
+    with suppress(Exception):
+        given = structure.flatten_up_to(g)
+        shapes = [np.shape(leaf) for leaf in given]
+    expected = [leaf.shape for leaf in leaves]
+    if shapes != expected:
+        raise ArgumentError(
+            f"Argument `g` must be an element of {group!r}, arrays of shape {', '.join(map(str, expected))}, "
+            f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."
+        )
+    element = jax.tree.unflatten(structure, [float64(leaf, "Argument `g`") for leaf in given])
+    if not traced(element):
+        _require_inside(group, element)
+    return element
+
+
+def _require_inside(group: LieGroup, element: Element) -> None:
+    if float(evaluate(group.outside, element)) <= ON_GROUP:
+        return
+    whole, of = group, ""
+    while isinstance(group, DirectProduct):
+        parts = zip(group.factors, element, strict=True)
+        group, element = next(pair for pair in parts if float(evaluate(pair[0].outside, pair[1])) > ON_GROUP)
+        of = f" in its factor {group!r}"
+    off = float(evaluate(group.defect if group.constrained else group.outside, element))
+    why = "the determinant is −1" if off <= ON_GROUP else f"the defining equations fail by {off:.2g}"
+    raise ArgumentError(f"Argument `g` must lie in {whole!r}, but{of} {why}; for a rotation, make it by co.attitude.")
+
+
+def _pair(system: System, q: Any, qdot: Any) -> tuple[Any, Any]:
+    group, Q = system.group, system.additional
+    size = Q.ambient(group)
+    if size == 0:
+        if q is not None or qdot is not None:
+            raise ArgumentError("This system has no additional dynamics: leave out `q` and `qdot`.")
+        return np.zeros(0), np.zeros(0)
+    if q is None:
+        raise ArgumentError(
+            f"This system has additional dynamics: give `q`, shape ({size},), and `qdot` unless at rest."
+        )
+    point = Q.point(group, q, "q")
+    if qdot is None:
+        return point, np.zeros(size)
+    velocity = Q.velocity(group, qdot, "qdot")
+    _require_tangent(system, point, velocity)
+    return point, velocity
+
+
+def _require_tangent(system: System, point: Array, velocity: Array) -> None:
+    """Raise ArgumentError where q̇ leaves T_qQ: E_q E_qᵀ q̇ = q̇ for the orthonormal frame E_q."""
+    group, Q = system.group, system.additional
+    if Q.flat or traced(point, velocity):
+        return
+    within = evaluate(lambda x, v: Q.tangent(group, x, Q.coordinates(group, x, v)), point, velocity)
+    leaves = float(np.max(np.abs(velocity - within)))
+    if leaves > TANGENT * max(1.0, float(np.max(np.abs(velocity)))):
+        raise ArgumentError(
+            f"Argument `qdot` must be tangent to the space at `q`, but leaves it by {leaves:.3g}: take away its part "
+            "along the normal."
+        )
+
+
+def _advected(system: System, a0: Any) -> Array:
+    group, V = system.group, system.advected
+    if V.ambient(group) == 0:
+        if a0 is not None:
+            raise ArgumentError("This system has no advected parameters: leave out `a0`.")
+        return np.zeros(0)
+    if a0 is None:
+        raise ArgumentError(f"This system has advected parameters: give `a0`, {V.ambient(group)} numbers in all.")
+    return V.point(group, a0, "a0")
