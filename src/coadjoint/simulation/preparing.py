@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -52,7 +51,6 @@ Watched = tuple[tuple[str, Event], ...]
 """Events by their names."""
 
 
-@collector_off()
 def prepare(
     system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
     kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None, events: Any = None,

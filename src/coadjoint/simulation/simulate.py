@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import traced
@@ -125,7 +126,8 @@ def simulate(
             "Argument `events`, and `until` for an ensemble, collect records in memory: leave out `store`."
         )
     watched = (until, events)
-    run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend, *watched)
+    with collector_off():
+        run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend, *watched)
     run.warnings += [told] if told else []
     if store is not None:
         from coadjoint.simulation.resume import streamed  # loads zarr

@@ -15,6 +15,7 @@ from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.interpreter import Interpreter
 from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of
 from coadjoint.kernels.trace.numeric import NUMERIC
+from coadjoint.kernels.trace.straight import Straight
 from coadjoint.kernels.untraceable import Untraceable
 
 _NUMBERS = Interpreter(NUMERIC, CONTROL)
@@ -46,6 +47,18 @@ def tabulate(function: Callable, *args: Any) -> Callable:
     expected = jax.tree_util.tree_structure(args)
     shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
     compiled: list[Callable] = []
+    straight: list[Straight] = []
+    runs = 0
+
+    def run(leaves: list[np.ndarray]) -> list[np.ndarray]:
+        """Equation by equation the first time, by a straight list of operations from the second on."""
+        nonlocal runs
+        runs += 1
+        if runs == 1:
+            return _NUMBERS.run(closed, leaves)
+        if not straight:
+            straight.append(Straight(_NUMBERS, closed))
+        return straight[0](leaves)
 
     def call(*values: Any) -> Any:
         values = jax.tree_util.tree_map(_numpy, values)
@@ -55,7 +68,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
         if not compiled:
             try:
                 with np.errstate(all="ignore"):
-                    outputs = _NUMBERS.run(closed, leaves)
+                    outputs = run(leaves)
                 return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
             except Untraceable:
                 compiled.append(jax.jit(function))

@@ -65,7 +65,7 @@ class Interpreter:
         result = rule(equation.parameters, *arguments)
         if not equation.several:
             result = [result]
-        return [_typed(r, jaxprs.dtype(v)) for r, v in zip(result, equation.outputs, strict=True)]
+        return [typed(r, jaxprs.dtype(v)) for r, v in zip(result, equation.outputs, strict=True)]
 
 
 WHOLE = frozenset(("add", "sub", "mul", "neg", "min", "max", "abs", "sign", "integer_pow", "clamp", "select_n"))
@@ -90,7 +90,7 @@ def _value(atom: Atom, values: Mapping[Atom, Array]) -> Array:
     return values[atom] if number is None else number
 
 
-def _typed(result: Any, dtype: Any) -> Array:
+def typed(result: Any, dtype: Any) -> Array:
     """`result` as an array of the type that JAX announced; a bare expression becomes an array of one."""
     array = np.asarray(result)
     return array if array.dtype == object or array.dtype == dtype else array.astype(dtype)

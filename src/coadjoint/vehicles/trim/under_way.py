@@ -37,8 +37,12 @@ class Level:
         craft = Craft(vehicle)
         self._system, self._start = craft.system, craft.start()
 
-    def push(self, motion: Array, commands: Array) -> Array:
-        """d(p, π)/dt without weight and buoyancy, (6,)."""
+    @cached_property
+    def push(self) -> Any:
+        """(motion, commands) → d(p, π)/dt without weight and buoyancy, (6,); traced once, with its derivative."""
+        return jax.jit(self._rates)
+
+    def _rates(self, motion: Array, commands: Array) -> Array:
         at = self._at(motion, commands)
         torque, force = self._system.body_force(
             self._system.motion(at.xi, at.n, at.nu, at.a, at.t, at.inputs, at.internal)

@@ -1,0 +1,139 @@
+"""A jaxpr on numbers as one straight list of NumPy operations, for a function that is called many times.
+
+The operations and their results are those of the interpreter, to the bit. Calls are written out; what depends on no
+input is computed once, what is computed twice from the same inputs once, and what nothing needs not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace.interpreter import Array, Interpreter, typed
+from coadjoint.kernels.trace.jaxprs import Equation
+from coadjoint.kernels.untraceable import Untraceable
+
+WRITTEN_OUT = frozenset(jaxprs.CALLS) - {"custom_jvp_call"}
+"""Calls that always run their one jaxpr."""
+
+
+class _Operation(NamedTuple):
+    """values[outputs] = function(*values[inputs]) of these types."""
+
+    function: Callable[..., Any]
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
+    dtypes: tuple[Any, ...]
+
+
+class Straight:
+    """The operations of a jaxpr; raises Untraceable for a primitive without a rule."""
+
+    def __init__(self, interpreter: Interpreter, jaxpr: Any):
+        self._interpreter = interpreter
+        self._values: list[Array | None] = []
+        self._operations: list[_Operation] = []
+        self._numbers: dict[tuple, int] = {}
+        self._seen: dict[tuple, tuple[int, ...]] = {}
+        self._inputs = [self._place() for _ in jaxprs.variables(jaxpr).inputs]
+        self._outputs = self._write(jaxpr, self._inputs)
+        self._drop_unused()
+
+    def __call__(self, inputs: Sequence[Array]) -> list[Array]:
+        """The outputs of the jaxpr."""
+        values: list[Any] = self._values.copy()
+        for place, value in zip(self._inputs, inputs, strict=True):
+            values[place] = value
+        for function, places, outputs, dtypes in self._operations:
+            _store(values, function(*[values[i] for i in places]), outputs, dtypes)
+        return [values[i] for i in self._outputs]
+
+    def _place(self, value: Array | None = None) -> int:
+        self._values.append(value)
+        return len(self._values) - 1
+
+    def _number(self, value: Array) -> int:
+        key = value.dtype.str, value.shape, value.tobytes()
+        if key not in self._numbers:
+            self._numbers[key] = self._place(value)
+        return self._numbers[key]
+
+    def _write(self, jaxpr: Any, inputs: Sequence[int]) -> list[int]:
+        """Write out a jaxpr on these places; the places of its outputs."""
+        variables = jaxprs.variables(jaxpr)
+        places: dict[Any, int] = dict(zip(variables.inputs, inputs, strict=True))
+        constants = map(np.asarray, jaxprs.constants(jaxpr))
+        places.update(zip(variables.constants, map(self._number, constants), strict=True))
+
+        def place(atom: Any) -> int:
+            number = jaxprs.number(atom)
+            return places[atom] if number is None else self._number(number)
+
+        for equation in jaxprs.equations(jaxpr):
+            given = tuple(map(place, equation.inputs))
+            if equation.name in WRITTEN_OUT:
+                equation.require_known()
+                outputs = self._write(jaxprs.body(equation), given)
+            else:
+                outputs = self._operation(equation, given)
+            places.update(zip(equation.outputs, outputs, strict=True))
+        return [place(atom) for atom in variables.outputs]
+
+    def _operation(self, equation: Equation, given: tuple[int, ...]) -> Sequence[int]:
+        function, key = self._function(equation), _key(equation, given)
+        if key is not None and key in self._seen:
+            return self._seen[key]
+        dtypes = tuple(map(jaxprs.dtype, equation.outputs))
+        outputs = tuple(self._place() for _ in dtypes)
+        known = [self._values[i] for i in given]
+        if all(value is not None for value in known):
+            _store(self._values, function(*known), outputs, dtypes)
+        else:
+            self._operations.append(_Operation(function, given, outputs, dtypes))
+        if key is not None:
+            self._seen[key] = outputs
+        return outputs
+
+    def _function(self, equation: Equation) -> Callable[..., Any]:
+        """The rule of an equation as a function of its inputs to a list of outputs, or to the only one."""
+        equation.require_known()
+        interpreter, rule = self._interpreter, self._interpreter.control.get(equation.name)
+        if rule is not None:
+            return lambda *inputs: rule(interpreter, equation, list(inputs))
+        rule, parameters = interpreter.numeric.get(equation.name), equation.parameters
+        if rule is None:
+            raise Untraceable(equation.name)
+        if equation.several:
+            return lambda *inputs: rule(parameters, *inputs)
+        return lambda *inputs: [rule(parameters, *inputs)]
+
+    def _drop_unused(self) -> None:
+        needed, kept = set(self._outputs), []
+        for operation in reversed(self._operations):
+            if needed.intersection(operation.outputs):
+                kept.append(operation)
+                needed.update(operation.inputs)
+        self._operations = kept[::-1]
+
+
+def _store(values: list[Any], results: Sequence[Any], outputs: Sequence[int], dtypes: Sequence[Any]) -> None:
+    if len(outputs) == 1:
+        values[outputs[0]] = typed(results[0], dtypes[0])
+        return
+    for output, result, dtype in zip(outputs, results, dtypes, strict=True):
+        values[output] = typed(result, dtype)
+
+
+def _key(equation: Equation, given: tuple[int, ...]) -> tuple | None:
+    """What an operation does, to find it again; None where it holds what cannot be compared."""
+    if jaxprs.inner_jaxprs(equation.parameters):
+        return None
+    key = equation.name, given, tuple(sorted(equation.parameters.items()))
+    try:
+        hash(key)
+    except TypeError:
+        return None
+    return key
