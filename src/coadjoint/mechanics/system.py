@@ -20,14 +20,18 @@ from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
-from coadjoint.mechanics.signatures import keyword_only, require_signature
+from coadjoint.mechanics.signatures import keyword_only
 from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, Motion, Places, State
-from coadjoint.spaces import Several, Space, Trivial
+from coadjoint.mechanics.system_arguments import (
+    NOWHERE,
+    parameters_from,
+    require_functions,
+    require_plain,
+    space_from,
+)
+from coadjoint.spaces import Space
 from coadjoint.spaces.axioms import require_own_forms
-from coadjoint.spaces.named import require_names
-
-_NOWHERE = Trivial(0)
 
 
 @dataclass(frozen=True, init=False)
@@ -114,25 +118,14 @@ class System:
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
-        if isinstance(parameters, Mapping):
-            require_names(parameters)
-            parameters = Parameters(**parameters)
-        if parameters is not None and not isinstance(parameters, Parameters):
-            raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {shown(parameters)}.")
-        if not isinstance(name, str):
-            raise ArgumentError(f"Argument `name` must be a text, but is {shown(name)}.")
-        if units is not None and not (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values())):
-            raise ArgumentError(
-                f'Argument `units` must be a dictionary of texts such as {{"energy": "J"}}, but is {shown(units)}.'
-            )
-        if not isinstance(verify, bool):
-            raise ArgumentError(f"Argument `verify` must be True or False, but is {shown(verify)}.")
+        parameters = parameters_from(parameters)
+        require_plain(name, units, verify)
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]
         values = {
             "group": group,
             "lagrangian": lagrangian,
-            "additional": _space(additional, "additional"),
-            "advected": _space(advected, "advected"),
+            "additional": space_from(additional, "additional"),
+            "advected": space_from(advected, "advected"),
             "forces": forces_from(forces, parameters is not None),
             "discrete_lagrangian": discrete_lagrangian,
             "group_lagrangian": group_lagrangian,
@@ -153,7 +146,7 @@ class System:
             require_own_forms(group, *spaces)
         for space in spaces:
             space.require_fit(group)
-        self._check_signatures()
+        require_functions(self)
 
     @property
     def places(self) -> Places:
@@ -248,9 +241,9 @@ class System:
     def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
         arguments = [first]
-        if self.additional != _NOWHERE:
+        if self.additional != NOWHERE:
             arguments += [self.additional.view(self.group, x) for x in pair]
-        if self.advected != _NOWHERE:
+        if self.advected != NOWHERE:
             arguments.append(self.advected.view(self.group, a))
         return arguments if self.parameters is None else [*arguments, self.parameters]
 
@@ -337,28 +330,6 @@ class System:
         """
         return check(self, start, regular)
 
-    def _check_signatures(self) -> None:
-        if not self.continuous and self.discrete_lagrangian is None and self.group_lagrangian is None:
-            raise LagrangianError(
-                "A system needs a `lagrangian`, a `hamiltonian`, a `discrete_lagrangian` or a `group_lagrangian`."
-            )
-        if self.lagrangian is not None and self.hamiltonian is not None:
-            raise LagrangianError("A system is given by its `lagrangian` or by its `hamiltonian`, not by both.")
-        dynamic = self.additional != _NOWHERE
-        last = (["a"] if self.advected != _NOWHERE else []) + (["p"] if self.parameters is not None else [])
-        if self.lagrangian is not None:
-            require_signature(self.lagrangian, "The Lagrangian", ["xi", *(["n", "nu"] if dynamic else []), *last])
-        if self.hamiltonian is not None:
-            require_signature(self.hamiltonian, "The Hamiltonian", ["mu", *(["n", "pi"] if dynamic else []), *last])
-        last = [*(["n", "s"] if dynamic else []), *last, "h"]
-        if self.discrete_lagrangian is not None:
-            require_signature(self.discrete_lagrangian, "The discrete Lagrangian", ["xi", *last])
-        if self.group_lagrangian is not None:
-            require_signature(self.group_lagrangian, "The discrete Lagrangian in group form", ["F", *last])
-        if self.internal is not None:
-            own = ["motion", "h", *(["p"] if self.parameters is not None else [])]
-            require_signature(self.internal, "The rule `internal`", own)
-
 
 # Rebuilt without being checked again; what is static is the skeleton.
 jax.tree_util.register_pytree_node(
@@ -366,18 +337,6 @@ jax.tree_util.register_pytree_node(
     lambda system: ((system.parameters,), replace_parameters(system, None)),
     lambda skeleton, leaves: replace_parameters(skeleton, *leaves),
 )
-
-
-def _space(space: Space | Mapping[str, Space] | None, name: str) -> Space:
-    if space is None:
-        return _NOWHERE
-    if isinstance(space, Mapping):
-        return Several(space)
-    if not isinstance(space, Space):
-        raise ArgumentError(
-            f"Argument `{name}` must be a space such as co.Defining(), or a dictionary of them, but is {shown(space)}."
-        )
-    return space
 
 
 def added(system: System, forces: list[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -41,14 +41,14 @@ from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.by_xla import XlaEngine
 from coadjoint.simulation.steppers.changes import carried
-from coadjoint.simulation.steppers.commands import commands_from, places_of
+from coadjoint.simulation.steppers.commands import Commands, commands_from, places_of
 from coadjoint.simulation.steppers.ending import ending
 from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
 from coadjoint.simulation.steppers.observing import Observe, watch
 from coadjoint.simulation.steppers.stepping import Stepping
-from coadjoint.simulation.steppers.trees import rows_of, rows_where, shapes_of, spread
+from coadjoint.simulation.steppers.trees import Shapes, rows_of, rows_where, shapes_of, spread
 from coadjoint.simulation.steppers.twin import commanded
 from coadjoint.simulation.trajectory import Trajectory, computed
 
@@ -108,15 +108,10 @@ class Stepper(Stepping):
         h, threads, count = positive(dt, "dt"), whole(threads, "threads"), _members(system, start, members)
         commands = commands_from(inputs)
         by_velocities = method.start == "velocity"
-        if commands.start is not None:
-            start = start if by_velocities else with_own_momenta(system, start)
-            start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
-        system, start = with_inputs(system, start, commands.inputs, by_velocities)
+        system, start = _commanded(system, start, commands, by_velocities)
         one, first = first_member(system, start)
-        doubts = (
-            require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
-        )
-        for sentence in doubts:
+        found = require_internal(one, first, h) + one.check(first, method.regular)
+        for sentence in found + require_forward(one, method, first, h):
             warnings.warn(sentence, stacklevel=2)
         begun, constants = method.begin(one, first, h), Constants(one.parameters, None)
         require_chart(one, method, begun, h)
@@ -124,32 +119,14 @@ class Stepper(Stepping):
         if event is not None:
             require_event(event, "until", begun)
         watched, seen = watch(one, observe, begun)
-        functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
-        stopping: dict[str, Any] = {}
-        if event is not None:
-            functions.append(event.function)
-            stopping = {"until": event.function, "direction": event.direction}
         skeleton = replace_parameters(system, None)
-        self._program = StepProgram(skeleton, method, version=version(one, first, *functions), **stopping)
+        self._program = _program(skeleton, method, one, first, event)
         self._beginning = Beginning(skeleton, method, h, count, begun, constants)
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
         starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
-        names = shapes_of(begun)
-        fixed = Fields.of({name.removeprefix("system."): shape for name, shape in shapes_of(constants).items()})
-        face = Face(
-            title=f"{system.name}, {method.title}",
-            dt=h,
-            members=count,
-            parameters=fixed,
-            state=Fields.of(names),
-            commands=commands.fields,
-            observations=Fields.of(seen),
-            commanded=places_of(list(names.items()), commands),
-            time=Fields.of(names).place("t").start,
-            remedies=method.remedies,
-            compiled_in=_compiled_in(parameters, fixed, changing),
-        )
+        fixed, compiled_in = _fixed(constants, parameters, changing)
+        face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
         self._watch = watched
         engine = self._engine_of(face, constants, begun, backend)
         face = replace(face, compiled_in=()) if isinstance(engine, XlaEngine) else face
@@ -157,6 +134,30 @@ class Stepper(Stepping):
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
         super().__init__(face, engine, buffers, buffers.state.copy(), threads)
+
+    def _face(
+        self,
+        names: Shapes,
+        commands: Commands,
+        fixed: Fields,
+        seen: Fields,
+        compiled_in: tuple[tuple[int, float], ...],
+    ) -> Face:
+        """What the stepper is from outside: names and places of its numbers."""
+        begun, method = self._beginning, self._program.method
+        return Face(
+            title=f"{self._program.skeleton.name}, {method.title}",
+            dt=begun.h,
+            members=begun.members,
+            parameters=fixed,
+            state=Fields.of(names),
+            commands=commands.fields,
+            observations=seen,
+            commanded=places_of(list(names.items()), commands),
+            time=Fields.of(names).place("t").start,
+            remedies=method.remedies,
+            compiled_in=compiled_in,
+        )
 
     def _engine_of(self, face: Face, constants: Constants, begun: State, backend: Backend) -> Engine:
         """Machine code, or XLA for what machine code cannot take."""
@@ -283,6 +284,32 @@ def _members(system: System, start: State, members: int | None) -> int | None:
     if count is not None and count != whole(members, "members"):
         raise ArgumentError(f"Argument `members` is {members}, but co.each gives {count} of them.")
     return whole(members, "members")
+
+
+def _commanded(system: System, start: State, commands: Commands, by_velocities: bool) -> tuple[System, State]:
+    """The system driven by its inputs, and the start with the commands where they begin."""
+    if commands.start is not None:
+        start = start if by_velocities else with_own_momenta(system, start)
+        start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
+    return with_inputs(system, start, commands.inputs, by_velocities)
+
+
+def _program(skeleton: System, method: Method, one: System, first: State, event: Event | None) -> StepProgram:
+    """The program of a step, which an event stops; one, first: the system and the start of one member."""
+    functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
+    stopping: dict[str, Any] = {}
+    if event is not None:
+        functions.append(event.function)
+        stopping = {"until": event.function, "direction": event.direction}
+    return StepProgram(skeleton, method, version=version(one, first, *functions), **stopping)
+
+
+def _fixed(
+    constants: Constants, parameters: np.ndarray, changing: Sequence[str]
+) -> tuple[Fields, tuple[tuple[int, float], ...]]:
+    """The parameters by their names, and those that are compiled in."""
+    fixed = Fields.of({name.removeprefix("system."): shape for name, shape in shapes_of(constants).items()})
+    return fixed, _compiled_in(parameters, fixed, changing)
 
 
 def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]) -> tuple[tuple[int, float], ...]:

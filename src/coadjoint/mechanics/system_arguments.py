@@ -1,0 +1,77 @@
+"""The arguments of `co.System`, checked: spaces, parameters, texts, and how its functions are called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.signatures import require_signature
+from coadjoint.spaces import Several, Space, Trivial
+from coadjoint.spaces.named import require_names
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
+
+NOWHERE = Trivial(0)
+"""The space of additional dynamics, or of advected parameters, of a system that has none."""
+
+
+def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
+    """A space of a space, of a dictionary of spaces or of None; raises ArgumentError."""
+    if space is None:
+        return NOWHERE
+    if isinstance(space, Mapping):
+        return Several(space)
+    if not isinstance(space, Space):
+        raise ArgumentError(
+            f"Argument `{name}` must be a space such as co.Defining(), or a dictionary of them, but is {shown(space)}."
+        )
+    return space
+
+
+def parameters_from(parameters: Parameters | Mapping[str, Any] | None) -> Parameters | None:
+    """Parameters, also of a dictionary of values; raises ArgumentError."""
+    if isinstance(parameters, Mapping):
+        require_names(parameters)
+        parameters = Parameters(**parameters)
+    if parameters is not None and not isinstance(parameters, Parameters):
+        raise ArgumentError(f"Argument `parameters` must be co.Parameters(…), but is {shown(parameters)}.")
+    return parameters
+
+
+def require_plain(name: object, units: object, verify: object) -> None:
+    """Raise ArgumentError unless the name is a text, units are texts by name, and `verify` is True or False."""
+    if not isinstance(name, str):
+        raise ArgumentError(f"Argument `name` must be a text, but is {shown(name)}.")
+    if units is not None and not (isinstance(units, Mapping) and all(isinstance(u, str) for u in units.values())):
+        raise ArgumentError(
+            f'Argument `units` must be a dictionary of texts such as {{"energy": "J"}}, but is {shown(units)}.'
+        )
+    if not isinstance(verify, bool):
+        raise ArgumentError(f"Argument `verify` must be True or False, but is {shown(verify)}.")
+
+
+def require_functions(system: System) -> None:
+    """Raise LagrangianError unless a system has ℓ, ℋ or Λ, and its functions take what they are called with."""
+    if not system.continuous and system.discrete_lagrangian is None and system.group_lagrangian is None:
+        raise LagrangianError(
+            "A system needs a `lagrangian`, a `hamiltonian`, a `discrete_lagrangian` or a `group_lagrangian`."
+        )
+    if system.lagrangian is not None and system.hamiltonian is not None:
+        raise LagrangianError("A system is given by its `lagrangian` or by its `hamiltonian`, not by both.")
+    dynamic = system.additional != NOWHERE
+    last = (["a"] if system.advected != NOWHERE else []) + (["p"] if system.parameters is not None else [])
+    if system.lagrangian is not None:
+        require_signature(system.lagrangian, "The Lagrangian", ["xi", *(["n", "nu"] if dynamic else []), *last])
+    if system.hamiltonian is not None:
+        require_signature(system.hamiltonian, "The Hamiltonian", ["mu", *(["n", "pi"] if dynamic else []), *last])
+    last = [*(["n", "s"] if dynamic else []), *last, "h"]
+    if system.discrete_lagrangian is not None:
+        require_signature(system.discrete_lagrangian, "The discrete Lagrangian", ["xi", *last])
+    if system.group_lagrangian is not None:
+        require_signature(system.group_lagrangian, "The discrete Lagrangian in group form", ["F", *last])
+    if system.internal is not None:
+        own = ["motion", "h", *(["p"] if system.parameters is not None else [])]
+        require_signature(system.internal, "The rule `internal`", own)
