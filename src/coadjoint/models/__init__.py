@@ -29,19 +29,6 @@ if TYPE_CHECKING:
     from coadjoint.models.paper_tables import paper_vehicle as paper_vehicle
 
 
-# REMUS 100 about its centre of buoyancy, as in the public PythonVehicleSimulator, without damping: forward, starboard,
-# down; the added mass is that of an ellipsoid with semi-axes 0.8, 0.095, 0.095 m.
-_REMUS = {
-    "mass": 31.03,
-    "inertia": (0.1120, 4.0278, 4.0278),
-    "added_mass": (0.8389, 29.4376, 29.4376, 0.0336, 3.4262, 3.4262),
-    "buoyancy": None,
-    "center_of_mass": (0.0, 0.0, 0.02),
-    "center_of_buoyancy": (0.0, 0.0, 0.0),
-    "gravity": 9.81,
-}
-_CRUISE = {**MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
-
 _ENTRIES = (
     CatalogueEntry(
         "free_rigid_body",
@@ -101,26 +88,6 @@ _ENTRIES = (
         },
         dt=PAPER_STEP,
         duration=PAPER_DURATION,
-    ),
-    CatalogueEntry(
-        "underwater_vehicle_general",
-        "A vehicle about any body origin with a 6×6 added mass matrix, on SO(3) × ℝ³: REMUS 100 without damping.",
-        "coadjoint.models.general_form:general_vehicle",
-        "coadjoint.models.paper_form:start",
-        _REMUS,
-        _CRUISE,
-        dt=0.01,
-        duration=20.0,
-    ),
-    CatalogueEntry(
-        "underwater_vehicle_se3",
-        "The same vehicle on SE(3): horizontal momentum and the vertical moment are conserved.",
-        "coadjoint.models.general_form:se3_vehicle",
-        "coadjoint.models.general_form:se3_start",
-        _REMUS,
-        _CRUISE,
-        dt=0.01,
-        duration=20.0,
     ),
     CatalogueEntry(
         "elroys_beanie",

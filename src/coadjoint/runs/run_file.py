@@ -6,14 +6,14 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.extensions import Registry, located
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
-from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection, section
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import in_si, unknown, without_unit
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 KINDS: Registry[str] = Registry("RUN_FILES")
 """Other kinds of run files, by a section of theirs: "module:function", (table, path, text) → the file."""
-
-_SECTIONS = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
-_FREE = ("parameters", "initial")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +35,9 @@ class RunFile(Runnable):
     system: SystemSection
     parameters: dict[str, Any] = field(default_factory=dict)
     initial: dict[str, Any] = field(default_factory=dict)
+    SECTIONS: ClassVar = {"system": SystemSection, "method": MethodSection, "run": RunSection, "output": OutputSection}
+    FREE: ClassVar = ("parameters", "initial")
+    NEEDED: ClassVar = ("system", "run")
 
     @property
     def companions(self) -> list[Path]:
@@ -118,21 +118,14 @@ def _require_run(table: dict[str, Any], source: Path) -> None:
 
 def from_table(table: dict[str, Any], path: Path, text: str) -> RunFile:
     """The run in a table of sections; raises ArgumentError."""
-    known = [*_SECTIONS, *_FREE]
     if "mission" in table:
         raise ArgumentError(f"The mission file {path} needs a section [vehicle].")
-    for name in table:
-        if name not in known:
-            raise ArgumentError(unknown(f"section [{name}]", "A run file", name, known))
-    for name in ("system", "run"):
-        if name not in table:
-            raise ArgumentError(f"The run file {path} needs a section [{name}].")
-    made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in _SECTIONS.items()}
-    free: dict[str, Any] = {name: _free(name, table.get(name, {})) for name in _FREE}
+    made = RunFile.sections(table, path)
+    for name in RunFile.FREE:
+        _require_rectangular(name, made[name])
     if made["system"].model:
-        free = _of_model(made["system"].model, free)
-    _require_method(made["method"])
-    return RunFile(path=path, text=text, **made, **free)
+        made |= _of_model(made["system"].model, made)
+    return RunFile(path=path, text=text, **made)
 
 
 def _require_short(value: Any) -> None:
@@ -155,14 +148,11 @@ def _text(source: Path) -> str:
         raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
 
 
-def _free(name: str, given: object) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise ArgumentError(f"[{name}] must be a section of a run file, but is {given!r}.")
+def _require_rectangular(name: str, given: dict[str, Any]) -> None:
     for key, value in given.items():
         # An element g of a product is a list of arrays of several shapes.
         if key != "g" and isinstance(value, list) and not _rectangular(value):
             raise ArgumentError(f"[{name}] {key} must hold numbers in rows of one length, but is {value!r}.")
-    return given
 
 
 def _rectangular(value: list[Any]) -> bool:
@@ -197,16 +187,6 @@ MEASURES = {
     **dict.fromkeys(("added_mass", "inertia_about")),
 }
 """What the parameters of the catalogue's models measure."""
-
-
-def _require_method(chosen: MethodSection) -> None:
-    """Raise ArgumentError unless names of rules and maps are known; they are without importing them."""
-    from coadjoint.runs.methods import map_name, method_name
-
-    method_name(chosen.name)
-    map_name(chosen.map)
-    if chosen.base:
-        method_name(chosen.base)
 
 
 def _apply(table: dict[str, Any], change: str) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
+from coadjoint.errors import ArgumentError
+from coadjoint.runs.methods import map_name, method_name
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, section
+from coadjoint.runs.units import unknown
 
 if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
@@ -23,6 +27,33 @@ class Runnable(ABC):
     output: OutputSection = field(default_factory=OutputSection)
     path: Path = Path("run.toml")
     text: str = ""
+    WORD: ClassVar[str] = "run file"
+    """What such a file is called."""
+    SECTIONS: ClassVar[dict[str, type]] = {}
+    """The sections that are dataclasses, by name."""
+    FREE: ClassVar[tuple[str, ...]] = ()
+    """The sections that are tables as they stand."""
+    NEEDED: ClassVar[tuple[str, ...]] = ("run",)
+    """The sections that there must be."""
+
+    @classmethod
+    def sections(cls, table: Mapping[str, Any], path: Path) -> dict[str, Any]:
+        """The sections of a file by name; raises ArgumentError, also for methods and maps that there are not."""
+        known = [*cls.SECTIONS, *cls.FREE]
+        for name, given in table.items():
+            if name not in known:
+                raise ArgumentError(unknown(f"section [{name}]", f"A {cls.WORD}", name, known))
+            if not isinstance(given, dict):
+                raise ArgumentError(f"[{name}] must be a section of a {cls.WORD}, but is {given!r}.")
+        for name in cls.NEEDED:
+            if name not in table:
+                raise ArgumentError(f"The {cls.WORD} {path} needs a section [{name}].")
+        made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in cls.SECTIONS.items()}
+        chosen = made["method"]
+        for name in (chosen.name, *([chosen.base] if chosen.base else [])):
+            method_name(name)
+        map_name(chosen.map)
+        return {**made, **{name: table.get(name, {}) for name in cls.FREE}}
 
     @property
     def folder(self) -> Path:

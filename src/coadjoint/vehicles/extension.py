@@ -7,8 +7,30 @@ from __future__ import annotations
 
 from coadjoint.models.entry import MOVING, CatalogueEntry
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
+from coadjoint.vehicles.files.bodies import body_numbers
 
+_CRUISE = {**MOVING, "velocity": (1.5, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.01)}
 _ENTRIES = (
+    CatalogueEntry(
+        "underwater_vehicle_general",
+        "A vehicle about any body origin with a 6×6 added mass matrix, on SO(3) × ℝ³: REMUS 100 without damping.",
+        "coadjoint.models.general_form:general_vehicle",
+        "coadjoint.models.paper_form:start",
+        body_numbers("remus_100"),
+        _CRUISE,
+        dt=0.01,
+        duration=20.0,
+    ),
+    CatalogueEntry(
+        "underwater_vehicle_se3",
+        "The same vehicle on SE(3): horizontal momentum and the vertical moment are conserved.",
+        "coadjoint.models.general_form:se3_vehicle",
+        "coadjoint.models.general_form:se3_start",
+        body_numbers("remus_100"),
+        _CRUISE,
+        dt=0.01,
+        duration=20.0,
+    ),
     CatalogueEntry(
         "remus_100",
         "REMUS 100 with hull drag, fins and propeller in a current, under way at a fixed number of revolutions.",

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from importlib.resources import files
 from pathlib import Path
 
 from coadjoint.errors import ArgumentError
+from coadjoint.vehicles.files.bodies import DATA
 from coadjoint.vehicles.files.file import read_vehicle, vehicle_from_text
 from coadjoint.vehicles.model.vehicle import Vehicle
-
-_DATA = files(str(__package__)) / "data"
 
 
 def vehicle_names() -> list[str]:
     """The names of the vehicles that are shipped. Sets that disagree on one vehicle have names of their own."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _DATA.iterdir() if entry.name.endswith(".toml"))
+    return sorted(entry.name.removesuffix(".toml") for entry in DATA.iterdir() if entry.name.endswith(".toml"))
 
 
 def is_path(name: str) -> bool:
@@ -34,7 +32,7 @@ def vehicle_text(name: str) -> str:
         raise ArgumentError(
             f"No vehicle `{name}` is shipped: {hint} {', '.join(known)}. A file of one's own ends in .toml."
         )
-    return (_DATA / f"{name}.toml").read_text(encoding="utf-8")
+    return (DATA / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def load_vehicle(name: str | os.PathLike[str]) -> Vehicle:

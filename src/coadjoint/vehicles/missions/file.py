@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.runs.methods import map_name, method_name
 from coadjoint.runs.runnable import Runnable
-from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, section
-from coadjoint.runs.units import unknown
+from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 
 if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
@@ -54,15 +52,6 @@ class MissionOutputSection(OutputSection):
             raise ArgumentError(f'[output] animation must be "gif" or "html", but is {self.animation!r}.')
 
 
-SECTIONS = {
-    "vehicle": VehicleSection,
-    "method": MethodSection,
-    "run": MissionRunSection,
-    "output": MissionOutputSection,
-}
-FREE = ("parameters", "water", "controller", "mission", "initial", "perturb")
-
-
 @dataclass(frozen=True, kw_only=True)
 class MissionFile(Runnable):
     """A mission: the sections of its file. `parameters` … `perturb` are tables as they stand there.
@@ -81,6 +70,14 @@ class MissionFile(Runnable):
     perturb: dict[str, Any] = field(default_factory=dict)
     axes: str = "NED/FRD"
     path: Path = Path("mission.toml")
+    WORD: ClassVar = "mission file"
+    SECTIONS: ClassVar = {
+        "vehicle": VehicleSection,
+        "method": MethodSection,
+        "run": MissionRunSection,
+        "output": MissionOutputSection,
+    }
+    FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb")
 
     @property
     def companions(self) -> list[Path]:
@@ -116,28 +113,15 @@ class MissionFile(Runnable):
 
 def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
     """The mission in a table of sections; raises ArgumentError."""
-    known = [*SECTIONS, *FREE]
     axes = _axes(table.get("axes", "NED/FRD"))
-    for name, given in table.items():
-        if name == "axes":
-            continue
-        if name == "pilot":
-            raise ArgumentError("A mission file has no section [pilot]: it is called [controller].")
-        if name not in known:
-            raise ArgumentError(unknown(f"section [{name}]", "A mission file", name, known))
-        if not isinstance(given, dict):
-            raise ArgumentError(f"[{name}] must be a section of a mission file, but is {given!r}.")
-    if "run" not in table:
-        raise ArgumentError(f"The mission file {path} needs a section [run].")
-    made: dict[str, Any] = {name: section(kind, name, table.get(name, {})) for name, kind in SECTIONS.items()}
-    method_name(made["method"].name)  # tells of names that there are not, before anything heavy is loaded
-    map_name(made["method"].map)
-    free = {name: table.get(name, {}) for name in FREE}
-    if made["run"].members > 1 and not free["perturb"]:
+    if "pilot" in table:
+        raise ArgumentError("A mission file has no section [pilot]: it is called [controller].")
+    made = MissionFile.sections({name: given for name, given in table.items() if name != "axes"}, path)
+    if made["run"].members > 1 and not made["perturb"]:
         raise ArgumentError("[run] members > 1 needs a section [perturb], which says in what the members differ.")
-    if free["perturb"] and made["run"].members == 1:
+    if made["perturb"] and made["run"].members == 1:
         raise ArgumentError("Section [perturb] needs [run] members, how many swim, 2 or more.")
-    return MissionFile(path=path, text=text, axes=axes, **made, **free)
+    return MissionFile(path=path, text=text, axes=axes, **made)
 
 
 def _axes(given: Any) -> str:
