@@ -104,7 +104,7 @@ def test_every_dependency_has_its_reason() -> None:
 def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() -> None:
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     commands = [metadata.name for kind in get_args(Command) for metadata in kind.__metadata__]
-    keys = [key.name for kind in run_file._SECTIONS.values() for key in fields(kind)]
+    keys = [key.name for kind in run_file.RunFile.SECTIONS.values() for key in fields(kind)]
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
     missing += [key for key in keys if f"`{key}`" not in page]
     assert not missing, f"docs/commands.md says nothing of {missing}."

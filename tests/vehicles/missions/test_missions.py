@@ -22,7 +22,7 @@ from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.missions import results
 from coadjoint.vehicles.missions.craft import START, set_up
 from coadjoint.vehicles.missions.example import example
-from coadjoint.vehicles.missions.file import FREE, SECTIONS, MissionOutputSection, from_table
+from coadjoint.vehicles.missions.file import MissionFile, MissionOutputSection, from_table
 from coadjoint.vehicles.missions.legs import ENDS, OTHERS
 from coadjoint.vehicles.missions.summary import mission_summary
 from coadjoint.vehicles.missions.water import CURRENTS, DENSITIES, PROFILES, water
@@ -451,8 +451,8 @@ def test_every_key_of_a_mission_stands_on_its_page():
         re.findall(r"`([a-z_]+?)(?:_m_s|_deg_s|_deg|_m|_s)`", tables)
     )
     keys = [
-        *SECTIONS,
-        *FREE,
+        *MissionFile.SECTIONS,
+        *MissionFile.FREE,
         *OTHERS,
         *ENDS,
         *START,
@@ -462,5 +462,7 @@ def test_every_key_of_a_mission_stands_on_its_page():
         *kinds("controllers"),
         *figure_names(),
     ]
-    keys += [field.name for kind in SECTIONS.values() if kind is not MethodSection for field in fields(kind)]
+    keys += [
+        field.name for kind in MissionFile.SECTIONS.values() if kind is not MethodSection for field in fields(kind)
+    ]
     assert not [key for key in keys if key not in said and f"`[{key}]`" not in tables]
