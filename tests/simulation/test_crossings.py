@@ -186,3 +186,10 @@ def test_what_is_no_event_is_refused(given, error, sentence, tmp_path, monkeypat
 def test_a_direction_is_one_of_three():
     with pytest.raises(co.ArgumentError, match='"rising", "falling" or "both", but is \'up\''):
         co.Event(first_momentum, "up")
+
+
+def test_a_run_with_events_is_saved_with_their_counts(watched, tmp_path):
+    found = co.load(watched.save(tmp_path / "run.nc"))
+    assert {name: found.dataset.attrs[f"events_{name}"] for name in watched.events} == {
+        name: len(states.t) for name, states in watched.events.items()
+    }

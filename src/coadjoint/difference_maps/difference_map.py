@@ -84,6 +84,8 @@ class DifferenceMap:
             for factor in group.factors:
                 self.require_fit(factor)
             return
+        if not group.dim:  # {e}, of which there is one map
+            return
         outside, asymmetry = _misfit(self, group)
         if not outside <= 1e-8:  # NaN does not fit
             raise GroupError(

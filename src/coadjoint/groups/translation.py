@@ -15,7 +15,10 @@ from coadjoint.groups.group import Array, LieGroup
 class Translation(LieGroup):
     """ℝⁿ under addition; an element is a vector x (n,), as a matrix [[I, x], [0, 1]]; ad = 0.
 
-    size: n, a whole number from 1. Raises GroupError for another one.
+    size: n, a whole number from 0. Translation(0) is the group {e}, for mechanics on Q alone: with no ξ and no μ the
+    equations of every method are the discrete Euler–Lagrange equations of ℓ(ξ, n, ν) on the additional space.
+
+    Raises GroupError for another size.
     """
 
     size: int
@@ -25,9 +28,9 @@ class Translation(LieGroup):
         return ("x",)
 
     def __post_init__(self):
-        if not isinstance(self.size, int) or self.size < 1:
+        if not isinstance(self.size, int) or self.size < 0:
             raise GroupError(
-                f"Argument `size` of Translation must be a whole number from 1, but is {shown(self.size)}."
+                f"Argument `size` of Translation must be a whole number from 0, but is {shown(self.size)}."
             )
 
     @property

@@ -35,9 +35,9 @@ def momentum_scale(system: System, state: State) -> Array:
 
     The product counts where n and π are parallel, so that π⋄n vanishes.
     """
-    orbital = jnp.max(jnp.abs(system.additional.diamond(system.group, state.pi, state.n)))
+    orbital = jnp.max(jnp.abs(system.additional.diamond(system.group, state.pi, state.n)), initial=0.0)
     product = jnp.sqrt((state.pi @ state.pi) * (state.n @ state.n))
-    return jnp.max(jnp.abs(state.mu)) + jnp.maximum(orbital, product)
+    return jnp.max(jnp.abs(state.mu), initial=0.0) + jnp.maximum(orbital, product)
 
 
 class KelvinNoether:

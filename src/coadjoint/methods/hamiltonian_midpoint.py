@@ -109,6 +109,6 @@ class HamiltonianMidpoint(Midpoint):
         rows = jnp.abs(self.equations(system, record, h))
         size = len(record.xi) + len(record.nu)
         momenta = [record.mu, record.pi, after.mu, after.pi]
-        scales = [jnp.max(jnp.abs(jnp.concatenate(part))) for part in (momenta, [record.xi, record.nu])]
-        parts = [jnp.max(rows[:size]), jnp.max(rows[size:])]
+        scales = [jnp.max(jnp.abs(jnp.concatenate(part)), initial=0.0) for part in (momenta, [record.xi, record.nu])]
+        parts = [jnp.max(rows[:size], initial=0.0), jnp.max(rows[size:], initial=0.0)]
         return jnp.maximum(*(x / jnp.where(scale > 0, scale, 1.0) for x, scale in zip(parts, scales, strict=True)))

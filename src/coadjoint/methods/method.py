@@ -187,8 +187,8 @@ class Step(ABC):
         ahead, behind = self.sources(system, record, h)
         F = self.relative(system, record, h)
         expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
-        error = jnp.max(jnp.abs(total_momentum(system, after) - expected))
-        return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind)))
+        error = jnp.max(jnp.abs(total_momentum(system, after) - expected), initial=0.0)
+        return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind), initial=0.0))
 
     def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
         """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.
@@ -199,7 +199,7 @@ class Step(ABC):
         that does not turn, or stays where forces balance, is solved to round-off, too.
         """
         rows, dim = jnp.abs(self.equations(system, record, h)), self.blocks(system)[0]
-        of_mu, of_pi = jnp.max(rows[:dim]), jnp.max(rows[dim:], initial=0.0)
+        of_mu, of_pi = jnp.max(rows[:dim], initial=0.0), jnp.max(rows[dim:], initial=0.0)
         turning, moving = _momentum_sizes(system, record, h)
         mu = jnp.maximum(largest(record.mu, after.mu), turning.part)
         pi = jnp.maximum(largest(record.pi, after.pi), moving.part)

@@ -57,7 +57,7 @@ class Paced(Step):
         self.base.require_fit(system)
 
     def remember(self, system: System, state: State) -> State:
-        zero = jnp.zeros_like(jnp.asarray(state.t, dtype=float))
+        zero = 0.0 * state.t
         return state.replace(memory=Pace(zero + 1.0, zero, zero, zero))
 
     def blocks(self, system: System) -> tuple[int, ...]:

@@ -123,7 +123,10 @@ def variables(
     monitors: Mapping[str, np.ndarray],
     derive: Callable[[State], dict[str, Any]] | None = None,
 ) -> Variables:
-    """Dimensions and values of every variable, one row a record; `derive` is `derived` of all of them at once."""
+    """Dimensions and values of every variable, one row a record; `derive` is `derived` of all of them at once.
+
+    What has no components, as ξ on the group {e}, is no variable.
+    """
     group, Q, V = system.places
     found: Variables = {}
     for name, leaf in zip(group.leaf_names, jax.tree.leaves(records.g), strict=True):
@@ -147,7 +150,7 @@ def variables(
     axes = {one.name: one.axis for one in watched()}
     for name, values in monitors.items():
         found[name] = (("time", axes.get(name, "quantity"))[: values.ndim], values)
-    return found
+    return {name: (dims, values) for name, (dims, values) in found.items() if 0 not in np.shape(values)[1:]}
 
 
 def reported(system: System, records: State) -> Variables:
@@ -215,6 +218,7 @@ def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str,
 def attributes(run: Run) -> dict[str, Any]:
     """The certificate of a run as the attributes of its dataset."""
     found = {key: value for key, value in run.summary().items() if value is not None}
+    found |= {f"events_{name}": count for name, count in found.pop("events", {}).items()}
     lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in run.extrema.items()}
     highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in run.extrema.items()}
     return {"group": repr(run.system.group), "card": str(run), **found, **lows, **highs}
