@@ -146,10 +146,12 @@ def test_a_column_that_the_simulation_misses_is_told(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
     names = ["hull.axial_drag"]
-    assert not any("misses" in doubt for doubt in identify(system, log, start=start, parameters=names).warnings)
+    assert not any("misses" in warning for warning in identify(system, log, start=start, parameters=names).warnings)
     wrong = replace(log, columns={**log.columns, "roll": np.degrees(log.columns["roll"])})
     warnings = identify(system, wrong, start=start, parameters=names).warnings
-    assert any(doubt.startswith("The simulation misses roll (") and "axes and units" in doubt for doubt in warnings)
+    assert any(
+        warning.startswith("The simulation misses roll (") and "axes and units" in warning for warning in warnings
+    )
 
 
 def test_the_tables_of_all_thrusters_are_too_many_numbers_to_seek():

@@ -92,7 +92,7 @@ def test_the_step_is_refined_until_it_shifts_nothing(fine):
     """On dt = 0.05 roll, at five radians a second, is shifted by more than its interval; without `dt` it is not."""
     log = measured(fine, seed=3)
     coarse = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, dt=0.05)
-    assert any("dt = 0.05 s shifts" in doubt for doubt in coarse.warnings)
+    assert any("dt = 0.05 s shifts" in warning for warning in coarse.warnings)
     free = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH)
     assert free.dt < 0.02 and not free.warnings
     assert abs(free["added_mass[3,3]"].value - 0.03) < abs(coarse["added_mass[3,3]"].value - 0.03)
@@ -168,13 +168,13 @@ def test_noise_is_estimated_from_residuals_or_taken_as_given(fine):
         else:
             assert found.noise[name] == pytest.approx(sigma, rel=0.12)
     assert found.assumed == ("p", "q", "r")
-    assert any("noise of p was given as 0.006" in doubt for doubt in found.warnings)
+    assert any("noise of p was given as 0.006" in warning for warning in found.warnings)
 
 
 def test_parameters_that_cannot_be_separated_are_told(fine):
     log = measured(fine, seed=2)
     found = identify(SYSTEM, log, start=STATE, parameters=["inertia[0,0]", "added_mass[3,3]", "linear[3]"])
-    assert any("cannot separate inertia[0,0] and added_mass[3,3]" in doubt for doubt in found.warnings)
+    assert any("cannot separate inertia[0,0] and added_mass[3,3]" in warning for warning in found.warnings)
     assert found["inertia[0,0]"].high == np.inf and found["added_mass[3,3]"].low == 0.0
     assert found["linear[3]"].covers(0.3)
 
@@ -205,7 +205,7 @@ def test_coloured_residuals_are_told(fine):
     slow = np.convolve(np.random.default_rng(9).normal(size=len(log) + 19), np.ones(20) / 20, "valid")
     drifting = {**log.columns, "u": log.columns["u"] + 0.05 * slow}
     found = identify(SYSTEM, Log(log.time, drifting, log.inputs), start=STATE, parameters=["linear"])
-    assert any("Residuals of" in doubt and "u (" in doubt for doubt in found.warnings)
+    assert any("Residuals of" in warning and "u (" in warning for warning in found.warnings)
 
 
 def test_a_pendulum_is_identified_by_a_function_of_its_state():

@@ -41,7 +41,7 @@ def as_it_is(system: System) -> System:
 
 
 def with_left_rectangle(system: System) -> System:
-    """The system with Λ = hℓ(ξ, n, (s − n)/h, a) beside ℓ; in group form with ξ = (F − F⁻¹)ᵛ/2h."""
+    """The system with Λ = hℓ(ξ, n, (s − n)/h, a) in addition to ℓ; in group form with ξ = (F − F⁻¹)ᵛ/2h."""
     group, dynamic = system.group, system.additional.ambient(system.group) > 0
 
     def in_algebra(xi: Array, *rest):

@@ -181,11 +181,11 @@ def _of_elements(group: LieGroup, xi: Array, g: Element, h: Element, noise: Arra
     def left() -> Array:
         ends = np.cumsum([0, *(leaf.size for leaf in jax.tree.leaves(g))])
         leaves, structure = jax.tree.flatten(g)
-        beside = [
+        moved = [
             x + _DISTURBED * jnp.resize(noise, (ends[-1],))[a:b].reshape(x.shape)
             for x, a, b in zip(leaves, ends[:-1], ends[1:], strict=True)
         ]
-        disturbed = jax.tree.unflatten(structure, beside)
+        disturbed = jax.tree.unflatten(structure, moved)
         before, after = group.defect(disturbed), group.defect(group.project(disturbed))
         return 1 + jnp.maximum(after - 0.01 * before, 0.0)
 

@@ -87,7 +87,7 @@ def parts(thing: object, kind: type) -> Iterator[Any]:
 
 
 def stamp(thing: object, *bases: type) -> tuple[Any, ...]:
-    """What a verdict on an object depends on beside the object: its classes and the definitions of its own."""
+    """What a verdict on an object depends on in addition to the object: its classes and the definitions of its own."""
     base = next(base for base in bases if isinstance(thing, base))
     inner = [part for kind in bases for part in parts(thing, kind)]
     return type(thing), tuple(map(_key, own(thing, base))), tuple(stamp(part, *bases) for part in inner)
@@ -126,16 +126,16 @@ def require_agreement(
     thing: object, where: str, identities: Callable[..., list[Identity]], points: Sequence[tuple[Any, ...]]
 ) -> None:
     """Raise GroupError unless all identities hold at these points: |found − expected| ≤ 1e-9 |expected|."""
-    told: list[Identity] = []
+    stated: list[Identity] = []
 
     def both(*point: Any) -> list[Any]:
-        told[:] = identities(*point)
-        return [_pair(thing, where, identity) for identity in told]
+        stated[:] = identities(*point)
+        return [_pair(thing, where, identity) for identity in stated]
 
     with in_words(f"A comparison of {_name(thing)}{where} with what is derived"):
         function = tabulate(both, *points[0])
         rows = [function(*point) for point in points]
-    for identity, *pairs in zip(told, *rows, strict=True):
+    for identity, *pairs in zip(stated, *rows, strict=True):
         _require_close(thing, where, identity, pairs)
 
 

@@ -52,8 +52,8 @@ class SemidirectProduct(LieGroup):
     ad*_{(ξ,u)}(μ, β) = (ad*_ξμ + β⋄u, L*_ξβ) (B4–B6).
 
     group: G. representation: a flat space with a linear action, such as co.Defining(). Matrices are [[g, v], [0, 1]]
-    where the representation is by the matrices of the group themselves, else those of g beside [[ρ(g), v], [0, 1]].
-    Raises GroupError for a space that is curved or whose action is not linear.
+    where the representation is by the matrices of the group themselves, else block-diagonal with those of g and [[ρ(g),
+    v], [0, 1]]. Raises GroupError for a space that is curved or whose action is not linear.
     """
 
     group: LieGroup
@@ -107,23 +107,23 @@ class SemidirectProduct(LieGroup):
         return back, -self.representation.act(self.group, back, g[1])
 
     def matrix(self, g: Element) -> Array:
-        beside, size = self._beside, self.matrix_size
-        corner = self.group.matrix(g[0]) if not beside else _matrix_of_action(self, g[0])
+        extra, size = self._extra, self.matrix_size
+        corner = self.group.matrix(g[0]) if not extra else _matrix_of_action(self, g[0])
         column = jnp.asarray(g[1])[:, None]
         lower = jnp.concatenate([jnp.concatenate([corner, column], axis=1), jnp.eye(column.shape[0] + 1)[-1:]])
-        if not beside:
+        if not extra:
             return lower
-        whole = jnp.zeros((size, size)).at[:beside, :beside].set(self.group.matrix(g[0]))
-        return whole.at[beside:, beside:].set(lower)
+        whole = jnp.zeros((size, size)).at[:extra, :extra].set(self.group.matrix(g[0]))
+        return whole.at[extra:, extra:].set(lower)
 
     def from_matrix(self, matrix: Array) -> Element:
-        beside = self._beside
-        corner = matrix[:beside, :beside] if beside else matrix[:-1, :-1]
-        return self.group.from_matrix(corner), matrix[beside:-1, -1]
+        extra = self._extra
+        corner = matrix[:extra, :extra] if extra else matrix[:-1, :-1]
+        return self.group.from_matrix(corner), matrix[extra:-1, -1]
 
     @property
-    def _beside(self) -> int:
-        """The size of the matrices of g that stand beside [[ρ(g), v], [0, 1]]; 0 where ρ(g) is g itself."""
+    def _extra(self) -> int:
+        """The size of the diagonal block of g before [[ρ(g), v], [0, 1]]; 0 where ρ(g) is g itself."""
         return 0 if _acts_by_itself(self) else self.group.matrix_size
 
     def tangent(self, xi: Array) -> Element:
@@ -227,12 +227,12 @@ def _acts_by_itself(S: SemidirectProduct) -> bool:
 
 @lru_cache(maxsize=256)
 def _basis(S: SemidirectProduct) -> np.ndarray:
-    V, group, beside = S.representation.ambient(S.group), S.group, S._beside
-    slopes = evaluate(jax.vmap(lambda xi: _matrix_of_algebra(S, xi)), np.eye(group.dim)) if beside else group.basis
-    basis = np.zeros((S.dim, beside + V + 1, beside + V + 1))
-    basis[: group.dim, :beside, :beside] = group.basis if beside else 0.0
-    basis[: group.dim, beside:-1, beside:-1] = slopes
-    basis[np.arange(group.dim, S.dim), beside + np.arange(V), -1] = 1.0
+    V, group, extra = S.representation.ambient(S.group), S.group, S._extra
+    slopes = evaluate(jax.vmap(lambda xi: _matrix_of_algebra(S, xi)), np.eye(group.dim)) if extra else group.basis
+    basis = np.zeros((S.dim, extra + V + 1, extra + V + 1))
+    basis[: group.dim, :extra, :extra] = group.basis if extra else 0.0
+    basis[: group.dim, extra:-1, extra:-1] = slopes
+    basis[np.arange(group.dim, S.dim), extra + np.arange(V), -1] = 1.0
     return basis
 
 

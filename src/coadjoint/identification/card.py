@@ -30,6 +30,6 @@ def card(found: Identification) -> str:
         known = "given" if name in found.assumed else "estimated"
         value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
         lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}")
-    for doubt in found.warnings:
-        lines += ["", *textwrap.wrap(doubt, 100, initial_indent="  ! ", subsequent_indent="    ")]
+    for warning in found.warnings:
+        lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
     return "\n".join(lines)

@@ -19,16 +19,16 @@ SINGULAR = 1e-6
 """Directions with this singular value or less are not determined at all; 1 is a parameter that no start can undo."""
 
 COARSE = 0.3
-"""How many standard errors of a shift by the step size are told."""
+"""How many standard errors a shift by the step size must reach for a warning."""
 
 ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
-"""|correlation| of two parameters, interval over estimate, and lag-one correlation of residuals, that are told."""
+"""|correlation| of two parameters, interval over estimate, lag-one correlation of residuals, that give a warning."""
 
 STRONGEST = 3
 """How many names a sentence on parameters that cannot be separated holds."""
 
 WILD, SWALLOWED = 20.0, 0.7
-"""Residuals over the noise between neighbouring samples, and over the signal's own spread, from which they are told."""
+"""Residuals over the noise between neighbouring samples, and over the signal's own spread, that give a warning."""
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ def judged(found: Fitted, level: float) -> Identification:
     fit, sigma, shooting = found.fit, found.sigma, found.fit.shooting
     spread, names = _spread(found.solution.jacobian, shooting.size), shooting.channels.names
     estimates = _estimates(found, spread, level)
-    told = shooting.predict(found.solution.place.shared, found.solution.place.own, fit.internal)
-    assert told is not None
-    off = fit.differences(told)
+    predicted = shooting.predict(found.solution.place.shared, found.solution.place.own, fit.internal)
+    assert predicted is not None
+    off = fit.differences(predicted)
     whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
@@ -143,7 +143,7 @@ def judged(found: Fitted, level: float) -> Identification:
         noise=dict(zip(names, map(float, sigma), strict=True)),
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
-        simulated=_simulated(fit, told),
+        simulated=_simulated(fit, predicted),
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
@@ -182,12 +182,12 @@ def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimat
     return estimates
 
 
-def _simulated(fit: Fit, told: Prediction) -> dict[str, np.ndarray]:
+def _simulated(fit: Fit, predicted: Prediction) -> dict[str, np.ndarray]:
     """What the sensors would have said at the times of the log, by column."""
     rows = fit.shooting.samples.rows
     found = {name: np.full(len(fit.log), np.nan) for name in fit.shooting.channels.names}
     for i, values in enumerate(found.values()):
-        values[rows[rows >= 0]] = told.values[..., i][rows >= 0]
+        values[rows[rows >= 0]] = predicted.values[..., i][rows >= 0]
     return found
 
 
@@ -200,28 +200,28 @@ def _lag_one(off: np.ndarray, there: np.ndarray) -> float:
 
 def _hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lost: np.ndarray) -> list[str]:
     names, shared = list(estimates), np.zeros(len(estimates), bool)
-    told: dict[str, None] = {}
+    found: dict[str, None] = {}
     for row in np.abs(V[lost]):
         if np.sum(row > 1e-2) > 1:
             shared |= row > 1e-2
             strongest = sorted(sorted(np.flatnonzero(row > 1e-2), key=lambda i: -row[i])[:STRONGEST])
             others = int(np.sum(row > 1e-2)) - len(strongest)
             listed = " and ".join(names[i] for i in strongest) + (f", with {others} others" if others else "")
-            told[f"The log cannot separate {listed}: keep one of them at its known value."] = None
+            found[f"The log cannot separate {listed}: keep one of them at its known value."] = None
     alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
-    return list(told) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
+    return list(found) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
 
 
 def _vague(estimates: dict[str, Estimate]) -> list[str]:
-    """Wide intervals: beside the value, or of one that may be zero, to which nothing is relative."""
-    told = []
+    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative."""
+    sentences = []
     for e in estimates.values():
         if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
-            told.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
+            sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
         elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
             half = (e.high - e.low) / 2 / abs(e.value)
-            told.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
-    return told
+            sentences.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
+    return sentences
 
 
 def _missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndarray) -> list[str]:

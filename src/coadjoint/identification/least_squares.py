@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt where every segment has unknowns of its own beside those that all share.
+"""Levenberg–Marquardt where every segment has unknowns of its own and all share some.
 
 min ½ Σ_s |r_s(δ_s, φ)|²: with A_s = ∂r_s/∂δ_s and B_s = ∂r_s/∂φ, δ_s is eliminated from the normal equations,
 (Σ_s B_sᵀB_s − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀB_s) dφ = −Σ_s(B_sᵀ − B_sᵀA_s(A_sᵀA_s)⁻¹A_sᵀ) r_s.
@@ -95,7 +95,7 @@ def least_squares(
             accepted(way)
         damping = max(damping / 10, 1e-12)
         J = problem.jacobian(place, way)
-        # Damping that is small beside a parameter's column may be large beside what the starts leave of it.
+        # Damping that is small against a parameter's column may be large against what the starts leave of it.
         converged = converged and (roughly or stationary(J, r, place.own.shape[1]))
     return Solution(place, r, J, squares, trip, converged)
 

@@ -19,7 +19,7 @@ class Log:
     `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
     `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
-    `actual`: what actuators did, where that was logged beside their commands; it is not fitted.
+    `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
     `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """

@@ -46,7 +46,7 @@ class Reference(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the sensors would say at the samples, (segments, samples, channels), with the path that told it."""
+    """What the sensors would say at the samples, (segments, samples, channels), with the path that led there."""
 
     values: np.ndarray
     path: driven.Path

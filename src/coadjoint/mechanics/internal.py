@@ -111,14 +111,14 @@ def require_internal(system: System, start: State, h: Array) -> list[str]:
 
     if traced(system.parameters, start, h):
         return []
-    told = declared(system.internal)
-    require_float64(rule, told.title, (start,))
-    with in_words(told.title):
+    declaration = declared(system.internal)
+    require_float64(rule, declaration.title, (start,))
+    with in_words(declaration.title):
         after = jax.tree_util.tree_leaves_with_path(evaluate(rule, start))
     bad = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in after if not np.all(np.isfinite(leaf))]
     if bad:
         raise LagrangianError(
-            f"{told.title} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
+            f"{declaration.title} must give finite numbers, but `{bad[0]}` is not finite after the first step: look "
             "for a division by zero."
         )
     return internal_warnings(system, h)

@@ -42,11 +42,11 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
             f'The start is a record of a run with other parameters, {changed}: say what stays, keep="momentum" for '
             'μ and π, so that velocities change, or keep="velocity" for ξ and ν.'
         )
-    told = f"The run goes on with the {keep} of a record; {changed}."
+    kept = f"The run goes on with the {keep} of a record; {changed}."
     if keep == "momentum":
-        return plain, told
+        return plain, kept
     xi, nu = _velocities(before, plain)
-    return plain.replace(xi=xi, nu=nu, from_velocities=True), told
+    return plain.replace(xi=xi, nu=nu, from_velocities=True), kept
 
 
 def _velocities(system: System, state: State) -> tuple[Any, Any]:

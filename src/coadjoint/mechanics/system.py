@@ -312,8 +312,8 @@ class System:
             internal: the internal state, a dictionary; needed where the system has a rule `internal`.
 
         Any of g, q, xi, qdot, mu, pi, a0, t and the values of `internal` may be `co.each(values)`, for an ensemble.
-        Raises ArgumentError for wrong shapes, for values that are not finite, for g outside G, for velocities beside
-        momenta, and for velocities that belong to several momenta of ℋ.
+        Raises ArgumentError for wrong shapes, for values that are not finite, for g outside G, for velocities together
+        with momenta, and for velocities that belong to several momenta of ℋ.
         """
         if (mu is None and pi is None) or not (xi is None and qdot is None):
             if mu is not None or pi is not None:

@@ -15,7 +15,7 @@ from coadjoint.plotting.entries import Entry, require
 from coadjoint.plotting.style import COLOURS, COLUMN, canvas, legend, time_axis
 
 WIDTH = 1.25 * COLUMN
-"""Room for a column of text beside the panels, which name their components there."""
+"""Room for a column of text next to the panels, which name their components there."""
 
 _PANEL = 1.9
 _SYMBOLS = {"xi": r"\xi", "xi_spatial": r"\xi", "nu": r"\nu", "mu": r"\mu", "pi": r"\pi", "qdot": r"\dot q"}
@@ -85,7 +85,7 @@ def _unit(run: Entry, panel: Panel) -> str:
 
 
 def component_legend(axes: Axes, labels: Sequence[str]) -> None:
-    """Which colour is which component, beside the axes."""
+    """Which colour is which component, next to the axes."""
     if len(labels) > 1:
         handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=text) for i, text in enumerate(labels)]
         axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)

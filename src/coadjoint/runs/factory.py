@@ -1,4 +1,4 @@
-"""Systems written in a Python file beside the run file: `factory = "file.py:function"`."""
+"""Systems written in a Python file in the folder of the run file: `factory = "file.py:function"`."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_
 """Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
 
 
-def require_file(factory: str, beside: Path) -> Path:
+def require_file(factory: str, run_file: Path) -> Path:
     """The Python file of a factory, relative to the run file; raises FileError if there is none."""
-    source = beside.parent / factory.split(":")[0]
+    source = run_file.parent / factory.split(":")[0]
     if not source.is_file():
         raise FileError(f"There is no file {source}, which [system] factory = {factory!r} names.")
     return source
 
 
 def from_factory(
-    factory: str, beside: Path, parameters: dict[str, Any], initial: dict[str, Any]
+    factory: str, run_file: Path, parameters: dict[str, Any], initial: dict[str, Any]
 ) -> tuple[System, State]:
     """The system and start of function(**parameters): a System, or a pair of it and a State.
 
@@ -41,7 +41,7 @@ def from_factory(
     for a file or function that does not exist, ArgumentError for keys that do not fit and for a factory that raises or
     returns something else.
     """
-    source = require_file(factory, beside)
+    source = require_file(factory, run_file)
     function = _function(source, factory.split(":")[1])
     made = _called(function, source, _keywords(function, parameters))
     from coadjoint.mechanics.state import State

@@ -63,10 +63,10 @@ class Runnable(ABC):
     @property
     @abstractmethod
     def companions(self) -> list[Path]:
-        """The files that it names; they are kept beside the results. Raises FileError where one is not there."""
+        """The files that it names; they are kept with the results. Raises FileError where one is not there."""
 
     def beside_results(self) -> Self:
-        """The file as it reads in the folder of results, where its companions lie beside it."""
+        """The file as it reads in the folder of results, where its companions lie with it."""
         return self
 
     @abstractmethod
@@ -74,12 +74,12 @@ class Runnable(ABC):
         """The system, the state that it starts from, and what drives it; raises ArgumentError and FileError."""
 
     def warnings(self, run: Run) -> list[str]:
-        """What is to be said of a run beside its certificate."""
+        """Warnings about a run in addition to its certificate."""
         return []
 
     @abstractmethod
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
-        """Write what belongs to a run beside its trajectory: what the summary says, and the names of the figures.
+        """Write what belongs to a run but its trajectory: what the summary says, and the names of the figures.
 
         A summary with "members" is all that is said; of another the certificate is a part.
         """

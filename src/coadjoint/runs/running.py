@@ -98,7 +98,7 @@ def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
 
 @contextmanager
 def _companions_kept(sources: list[Path], folder: Path) -> Iterator[None]:
-    """Files that the run file names are copied beside the run, so that it can go on from the folder alone."""
+    """Files that the run file names are copied to the folder of the run, so that it can go on from the folder alone."""
     copies = [folder / source.name for source in sources]
     new = [copy for copy in copies if not copy.exists()]
     for source in sources:
@@ -152,7 +152,7 @@ def write(file: Runnable, folder: Path, made: Setup, run: Run, failure: str | No
 
 
 def _copy(source: Path, folder: Path) -> None:
-    """Keep a file beside the results that were made of it."""
+    """Keep a file with the results that were made of it."""
     try:
         shutil.copyfile(source, folder / source.name)
     except shutil.SameFileError:

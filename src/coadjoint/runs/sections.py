@@ -14,7 +14,7 @@ from coadjoint.units import TIME
 
 @dataclass(frozen=True)
 class SystemSection:
-    """What moves: `model`, a name of the catalogue, or `factory`, "file.py:function" beside the run file."""
+    """What moves: `model`, a name of the catalogue, or `factory`, "file.py:function" in the folder of the run file."""
 
     model: str = ""
     factory: str = ""

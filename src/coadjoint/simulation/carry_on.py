@@ -78,8 +78,8 @@ def _sentence(run: Run) -> str:
         return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."
-    if told := not_finite(run.plan, run.position.state):
-        return f"{where}: {told}"
-    if told := failure(run.system, float(run.position.state.t), run.dt):
-        return f"{where}: {told}"
+    if reason := not_finite(run.plan, run.position.state):
+        return f"{where}: {reason}"
+    if reason := failure(run.system, float(run.position.state.t), run.dt):
+        return f"{where}: {reason}"
     return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."

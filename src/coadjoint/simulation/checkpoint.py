@@ -33,16 +33,16 @@ def write(path: Path, header: Mapping[str, Any], arrays: Arrays) -> None:
     body = io.BytesIO()
     text = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     np.savez(body, allow_pickle=False, header=text, **{f"array/{name}": values for name, values in arrays.items()})
-    beside = path.with_name(f".{path.name}.partial")
+    temporary = path.with_name(f".{path.name}.partial")
     try:
-        with open(beside, "wb") as file:
+        with open(temporary, "wb") as file:
             file.write(body.getbuffer())
             file.write(hashlib.sha256(body.getbuffer()).digest())
             file.flush()
             os.fsync(file.fileno())
-        os.replace(beside, path)
+        os.replace(temporary, path)
     except OSError:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
     settle(path.parent)
 

@@ -190,19 +190,19 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any
     for name in (*map(str, made), "time"):
         base = name if name in known or name in own else name.split("_")[0]
         unit = units.get(name, units.get(base))
-        told = {"units": unit, "long_name": meaning(own[name]) if name in own else known.get(base)}
-        found[name] = {key: value for key, value in told.items() if value is not None}
+        attrs = {"units": unit, "long_name": meaning(own[name]) if name in own else known.get(base)}
+        found[name] = {key: value for key, value in attrs.items() if value is not None}
     for name, ends in declared(system.internal).limits(system.parameters).items():
         if (variable := f"internal_{name}") in found:
             found[variable] |= {key: end for key, end in zip(("low", "high"), ends, strict=True) if end is not None}
     return found
 
 
-def labelled(made: xarray.Dataset, told: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:
+def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:
     """The dataset with named angles, and with the units and meanings of its variables."""
     if "angle" in made.dims:
         made = made.assign_coords(angle=["yaw", "pitch", "roll"])
-    for name, attrs in told.items():
+    for name, attrs in attributes.items():
         made[name].attrs.update(attrs)
     return made
 

@@ -40,8 +40,8 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     ]
     observed = [(program.monitors, (constants, state, h)), *certificates] if plan.watches else []
     order = {step: i for i, step in enumerate(different)}
-    told = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
-    stages = [program.substeps, *told]
+    parts = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
+    stages = [program.substeps, *parts]
     directions = [event.direction for _, event in plan.events]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {

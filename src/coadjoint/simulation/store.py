@@ -94,7 +94,7 @@ class Store:
         seen.pop(EVENTS, None)
         seen = {name: np.asarray(x)[None] for name, x in seen.items()}
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
-        told = meanings(found, self.system)
+        known = meanings(found, self.system)
         group = zarr.create_group(self.folder / RECORDS, zarr_format=3, attributes={"order": list(found)})
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
         for name, (dims, values) in found.items():
@@ -107,7 +107,7 @@ class Store:
                 compressors=[Crc32cCodec()],
                 fill_value=_unset(values.dtype),
                 dimension_names=(*("member" for _ in lead), *dims),
-                attributes={**told.get(name, {})},
+                attributes={**known.get(name, {})},
             )
         self._empty_block()
 

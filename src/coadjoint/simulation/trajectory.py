@@ -131,8 +131,8 @@ def computed(
         return found
     found = jax.tree.map(np.asarray, found)
     if found.code:
-        told = failure(program.skeleton, float(found.final.t), float(h))
-        what = told or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
+        reason = failure(program.skeleton, float(found.final.t), float(h))
+        what = reason or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
         raise StepError(f"A step of the trajectory failed: {what}")
     return found
 

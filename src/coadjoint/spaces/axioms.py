@@ -114,8 +114,8 @@ def _nearest(space: Space, group: LieGroup, x: np.ndarray) -> tuple[np.ndarray, 
             if off == 0 or not 0 < square < np.inf:
                 break
             x = x - off * slope / square
-        aside = nearest + 0.1 * np.linalg.norm(nearest) / np.sqrt(max(len(x), 1))
-        unit = np.linalg.norm(newton(aside)[1]) * np.linalg.norm(aside)
+        nearby = nearest + 0.1 * np.linalg.norm(nearest) / np.sqrt(max(len(x), 1))
+        unit = np.linalg.norm(newton(nearby)[1]) * np.linalg.norm(nearby)
     if not best <= _ON_SPACE * unit:
         raise GroupError(
             f"No point of {space!r} was found from random ones by Newton's method for defect(x) = 0, so that its forms "

@@ -29,8 +29,8 @@ class Named:
         except KeyError:
             known = ", ".join(self._values) or "nothing"
             hint = respelled(name, paths(self))
-            told = f": it is `{hint}`" if hint else f"; there is: {known}"
-            raise AttributeError(f"There is no `{name}` here{told}.") from None
+            ending = f": it is `{hint}`" if hint else f"; there is: {known}"
+            raise AttributeError(f"There is no `{name}` here{ending}.") from None
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"Values cannot be changed in place; make a copy with replace({name}=…).")
@@ -83,9 +83,9 @@ def named(tree: Any) -> Any:
 
 def require_names(given: Mapping[Any, Any]) -> None:
     """Raise ArgumentError unless the keys of a dictionary are texts, by which its values can be read."""
-    strange = [key for key in given if not isinstance(key, str)]
-    if strange:
-        raise ArgumentError(f"The names in a dictionary of values must be texts, but one is {shown(strange[0])}.")
+    others = [key for key in given if not isinstance(key, str)]
+    if others:
+        raise ArgumentError(f"The names in a dictionary of values must be texts, but one is {shown(others[0])}.")
 
 
 def _made(kind: type[Named], values: dict[str, Any]) -> Named:

@@ -70,7 +70,7 @@ def energy_casimir(motion: SteadyMotion, linear: Linearisation, integrals: Seque
     slopes = first @ charts / units[:, None]
     forms = np.einsum("kij,ia,jb->kab", second, charts, charts) / units[:, None, None]
     dE, dC = slopes[0], slopes[1:]
-    # A slope that is round-off beside the curvature is none.
+    # A slope that is round-off against the curvature is none.
     dC[np.linalg.norm(dC, axis=1) <= 1e-9 * np.max(np.abs(forms[1:]), axis=(1, 2), initial=0.0)] = 0.0
     scale = float(np.linalg.norm(dE)) + float(np.max(np.abs(forms[0])))
     kept = [i for i, row in enumerate(dC) if np.linalg.norm(row) + np.max(np.abs(forms[i + 1])) > 1e-9]

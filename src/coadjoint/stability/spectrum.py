@@ -18,7 +18,7 @@ MARGINAL = 1e-6
 """A growth rate up to this fraction of the largest eigenvalue counts as zero: round-off splits double ones so far."""
 
 TURNING = 1e-3
-"""Eigenvalues are weighed beside this fraction of the motion's natural rate at least: terms may cancel to round-off."""
+"""Eigenvalues are compared with this fraction of the motion's natural rate at least: terms may cancel to round-off."""
 
 SHARE = 0.05
 """A velocity with less than this share of a mode's kinetic energy is not named."""

@@ -25,7 +25,7 @@ FOUND = 1e-9
 """Rates up to this fraction of their terms count as zero."""
 
 GIVES_WAY = 0.01
-"""The weight of a condition beside that of an equation of motion, in natural sizes, where not all can be met."""
+"""The weight of a condition relative to that of an equation of motion, in natural sizes, where not all can be met."""
 
 TRIPS = 40
 """Newton's iterations at most."""

@@ -57,7 +57,7 @@ def invariance_defect(
 ) -> float:
     """The largest |L(g̃g, g̃q, g̃g⁺, g̃q⁺, g̃a₀) − L(g, q, g⁺, q⁺, a₀)| over random elements, relative to |L| (P36).
 
-    Half of the steps are of length 1, half of length h, where a potential counts beside the kinetic energy.
+    Half of the steps are of length 1, half of length h, where a potential counts against the kinetic energy.
     `q`: a point of a curved Q, where random points are made from it by the group; not needed on a linear Q.
     `at`: the instant of the step, for an L with inputs or an internal state.
     """

@@ -15,7 +15,7 @@ NO_MOTION = 1e-12
 """A rotation (rad) or a length (m) over a step that counts as none; Newton's iteration stops at 1e-15."""
 
 ROUND_OFF = 1e-9
-"""A motion over a step, relative to where things are, or a momentum beside another, that counts as none."""
+"""A motion over a step, relative to where things are, or a momentum to another, that counts as none."""
 
 
 class Difference(NamedTuple):

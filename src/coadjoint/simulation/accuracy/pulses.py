@@ -45,8 +45,8 @@ def _unseen(run: Any, table: Held | Linear) -> float | None:
     if not high.any():
         return None
     gaps = np.diff(times)
-    beside = np.concatenate([index[high] - 1, index[high]])
-    return float(0.5 * gaps[np.clip(beside, 0, len(gaps) - 1)].min())
+    edges = np.concatenate([index[high] - 1, index[high]])
+    return float(0.5 * gaps[np.clip(edges, 0, len(gaps) - 1)].min())
 
 
 def _at(table: Held | Linear, times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ EXCITED = 1e-3
 """How far a mode is from where it rests, relative to the state, to count as excited."""
 
 LARGEST = 24
-"""The most coordinates (μ, n, π, a) of a system whose rates are told."""
+"""The most coordinates (μ, n, π, a) of a system whose rates are given."""
 
 
 def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: Any) -> float | None:

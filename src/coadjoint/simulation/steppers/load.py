@@ -15,9 +15,9 @@ def load_stepper(path: str | os.PathLike[str]) -> Stepping:
         stepper = co.load_stepper("remus.step")
 
     path: the file. It steps to the bit like the one that was saved, on the same processor; `state`, `reset` and
-    `restore` speak of numbers by their names, `change` keeps momenta, and an event stops it at the node before. The
-    file holds machine code that is run: load only what you would run as a program. Raises FileError for what is no such
-    file, and for one of a newer version.
+    `restore` take and give numbers by their names, `change` keeps momenta, and an event stops it at the node before.
+    The file holds machine code that is run: load only what you would run as a program. Raises FileError for what is no
+    such file, and for one of a newer version.
     """
     path = named_file(path)
     try:

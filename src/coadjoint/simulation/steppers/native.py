@@ -46,13 +46,13 @@ class NativeEngine:
         pool, waiting = self._pool(), []
         try:
             waiting += [pool.submit(run, part) for part in range(1, threads)]
-            told = run(0)
+            flags = run(0)
         finally:
             # Also after an interrupt nobody goes on before all threads have left the memory.
             _finished(waiting)
         for future in waiting:
-            told |= future.result()
-        return told
+            flags |= future.result()
+        return flags
 
     def __reduce__(self) -> Any:
         raise TypeError("An engine is saved by its stepper.")

@@ -32,7 +32,7 @@ def real(value: Any, what: str) -> np.ndarray:
 
 
 def truths(value: Any) -> bool:
-    """Whether there are truth values in a row, which NumPy takes for numbers beside numbers."""
+    """Whether there are truth values in a row, which NumPy takes for numbers among numbers."""
     return isinstance(value, (list, tuple)) and not _TRUTHS.isdisjoint(map(type, value))
 
 

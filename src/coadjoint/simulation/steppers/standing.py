@@ -190,8 +190,8 @@ class Standing:
 
     def _look(self) -> None:
         """Observe where it stands; raises StepError where an observation is not finite."""
-        told = self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
-        self._judge(told & Told.NOT_FINITE)
+        flags = self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
+        self._judge(flags & Told.NOT_FINITE)
 
     @property
     def state(self) -> Any:
@@ -216,16 +216,16 @@ class Standing:
 
     # What goes wrong.
 
-    def _judge(self, told: int, n: int = 0) -> None:
+    def _judge(self, flags: int, n: int = 0) -> None:
         """Raise where an observation is not finite, and where a single one has failed or has ended; n: steps asked for.
 
         A single one that has just come to its event goes there.
         """
-        if told & Told.NOT_FINITE:
+        if flags & Told.NOT_FINITE:
             bad = [name for name, view in self.observation.items() if not np.all(np.isfinite(view))]
             if bad:
                 raise StepError(f"Observation `{bad[0]}` is not finite{self._when(0)}: look for a division by zero.")
-        if not told & Told.FAILED or self.face.members is not None:
+        if not flags & Told.FAILED or self.face.members is not None:
             return
         if self.status != Code.STOPPED:
             raise StepError(self._sentence(0))

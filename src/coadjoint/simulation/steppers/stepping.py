@@ -40,9 +40,9 @@ class Stepping(Standing):
         try:
             if command is not None:
                 self._take(command)
-            told = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
-            if told:
-                self._judge(told, n)
+            flags = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
+            if flags:
+                self._judge(flags, n)
             return self._copied() if copy else self.observation
         finally:
             lock.release()
