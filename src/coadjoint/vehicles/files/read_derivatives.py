@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from coadjoint.vehicles import axes as border
-from coadjoint.vehicles.files.read_fields import read_fields
 from coadjoint.vehicles.files.table import Section
 from coadjoint.vehicles.model.vehicle import Quantity
 from coadjoint.vehicles.parts.derivatives import AXES, VELOCITIES, Derivatives
@@ -20,8 +19,10 @@ SMALL = 0.01
 """Up to this part of the largest term of its kind, a term of the added mass may go unnamed."""
 
 
-def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[str, Any]) -> Derivatives:
-    """The derivatives of one [[part]]: `coefficients`, a table with unit "SI" or "prime".
+def read_derivatives(
+    section: Section, name: str, values: dict[str, Any], axes: border.Axes, body: dict[str, Any]
+) -> Derivatives:
+    """The derivatives of one [[part]] with these fields: `coefficients`, a table with unit "SI" or "prime".
 
     with_added_mass = true: those of two velocities hold Coriolis and Munk terms of the added mass too, as most
     published sets do. The Lagrangian has these already, and they are taken away here.
@@ -30,7 +31,6 @@ def read_derivatives(section: Section, name: str, axes: border.Axes, body: dict[
     wrong = [key for key, value in table.items() if not isinstance(value, float)]
     if wrong:
         raise section.fail(f"coefficients: {wrong[0]} must be one number.")
-    values = read_fields(section, Derivatives, axes)
     if "length" not in values and unit == "prime":
         if body["length"] is None:
             raise section.fail('coefficients have the unit "prime", for which [body] needs a `length`.')

@@ -1,0 +1,51 @@
+"""From the file to the force: which files a fin's area passes through, and its one name."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import coadjoint as co
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles.files.file import vehicle_from_text
+from coadjoint.vehicles.files.registry import vehicle_text
+from coadjoint.vehicles.model.craft import Craft
+
+AREA = 0.013312345
+VEHICLES = Path(co.__file__).parent / "vehicles"
+PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
+
+
+def holds(value: Any) -> bool:
+    """Whether this is the area, alone or among other numbers."""
+    if isinstance(value, Named):
+        return holds(getattr(value, "_values", None))
+    if isinstance(value, dict):
+        return any(map(holds, value.values()))
+    if isinstance(value, (list, tuple)):
+        return any(map(holds, value))
+    return isinstance(value, (float, np.ndarray)) and np.ndim(value) == 0 and float(value) == AREA
+
+
+def test_a_number_goes_from_the_file_to_the_force_through_eight_files_that_the_page_names() -> None:
+    passed = set()
+
+    def look(frame: Any, event: str, given: Any) -> None:
+        file = Path(frame.f_code.co_filename)
+        if event == "return" and VEHICLES in file.parents and any(map(holds, [given, *frame.f_locals.values()])):
+            passed.add(file.relative_to(VEHICLES).as_posix())
+
+    sys.setprofile(look)
+    try:
+        craft = Craft(vehicle_from_text(vehicle_text("remus_100").replace("0.0133", repr(AREA)), "remus_100.toml"))
+    finally:
+        sys.setprofile(None)
+    assert float(craft.parameters.rudder.area) == AREA
+    given = PAGE.read_text(encoding="utf-8").split("### The way of a number")[1].split("###")[0]
+    named = re.findall(r"^\d\. `vehicles/(\S+)`", given, re.M)
+    assert len(named) <= 8
+    assert {"files/data/remus_100.toml", "parts/fin.py", *passed} == set(named)
