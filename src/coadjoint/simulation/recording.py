@@ -10,14 +10,17 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.extensions import located
 from coadjoint.plotting.plots import Plots
 from coadjoint.simulation.csv_table import csv_table
-from coadjoint.simulation.formats import FORMATS
+from coadjoint.simulation.formats import FORMATS, LAST_RECORD
 
 if TYPE_CHECKING:
     import xarray
+
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
 
 
 NETCDF = ("", ".nc", ".nc4", ".netcdf")
@@ -61,13 +64,17 @@ class Recording:
             if text is not None:
                 temporary.write_text(text, encoding="utf-8")
             else:
-                self.dataset.to_netcdf(temporary, engine="h5netcdf")
+                self.dataset.assign(self._last_record()).to_netcdf(temporary, engine="h5netcdf")
             os.replace(temporary, target)
         except OSError as error:
             with contextlib.suppress(OSError):
                 temporary.unlink()
             raise FileError(f"The run could not be written to {target}: {error.strerror or error}.") from error
         return target
+
+    def _last_record(self) -> dict[str, Any]:
+        """Variables of a netCDF file from which a run goes on."""
+        return {}
 
     def _text(self, ending: str, options: dict[str, Any]) -> str | None:
         """The file as text in a format that a package above adds; None where it is netCDF."""
@@ -91,8 +98,23 @@ class Recording:
 class SavedRun(Recording):
     """A run that was read from a file; `print` it for the certificate."""
 
-    def __init__(self, dataset: xarray.Dataset):
-        self.__dict__["dataset"] = dataset
+    def __init__(self, dataset: xarray.Dataset, system: System | None = None):
+        last = [name for name in LAST_RECORD if name in dataset]
+        self._written, self._system = {name: dataset[name] for name in last}, system
+        self.__dict__["dataset"] = dataset.drop_vars(last)
+
+    def _last_record(self) -> dict[str, Any]:
+        return self._written
+
+    @cached_property
+    def final(self) -> State:
+        """The last record, a State from which a run goes on to the bit. Needs the system: co.load(path, system).
+
+        Raises ArgumentError without a system and for another one, FileError where the file lacks the record.
+        """
+        from coadjoint.simulation.last_record import read
+
+        return read(self._written, self.dataset.attrs, self._system)
 
     @property
     def event(self) -> float | None:
@@ -107,23 +129,33 @@ class SavedRun(Recording):
         return f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>"
 
 
-def load(path: str | os.PathLike[str]) -> SavedRun:
+def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:
     """The run in a netCDF file written by `save`, or in a folder to which a run streams, as far as it has come.
 
         run = co.load("top.nc")
         print(run); run.dataset.energy; run.plot.energy()
 
-    path: the file, or the folder that was given as `store`. Returns a `SavedRun` with `dataset`, `plot` and `save`.
+        more = co.simulate(top, co.load("top.nc", top).final, dt=0.01, duration=10.0)
 
-    Raises FileError where there is none, or where it was not written by this library.
+    path: the file, or the folder that was given as `store`. system: that of the run, by default None; needed for
+    `final` alone. Returns a `SavedRun` with `dataset`, `final`, `plot` and `save`.
+
+    Raises FileError where there is none, or where it was not written by this library; ArgumentError for what is no
+    system.
     """
     import xarray
+
+    if system is not None:
+        from coadjoint.mechanics.system import System
+
+        if not isinstance(system, System):
+            raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
 
     source = Path(path)
     if source.is_dir():
         from coadjoint.simulation.reading import saved_dataset
 
-        return SavedRun(saved_dataset(source.absolute()))
+        return SavedRun(saved_dataset(source.absolute()), system)
     if not source.is_file():
         raise FileError(f"There is no file {source}.")
     try:
@@ -133,7 +165,7 @@ def load(path: str | os.PathLike[str]) -> SavedRun:
         raise FileError(f"The file {source} is not a netCDF file of a run: {error}.") from error
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
-    return SavedRun(found)
+    return SavedRun(found, system)
 
 
 def beside(target: Path) -> Path:

@@ -129,6 +129,11 @@ class Run(Finished):
 
         return dataset(self)
 
+    def _last_record(self) -> dict[str, Any]:
+        from coadjoint.simulation.last_record import written
+
+        return written(self)
+
     def size(self, name: str) -> float:
         """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
         first, (low, high) = self.ends[name][0], self.extrema[name]

@@ -1,0 +1,124 @@
+"""The last record of a run in its file, to the bit, with the parameters, so that a run may go on from the file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.system import System
+from coadjoint.simulation.formats import LAST_RECORD
+from coadjoint.spaces.named import Named
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.run import Run
+
+_VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
+_FREE = ("inputs", "internal")
+
+
+def written(run: Run) -> dict[str, Any]:
+    """The last record, without what a method remembers, and the parameters of the run.
+
+    Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
+    """
+    last = run.final.replace(memory=None, ledger=None)
+    return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, run.system.parameters), strict=True)}
+
+
+def _row(name: str, tree: Any) -> tuple[str, np.ndarray, dict[str, str]]:
+    found = jax.tree_util.tree_leaves_with_path(tree)
+    parts = [[[str(getattr(key, "name", key)) for key in path], np.shape(leaf)] for path, leaf in found]
+    numbers = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(leaf, float)) for _, leaf in found)])
+    return f"{name}_numbers", numbers, {"parts": json.dumps(parts)}
+
+
+def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System | None) -> State:
+    """The record that `written` put into a file. Raises ArgumentError without a system and for another one, and
+    FileError where the file lacks the record.
+    """
+    if system is None:
+        raise ArgumentError(
+            "A record to go on from needs the system, which a file does not hold: load it with co.load(path, system)."
+        )
+    if any(name not in found for name in LAST_RECORD):
+        raise FileError(
+            "This file holds no record to go on from: it is of an ensemble, of a streamed run, which goes on by "
+            "co.resume, or of an older version."
+        )
+    if attributes.get("group") != repr(system.group):
+        raise ArgumentError(
+            f"The file is of a run on {attributes.get('group')}, but the system that was given lives on "
+            f"{system.group!r}."
+        )
+    record, parameters = (_parts(found[name]) for name in LAST_RECORD)
+    return _state(record, system).replace(origin=Origin(replace_parameters(system, _parameters(parameters, system))))
+
+
+def _parts(row: Any) -> dict[tuple[str, ...], np.ndarray]:
+    numbers, start, found = np.asarray(row.values, np.float64), 0, {}
+    for path, shape in json.loads(row.attrs["parts"]):
+        end = start + int(np.prod(shape))
+        found[tuple(path)] = numbers[start:end].reshape(shape)
+        start = end
+    return found
+
+
+def _state(record: dict[tuple[str, ...], np.ndarray], system: System) -> State:
+    group, Q, V = system.places
+    sizes = (Q.ambient(group),) * 3 + (V.ambient(group),) + (group.dim,) * 2
+    vectors: dict[str, Any] = {name: record[(name,)] for name in _VECTORS}
+    leaves, structure = jax.tree_util.tree_flatten(evaluate(group.identity))
+    g = [leaf for path, leaf in record.items() if path[0] == "g"]
+    fits = [v.shape == (size,) for v, size in zip(vectors.values(), sizes, strict=True)]
+    if [np.shape(x) for x in g] != [np.shape(x) for x in leaves] or not all(fits):
+        raise ArgumentError(
+            "The file is of a run of another system than the one that was given: its spaces have other dimensions."
+        )
+    within = {name: _tree({path[1:]: leaf for path, leaf in record.items() if path[0] == name}) for name in _FREE}
+    held = within["inputs"]
+    return State(
+        t=record[("t",)][()],
+        g=jax.tree_util.tree_unflatten(structure, g),
+        inputs=Parameters(**held.asdict()) if isinstance(held, Named) else held,
+        internal=within["internal"],
+        internal_time=record[("internal_time",)][()] if ("internal_time",) in record else None,
+        t_rest=record[("t_rest",)][()],
+        places=system.places,
+        **vectors,
+    )
+
+
+def _tree(leaves: dict[tuple[str, ...], np.ndarray]) -> Any:
+    """An array alone, values under names, or None."""
+    if () in leaves:
+        return leaves[()]
+    heads = list(dict.fromkeys(path[0] for path in leaves))
+    inner = {head: {path[1:]: leaf for path, leaf in leaves.items() if path[0] == head} for head in heads}
+    return Named(**{head: _tree(part) for head, part in inner.items()}) if heads else None
+
+
+def _parameters(given: dict[tuple[str, ...], np.ndarray], system: System) -> Parameters | None:
+    """The parameters of the run in the structure of those of the system."""
+    own = {
+        tuple(str(getattr(key, "name", key)) for key in path): np.shape(leaf)
+        for path, leaf in jax.tree_util.tree_leaves_with_path(system.parameters)
+    }
+    if own != {name: leaf.shape for name, leaf in given.items()}:
+        raise ArgumentError(
+            f"The file is of a run with the parameters {_listed(given)}, but the system that was given has "
+            f"{_listed(own)}, or of other shapes."
+        )
+    return jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(system.parameters), [given[name] for name in own])
+
+
+def _listed(names: Mapping[tuple[str, ...], Any]) -> str:
+    return ", ".join(f"`{'.'.join(name)}`" for name in names) or "none"

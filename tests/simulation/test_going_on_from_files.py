@@ -1,0 +1,74 @@
+"""A run goes on from its netCDF file to the bit, and what the file does not hold is said."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from driven_body import BODY, START, H, commands, tables
+
+INPUTS = tables(commands(20))
+QUICK: dict[str, Any] = {"monitors": False, "accuracy": False, "progress": False}
+
+
+@pytest.fixture(scope="module")
+def first():
+    return co.simulate(BODY, START, dt=H, steps=11, inputs=INPUTS, progress=False)
+
+
+@pytest.fixture(scope="module")
+def file(first, tmp_path_factory):
+    return first.save(tmp_path_factory.mktemp("runs") / "body.nc")
+
+
+def same(one, other):
+    leaves = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    return all(np.array_equal(a, b) for a, b in leaves)
+
+
+def test_a_run_with_inputs_internal_states_and_parameters_goes_on_to_the_bit(first, file):
+    loaded = co.load(file, BODY).final
+    assert same(loaded, first.final.replace(memory=None, ledger=None))
+    runs = [co.simulate(BODY, s, dt=H, steps=7, inputs=INPUTS, **QUICK) for s in (first.final, loaded)]
+    assert same(runs[0].final, runs[1].final)
+    whole = co.simulate(BODY, START, dt=H, steps=18, inputs=INPUTS, **QUICK)
+    np.testing.assert_array_equal(runs[1].final.mu, whole.final.mu)
+    np.testing.assert_array_equal(runs[1].final.internal.brake, whole.final.internal.brake)
+
+
+def test_what_goes_on_with_other_parameters_says_what_stays(file):
+    other = BODY.replace(power=2.0)
+    loaded = co.load(file, other).final
+    with pytest.raises(co.ArgumentError, match='`power` changed: say what stays, keep="momentum"'):
+        co.simulate(other, loaded, dt=H, steps=1, inputs=INPUTS, **QUICK)
+    kept = co.simulate(other, loaded, dt=H, steps=1, inputs=INPUTS, keep="momentum", **QUICK)
+    np.testing.assert_array_equal(kept.records.mu[0], loaded.mu)
+
+
+def test_a_file_that_was_loaded_and_saved_again_still_goes_on(file, tmp_path):
+    again = co.load(file).save(tmp_path / "again.nc")
+    assert same(co.load(again, BODY).final, co.load(file, BODY).final)
+    assert set(co.load(again).dataset) == set(co.load(file).dataset)
+
+
+def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
+    with pytest.raises(co.ArgumentError, match=r"needs the system, .*co\.load\(path, system\)"):
+        _ = co.load(file).final
+    with pytest.raises(co.ArgumentError, match=r"must be a co\.System, but is"):
+        co.load(file, 3)  # pyright: ignore[reportArgumentType]
+    plane = co.System(co.SE2(), lambda xi: 0.5 * xi @ xi)
+    with pytest.raises(co.ArgumentError, match=r"a run on SO3\(\), but the system that was given lives on SE2\(\)"):
+        _ = co.load(file, plane).final
+    bare = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
+    with pytest.raises(co.ArgumentError, match=r"the parameters `inertia`, `power`, `lag`, but the system .* has none"):
+        _ = co.load(file, bare).final
+    with_q = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Trivial(1))
+    with pytest.raises(co.ArgumentError, match=r"another system .* its spaces have other dimensions"):
+        _ = co.load(file, with_q).final
+    first.dataset.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
+    with pytest.raises(co.FileError, match="holds no record to go on from"):
+        _ = co.load(tmp_path / "old.nc", BODY).final
