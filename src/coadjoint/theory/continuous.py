@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -15,21 +13,10 @@ from coadjoint.errors import LagrangianError
 from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.signatures import require_signature
-from coadjoint.mechanics.state import Places
 from coadjoint.mechanics.system import System
-from coadjoint.spaces import Space
 from coadjoint.theory.instant import ALWAYS, Instant, given
 from coadjoint.theory.reduction import defect_of, flat, point_of, require_invariant
-from coadjoint.theory.unreduced import (
-    KEYWORDS,
-    Configuration,
-    has_points,
-    keywords_of,
-    require_parameter,
-    with_keywords,
-)
+from coadjoint.theory.unreduced import Configuration, LagrangianInSpace, has_points
 
 
 def body_velocity(group: LieGroup, g: Element, g_dot: Element) -> Array:
@@ -43,7 +30,7 @@ def space_velocity(group: LieGroup, g: Element, xi: Array) -> Element:
     return jax.jvp(lambda e: group.compose(g, e), (group.identity(),), (group.tangent(xi),))[1]
 
 
-class ContinuousLagrangian:
+class ContinuousLagrangian(LagrangianInSpace):
     """L(g, ġ, q, q̇, a₀) on TG × TQ × V*, in the space frame (P15).
 
     `function` takes g, g_dot [, q, q_dot] [, a0] [, p] in this order and returns a number: q, q_dot with `additional`,
@@ -52,58 +39,21 @@ class ContinuousLagrangian:
     Raises LagrangianError for other arguments.
     """
 
-    def __init__(
-        self,
-        group: LieGroup,
-        function: Callable[..., Any],
-        *,
-        additional: Space | Mapping[str, Space] | None = None,
-        advected: Space | Mapping[str, Space] | None = None,
-        parameters: Parameters | Mapping[str, Any] | None = None,
-        forces: Any = None,
-        internal: Callable[..., Any] | None = None,
-    ):
-        self.function = function
+    _kind, _what = "lagrangian", "The unreduced Lagrangian"
 
-        def lagrangian(xi, *rest, **keywords):
-            """ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) (P17)."""
-            return function(group.identity(), group.tangent(xi), *rest, **keywords)
-
-        self.reduced = System(
-            group,
-            with_keywords(lagrangian, keywords_of(function)),
-            additional=additional,
-            advected=advected,
-            parameters=parameters,
-            forces=forces,
-            internal=internal,
-            name=getattr(function, "__name__", "system"),
-        )
-        rest = ["q", "q_dot"] if has_points(self.places.additional) else []
-        rest += ["a0"] if has_points(self.places.advected) else []
-        rest += [] if self.reduced.parameters is None else ["p"]
-        require_signature(function, "The unreduced Lagrangian", ["g", "g_dot", *rest])
-
-    def driven(self, inputs: Any) -> ContinuousLagrangian:
-        """A copy driven by the `inputs` of a run, as co.simulate takes them."""
-        made = copy(self)
-        made.reduced = self.reduced.driven(inputs)
-        return made
-
-    @property
-    def places(self) -> Places:
-        """G, Q and V*."""
-        return self.reduced.places
+    def _taken(self, dynamic: bool) -> list[str]:
+        return ["g", "g_dot", "q", "q_dot"] if dynamic else ["g", "g_dot"]
 
     def __call__(self, place: Configuration, velocity: Configuration, a0: Array, at: Instant = ALWAYS) -> Array:
-        """L at (g, q) with velocities (ġ, q̇); `at`: t, inputs and internal state where L takes them."""
-        group, Q, V = self.places
-        require_parameter(self.places, a0)
+        """L, one number, at (g, q) with velocities (ġ, q̇). a0: (dim V*,); at: what L takes by keyword."""
+        group, Q, _ = self.places
         pair = [Q.view(group, x) for x in (place.q, velocity.q)] if has_points(Q) else []
-        rest = [V.view(group, a0)] if has_points(V) else []
-        rest += [] if self.reduced.parameters is None else [self.reduced.parameters]
-        keywords = self.reduced.keywords(self.function, *given(self.reduced, at))
-        return self.function(place.g, velocity.g, *pair, *rest, **keywords)
+        return self._value([place.g, velocity.g, *pair], a0, at)
+
+    def _at_identity(self, xi: Array, *rest: Any, **keywords: Any) -> Array:
+        """ℓ(ξ, n, ν, a) = L(e, ξ̂, n, ν, a) (P17)."""
+        group = self.places.group
+        return self.function(group.identity(), group.tangent(xi), *rest, **keywords)
 
 
 def continuous_invariance_defect(
@@ -177,7 +127,4 @@ def unreduce_continuous(system: System) -> ContinuousLagrangian:
         here = plain if plain.parameters is None else replace_parameters(plain, rest[-1])
         return here.reduced_lagrangian(body_velocity(group, g, g_dot), n, nu, a, t, inputs, internal)
 
-    function = with_keywords(unreduced, tuple(filter(system.takes, KEYWORDS)))
-    spaces: dict[str, Any] = {"additional": Q if dynamic else None, "advected": V if ruled else None}
-    driven = {"parameters": system.parameters, "forces": system.forces, "internal": system.internal}
-    return ContinuousLagrangian(group, function, **spaces, **driven).driven(system.inputs)
+    return ContinuousLagrangian.of(system, unreduced)

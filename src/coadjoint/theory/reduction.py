@@ -20,13 +20,11 @@ from coadjoint.spaces.named import Named
 from coadjoint.theory.euler_poincare import Link
 from coadjoint.theory.instant import ALWAYS, Instant, given, require_instants
 from coadjoint.theory.unreduced import (
-    KEYWORDS,
     Configuration,
     UnreducedLagrangian,
     has_points,
     link_of,
     parameter_of,
-    with_keywords,
 )
 
 INVARIANT = 1e-12
@@ -124,7 +122,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
 
     Time, forces, inputs and the internal state of the system are those of L.
     """
-    group, Q, V = system.places
+    _, Q, V = system.places
     dynamic, ruled = has_points(Q), has_points(V)
     # What L takes by keyword has been read from the signals already.
     plain = system.driven(None)
@@ -140,10 +138,7 @@ def unreduce(system: System) -> UnreducedLagrangian:
         here = plain if plain.parameters is None else replace_parameters(plain, rest[-2])
         return here.reduced_group_lagrangian(F, n, s, a, rest[-1], t, inputs, internal)
 
-    function = with_keywords(unreduced, tuple(filter(system.takes, KEYWORDS)))
-    spaces = {"additional": Q if dynamic else None, "advected": V if ruled else None}
-    driven = {"parameters": system.parameters, "forces": system.forces, "internal": system.internal}
-    return UnreducedLagrangian(group, function, **spaces, **driven).driven(system.inputs)
+    return UnreducedLagrangian.of(system, unreduced)
 
 
 def flat(value: Array | Named) -> Array:

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -40,14 +40,18 @@ def has_points(space: Space) -> bool:
     return bool(space != Trivial(0))
 
 
-class UnreducedLagrangian:
-    """L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) on (G × Q)² × V* (P36); on S × S with S = G Ⓢ V it is (B7), Q = V.
+class LagrangianInSpace:
+    """A Lagrangian in the space frame, before reduction: a function, and the system of its value at g = e.
 
-    `function` takes g [, q], g_next [, q_next] [, a0] [, p], h in this order and returns a number: q with
-    `additional`, a0 with `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`.
-    `forces`, `internal`: as those of co.System, functions of the body's motion. Raises LagrangianError for other
-    arguments.
+    group: G. function: see the subclass. additional, advected, parameters, forces, internal: as those of co.System.
     """
+
+    _kind: str
+    """The argument of co.System that the reduced function is."""
+    _what: str
+    """What the function is, in words."""
+    _last: tuple[str, ...] = ()
+    """What the function takes after the parameters."""
 
     def __init__(
         self,
@@ -61,9 +65,10 @@ class UnreducedLagrangian:
         internal: Callable[..., Any] | None = None,
     ):
         self.function = function
+        reduced: dict[str, Any] = {self._kind: with_keywords(self._at_identity, keywords_of(function))}
         self.reduced = System(
             group,
-            group_lagrangian=with_keywords(self._at_identity, keywords_of(function)),
+            **reduced,
             additional=additional,
             advected=advected,
             parameters=parameters,
@@ -71,13 +76,34 @@ class UnreducedLagrangian:
             internal=internal,
             name=getattr(function, "__name__", "system"),
         )
-        dynamic = has_points(self.places.additional)
-        pair = ["g", "q", "g_next", "q_next"] if dynamic else ["g", "g_next"]
         rest = ["a0"] if has_points(self.places.advected) else []
         rest += [] if self.reduced.parameters is None else ["p"]
-        require_signature(function, "The unreduced discrete Lagrangian", [*pair, *rest, "h"])
+        taken = self._taken(has_points(self.places.additional))
+        require_signature(function, self._what, [*taken, *rest, *self._last])
 
-    def driven(self, inputs: Any) -> UnreducedLagrangian:
+    @classmethod
+    def of(cls, system: System, function: Callable[..., Any]) -> Self:
+        """With the spaces, parameters, forces, inputs and internal state of a system, and what its functions take."""
+        _, Q, V = system.places
+        return cls(
+            system.group,
+            with_keywords(function, tuple(filter(system.takes, KEYWORDS))),
+            additional=Q if has_points(Q) else None,
+            advected=V if has_points(V) else None,
+            parameters=system.parameters,
+            forces=system.forces,
+            internal=system.internal,
+        ).driven(system.inputs)
+
+    def _at_identity(self, *arguments: Any, **keywords: Any) -> Array:
+        """The reduced function."""
+        raise NotImplementedError
+
+    def _taken(self, dynamic: bool) -> list[str]:
+        """What the function takes first, with additional dynamics or without."""
+        raise NotImplementedError
+
+    def driven(self, inputs: Any) -> Self:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
         made = copy(self)
         made.reduced = self.reduced.driven(inputs)
@@ -88,15 +114,34 @@ class UnreducedLagrangian:
         """G, Q and V*."""
         return self.reduced.places
 
-    def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array, at: Instant = ALWAYS) -> Array:
-        """L at two configurations, of a step that starts at an instant."""
-        group, Q, V = self.places
+    def _value(self, places: list[Any], a0: Array, at: Instant, *last: Array) -> Array:
+        """The function of places, velocities or both, of a₀ and of the parameters, at an instant."""
+        group, _, V = self.places
         require_parameter(self.places, a0)
-        pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
         rest = [V.view(group, a0)] if has_points(V) else []
         rest += [] if self.reduced.parameters is None else [self.reduced.parameters]
-        keywords = self.reduced.keywords(self.function, *given(self.reduced, at))
-        return self.function(*pair[0], *pair[1], *rest, h, **keywords)
+        return self.function(*places, *rest, *last, **self.reduced.keywords(self.function, *given(self.reduced, at)))
+
+
+class UnreducedLagrangian(LagrangianInSpace):
+    """L(g_k, q_k, g_{k+1}, q_{k+1}, a₀; h) on (G × Q)² × V* (P36); on S × S with S = G Ⓢ V it is (B7), Q = V.
+
+    `function` takes g [, q], g_next [, q_next] [, a0] [, p], h in this order and returns a number: q with
+    `additional`, a0 with `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`.
+    `forces`, `internal`: as those of co.System, functions of the body's motion. Raises LagrangianError for other
+    arguments.
+    """
+
+    _kind, _what, _last = "group_lagrangian", "The unreduced discrete Lagrangian", ("h",)
+
+    def _taken(self, dynamic: bool) -> list[str]:
+        return ["g", "q", "g_next", "q_next"] if dynamic else ["g", "g_next"]
+
+    def __call__(self, first: Configuration, second: Configuration, a0: Array, h: Array, at: Instant = ALWAYS) -> Array:
+        """L at two configurations, one number, of a step of length h that starts at an instant. a0: (dim V*,)."""
+        group, Q, _ = self.places
+        pair = [[c.g, Q.view(group, c.q)] if has_points(Q) else [c.g] for c in (first, second)]
+        return self._value([*pair[0], *pair[1]], a0, at, h)
 
     def _at_identity(self, F: Element, *rest: Any, **keywords: Any) -> Array:
         """Λ(F, n, s, a; h) = L(e, n, F, s, a; h) (P37)."""
