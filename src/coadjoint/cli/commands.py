@@ -53,7 +53,7 @@ class Run:
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
     """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
     check: bool = False
-    """Check the file and stop."""
+    """Tell what `run` would refuse, without a step; nothing is written."""
     json: bool = False
     """Print the summary as JSON, and nothing else."""
     overwrite: bool = False
@@ -61,16 +61,18 @@ class Run:
 
     def __call__(self) -> int:
         from coadjoint.runs.run_file import read
-        from coadjoint.runs.running import check, execute, require_fit
-        from coadjoint.vehicles.missions.file import MissionFile
+        from coadjoint.runs.running import check, execute
 
         file = read(self.file, self.set)
         folder = self.out or file.folder
         if self.check:
-            check(file, folder, self.overwrite)
-            if isinstance(file, MissionFile):
-                require_fit(file, file.set_up())
-            print('{"valid": true}' if self.json else f"{self.file} is a run file; its results would go to {folder}/.")
+            warnings = check(file, folder, self.overwrite)
+            if self.json:
+                print(json_text.dumps({"valid": True, "warnings": warnings}, ensure_ascii=False))
+            else:
+                terminal.line(f"{self.file} is a run file; its results would go to {folder}/.")
+                for sentence in warnings:
+                    terminal.line(f"Warning: {sentence}")
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)
         _show_run(written, self.json)

@@ -40,6 +40,8 @@ class Stability:
     """Let the vehicle turn, where held actuators make it."""
     hold: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """An actuator that stays at a value, SI units; repeatable. The others move to hold the motion."""
+    free: tuple[str, ...] = ()
+    """The actuators that may move, as in `--free stern_planes propeller`; by default all that are not held."""
     without: tuple[str, ...] = ()
     """Parts to leave out, as in `--without stern_planes rudder`."""
     out: Path | None = None
@@ -59,7 +61,8 @@ class Stability:
         if self.rudder is not None:
             hold["rudder"] = radians(_setting(f"rudder={self.rudder}")[1])
         turning = self.turning or self.rudder is not None
-        flight = SteadyFlight(vehicle, climb=radians(self.climb), hold=hold, turning=turning, depth=self.depth)
+        kinds = {"climb": radians(self.climb), "turning": turning, "depth": self.depth}
+        flight = SteadyFlight(vehicle, hold=hold, free=self.free or None, **kinds)
         found, failures = _fly(flight, speeds)
         if not found:
             raise ArgumentError(next(iter(failures.values())))

@@ -67,7 +67,7 @@ def applied(system: System, state: State, h: Array) -> Named:
     Raises LagrangianError for another structure.
     """
     assert system.internal is not None
-    motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal)
+    motion = system.motion_at(state, state.inputs)
     arguments = (motion, h) if system.parameters is None else (motion, h, system.parameters)
     after = named(system.internal(*arguments))
     given, found = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -83,6 +83,10 @@ class State:
         """A copy with some fields replaced."""
         return replace(self, **changes)
 
+    def __getattr__(self, name: str) -> Any:
+        there = "t", "g", "q", "qdot", "n", "nu", "xi", "a", "mu", "pi", "inputs", "internal", "named"
+        raise _lacking("A state", name, there)
+
     def later(self, h: Array, **changes: Any) -> State:
         """A copy at t + h with some fields replaced. h: one number, s."""
         step = h + self.t_rest
@@ -143,6 +147,36 @@ class Motion(NamedTuple):
     t: Array
     inputs: Any
     internal: Any
+
+    def __getattr__(self, name: str) -> Any:
+        raise _lacking("The motion that forces read", name, self._fields)
+
+
+class NodeMotion(NamedTuple):
+    """What functions may depend on that are held over a step, of inputs and of internal states: `Motion`, g and q.
+
+    g: as in `State`. q: q = g·n in the space frame, as n. Forces, which act within steps, have the body frame only.
+    """
+
+    xi: Array
+    n: Any
+    nu: Any
+    a: Any
+    t: Array
+    inputs: Any
+    internal: Any
+    g: Any
+    q: Any
+
+    def __getattr__(self, name: str) -> Any:
+        raise _lacking("The motion", name, self._fields)
+
+
+def _lacking(what: str, name: str, there: Iterable[str]) -> AttributeError:
+    """An error for an attribute that is not there, with those that are."""
+    if name.startswith("__"):
+        return AttributeError(name)
+    return AttributeError(f"{what} has no `{name}`: it has {', '.join(there)}.")
 
 
 class Force(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -22,7 +22,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.signatures import keyword_only
 from coadjoint.mechanics.start import starting_state
-from coadjoint.mechanics.state import Force, Motion, Places, State
+from coadjoint.mechanics.state import Force, Motion, NodeMotion, Places, State
 from coadjoint.mechanics.system_arguments import (
     NOWHERE,
     parameters_from,
@@ -76,6 +76,8 @@ class System:
         units: units of dataset variables, as in {"q": "m", "energy": "J"}; by default none.
         verify: whether what user-defined groups, spaces and difference maps override is compared with its derivation;
             by default True.
+        checks: parameters that replace others, by name → the same as they are kept, or ArgumentError; by default every
+            finite number may replace one.
 
     Raises ArgumentError, LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -96,6 +98,7 @@ class System:
     inputs: Inputs | None
     verify: bool
     parameters: Parameters | None
+    checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = field(compare=False)
 
     def __init__(
         self,
@@ -115,6 +118,7 @@ class System:
         name: str = "",
         units: Mapping[str, str] | None = None,
         verify: bool = True,
+        checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
@@ -138,6 +142,7 @@ class System:
             "inputs": None,
             "verify": verify,
             "parameters": parameters,
+            "checks": checks,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -159,10 +164,17 @@ class System:
         return self.group.dim + self.additional.dim(self.group)
 
     def replace(self, **values: Any) -> System:
-        """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`."""
+        """A copy with some parameters replaced: `vehicle.replace(mass=130.0, rudder={"area": 0.02})`.
+
+        Raises ArgumentError for what is no parameter, and, of models and vehicles, for what they refuse when they are
+        made, as a mass of −15 kg.
+        """
         if self.parameters is None:
             raise ArgumentError("This system has no parameters to replace.")
-        return replace_parameters(self, self.parameters.replace(**values))
+        made = self.parameters.replace(**values)
+        if self.checks is not None:
+            made = made.replace(**self.checks({name: getattr(made, name) for name in values}))
+        return replace_parameters(self, made)
 
     def driven(self, inputs: Given | Inputs | None) -> System:
         """A copy driven by the `inputs` of a run, as co.simulate takes them."""
@@ -267,6 +279,13 @@ class System:
         """The motion that forces and inputs read."""
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
         return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
+
+    def motion_at(self, state: State, inputs: Any = None) -> NodeMotion:
+        """The motion at a node, of which inputs and internal states over the step from there may be functions."""
+        s = state
+        motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)
+        q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
+        return NodeMotion(*motion, g=s.g, q=q)
 
     def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
         """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""

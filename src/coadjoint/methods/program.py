@@ -59,7 +59,7 @@ def held(system: System, state: State, renewal: Array | None = None) -> State:
 def _with_inputs(system: System, state: State, renewal: Array | None) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
-    motion = system.motion(state.xi, state.n, state.nu, state.a, state.t, None, state.internal)
+    motion = system.motion_at(state)
     inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
     if renewal is not None:
         inputs = jax.tree.map(lambda new, old: jnp.where(renewal == RENEWED, new, old), inputs, state.inputs)

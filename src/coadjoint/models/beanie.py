@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,12 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.quantities import number, positive
+from coadjoint.models.quantities import checked, not_negative, number, positive
 from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
+
+CHECKS = {"body": positive, "cap": positive, "stiffness": not_negative}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, x, v, p):
@@ -29,12 +33,9 @@ def make(*, body: Any, cap: Any, stiffness: Any) -> System:
     turn of the cap turns the body by −2πI₂/(I₁ + I₂).
     body, cap: I₁, I₂, kg m². stiffness: k of the spring between them, N m. Raises ArgumentError for what no body has.
     """
-    p = Parameters(
-        body=positive(body, "body"),
-        cap=positive(cap, "cap"),
-        stiffness=number(stiffness, "stiffness", at_least=0.0),
-    )
-    return System(SO2(), lagrangian, additional=Trivial(1), parameters=p, name="Elroy's beanie", units=WITH_ANGLES)
+    p = Parameters(**checked(CHECKS, {"body": body, "cap": cap, "stiffness": stiffness}))
+    kept = {"units": WITH_ANGLES, "checks": partial(checked, CHECKS)}
+    return System(SO2(), lagrangian, additional=Trivial(1), parameters=p, name="Elroy's beanie", **kept)
 
 
 def start(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -13,7 +14,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import number, positive, vector
+from coadjoint.models.quantities import checked, not_negative, positive_pair, vector
 from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
 
@@ -26,6 +27,16 @@ def halves(x: Array) -> tuple[Array, Array]:
     """
     half = 0.5 * jnp.concatenate([jnp.zeros(1), x])
     return SO3().exp(half), SO3().exp(-half)
+
+
+CHECKS = {
+    "mass": positive_pair,
+    "axial": positive_pair,
+    "transverse": positive_pair,
+    "reach": partial(vector, size=2),
+    "stiffness": not_negative,
+}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, x, v, p):
@@ -51,13 +62,9 @@ def make(*, mass: Any, axial: Any, transverse: Any, reach: Any, stiffness: Any) 
     body's own mass centre, along and across the spine, kg m². reach: from the joint to the mass centres, m.
     stiffness: k of a spring that straightens the spine, N m. Raises ArgumentError for what no body can have.
     """
-    pairs = {"mass": mass, "axial": axial, "transverse": transverse}
-    values = {name: vector(value, name, 2) for name, value in pairs.items()}
-    for name, pair in values.items():
-        for value in pair:
-            positive(value, name)
-    p = Parameters(**values, reach=vector(reach, "reach", 2), stiffness=number(stiffness, "stiffness", at_least=0.0))
-    return System(SO3(), lagrangian, additional=Trivial(2), parameters=p, name="falling cat", units=WITH_ANGLES)
+    given = {"mass": mass, "axial": axial, "transverse": transverse, "reach": reach, "stiffness": stiffness}
+    p, kept = Parameters(**checked(CHECKS, given)), {"units": WITH_ANGLES, "checks": partial(checked, CHECKS)}
+    return System(SO3(), lagrangian, additional=Trivial(2), parameters=p, name="falling cat", **kept)
 
 
 def start(

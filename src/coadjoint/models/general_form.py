@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,7 +15,16 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
 from coadjoint.models.paper_form import UNITS
-from coadjoint.models.quantities import direction, number, positive, positive_definite, positive_semidefinite, vector
+from coadjoint.models.quantities import (
+    checked,
+    direction,
+    not_negative,
+    place,
+    positive,
+    positive_definite,
+    positive_semidefinite,
+    vector,
+)
 from coadjoint.spaces import Defining, Dual
 
 SE3_UNITS = {
@@ -55,17 +65,30 @@ def se3_lagrangian(xi, a, p):
     return kinetic(xi[:3], xi[3:], p) - potential(a[3], a[:3], p)
 
 
+CHECKS = {
+    "mass": positive,
+    "inertia": positive_definite,
+    "added_mass": partial(positive_semidefinite, size=6),
+    "buoyancy": not_negative,
+    "center_of_mass": place,
+    "center_of_buoyancy": place,
+    "gravity": not_negative,
+}
+"""Of the parameters, when a vehicle is made and when they are replaced."""
+
+
 def _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_buoyancy, gravity) -> Parameters:
-    m, g = positive(mass, "mass"), number(gravity, "gravity", at_least=0.0)
-    return Parameters(
-        mass=m,
-        inertia=positive_definite(inertia, "inertia"),
-        added_mass=positive_semidefinite(added_mass, "added_mass", size=6),
-        buoyancy=m * g if buoyancy is None else number(buoyancy, "buoyancy", at_least=0.0),
-        center_of_mass=vector(center_of_mass, "center_of_mass"),
-        center_of_buoyancy=vector(center_of_buoyancy, "center_of_buoyancy"),
-        gravity=g,
-    )
+    m, g = positive(mass, "mass"), not_negative(gravity, "gravity")
+    given = {
+        "mass": m,
+        "inertia": inertia,
+        "added_mass": added_mass,
+        "buoyancy": m * g if buoyancy is None else buoyancy,
+        "center_of_mass": center_of_mass,
+        "center_of_buoyancy": center_of_buoyancy,
+        "gravity": g,
+    }
+    return Parameters(**checked(CHECKS, given))
 
 
 def general_vehicle(
@@ -98,6 +121,7 @@ def general_vehicle(
         parameters=p,
         name="underwater vehicle, general form",
         units=UNITS,
+        checks=partial(checked, CHECKS),
     )
 
 
@@ -119,7 +143,13 @@ def se3_vehicle(
     """
     p = _parameters(mass, inertia, added_mass, buoyancy, center_of_mass, center_of_buoyancy, gravity)
     return System(
-        SE3(), se3_lagrangian, advected=Dual(), parameters=p, name="underwater vehicle on SE(3)", units=SE3_UNITS
+        SE3(),
+        se3_lagrangian,
+        advected=Dual(),
+        parameters=p,
+        name="underwater vehicle on SE(3)",
+        units=SE3_UNITS,
+        checks=partial(checked, CHECKS),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import direction, number, positive, positive_definite, vector
+from coadjoint.models.quantities import checked, direction, not_negative, positive, positive_definite, vector
 from coadjoint.spaces import Defining
 
 UNITS = {
@@ -24,6 +25,10 @@ UNITS = {
     "discrete_energy": "J",
     "kelvin_noether": "kg m²/s",
 }
+
+
+CHECKS = {"mass": positive, "center_of_mass": vector, "inertia": positive_definite, "gravity": not_negative}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, a, p):
@@ -46,8 +51,9 @@ def make(*, mass: Any, center_of_mass: Any, inertia: Any, gravity: Any = 9.81, i
         raise ArgumentError(f'Argument `inertia_about` must be "pivot" or "center_of_mass", but is {inertia_about!r}.')
     if inertia_about == "center_of_mass":
         J = J + m * ((r @ r) * np.eye(3) - r[:, None] * r[None, :])
-    p = Parameters(mass=m, center_of_mass=r, inertia=J, gravity=number(gravity, "gravity", at_least=0.0))
-    return System(SO3(), lagrangian, advected=Defining(), parameters=p, name="heavy top", units=UNITS)
+    p = Parameters(**checked(CHECKS, {"mass": m, "center_of_mass": r, "inertia": J, "gravity": gravity}))
+    kept = {"units": UNITS, "checks": partial(checked, CHECKS)}
+    return System(SO3(), lagrangian, advected=Defining(), parameters=p, name="heavy top", **kept)
 
 
 def start(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,8 +10,8 @@ import jax.numpy as jnp
 from coadjoint.groups import SO3
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.system import System
-from coadjoint.models.heavy_top import UNITS, lagrangian, start
-from coadjoint.models.quantities import number, positive
+from coadjoint.models.heavy_top import CHECKS, UNITS, lagrangian, start
+from coadjoint.models.quantities import checked, positive
 from coadjoint.spaces import Defining
 
 __all__ = ["goryachev_chaplygin", "kovalevskaya", "lagrange", "start"]
@@ -97,11 +98,12 @@ def _strength(p):
 
 
 def _top(name: str, mass: Any, gravity: Any, lever: Any, inertia: Any, quantities: Any) -> System:
-    p = Parameters(
-        mass=positive(mass, "mass"),
-        center_of_mass=list(lever),
-        inertia=[[inertia[i] if i == j else 0.0 for j in range(3)] for i in range(3)],
-        gravity=number(gravity, "gravity", at_least=0.0),
-    )
-    spaces = {"advected": Defining(), "parameters": p, "quantities": quantities}
+    given = {"mass": mass, "center_of_mass": list(lever), "inertia": list(inertia), "gravity": gravity}
+    p = Parameters(**checked(CHECKS, given))
+    spaces = {
+        "advected": Defining(),
+        "parameters": p,
+        "quantities": quantities,
+        "checks": partial(checked, CHECKS),
+    }
     return System(SO3(), lagrangian, **spaces, name=name, units=_UNITS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import positive, positive_definite, vector
+from coadjoint.models.quantities import checked, positive, positive_definite, vector
 
 UNITS = {
     "x": "m",
@@ -27,6 +28,10 @@ UNITS = {
     "mu": "kg m²/s, kg m/s",
     "kelvin_noether": "kg m²/s, kg m/s",
 }
+
+
+CHECKS = {"inertia": positive_definite, "mass": positive_definite}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, p):
@@ -82,9 +87,10 @@ def clebsch(*, inertia: Any, mass: Any) -> System:
 
 
 def _body(name: str, inertia: Any, mass: Any, quantities: dict[str, Any]) -> System:
-    p = Parameters(inertia=positive_definite(inertia, "inertia"), mass=positive_definite(mass, "mass"))
+    p = Parameters(**checked(CHECKS, {"inertia": inertia, "mass": mass}))
+    kept = {"units": UNITS, "checks": partial(checked, CHECKS)}
     watched = {"linear_casimir": linear_casimir, "angular_casimir": angular_casimir, **quantities}
-    return System(SE3(), lagrangian, parameters=p, quantities=watched, name=name, units=UNITS)
+    return System(SE3(), lagrangian, parameters=p, quantities=watched, name=name, **kept)
 
 
 def start(

@@ -8,7 +8,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
-from coadjoint.models.quantities import matrix, vector
+from coadjoint.models.quantities import angles, matrix, vector
 
 
 def orientation(
@@ -36,7 +36,7 @@ def orientation(
         ("euler_zyx", attitude.zyx, attitude.zyx_angular_velocity),
     ):
         if given[name] is not None:
-            first, second, third = vector(given[name], name)
+            first, second, third = angles(vector(given[name], name), name)
             R = turned(first, second, third)
             if euler_rates is not None:
                 omega = turning(first, second, third, vector(euler_rates, "euler_rates"))

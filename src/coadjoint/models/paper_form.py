@@ -18,6 +18,7 @@ The Lagrangian holds the weight as +(mg − B) n·a, whatever the axes are calle
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from coadjoint.groups import SO3
@@ -25,7 +26,16 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import direction, number, positive, positive_definite, positive_semidefinite, vector
+from coadjoint.models.quantities import (
+    checked,
+    direction,
+    not_negative,
+    place,
+    positive,
+    positive_definite,
+    positive_semidefinite,
+    vector,
+)
 from coadjoint.spaces import Defining
 
 UNITS = {
@@ -42,6 +52,17 @@ UNITS = {
     "discrete_energy": "J",
     "kelvin_noether": "kg m²/s",
 }
+
+
+CHECKS = {
+    "mass": positive,
+    "added_mass": positive_semidefinite,
+    "inertia": positive_definite,
+    "buoyancy": not_negative,
+    "center_of_buoyancy": place,
+    "gravity": not_negative,
+}
+"""Of the parameters, when a vehicle is made and when they are replaced."""
 
 
 def lagrangian(xi, n, nu, a, p):
@@ -70,23 +91,24 @@ def vehicle(
     weight mg, a neutrally buoyant vehicle. center_of_buoyancy: r from the mass centre, body frame, (3,) m.
     gravity: g, m/s². Raises ArgumentError for what no vehicle can have. Source: (P57)–(P71).
     """
-    m, g = positive(mass, "mass"), number(gravity, "gravity", at_least=0.0)
-    p = Parameters(
-        mass=m,
-        added_mass=positive_semidefinite(added_mass, "added_mass"),
-        inertia=positive_definite(inertia, "inertia"),
-        buoyancy=m * g if buoyancy is None else number(buoyancy, "buoyancy", at_least=0.0),
-        center_of_buoyancy=vector(center_of_buoyancy, "center_of_buoyancy"),
-        gravity=g,
-    )
+    m, g = positive(mass, "mass"), not_negative(gravity, "gravity")
+    given = {
+        "mass": m,
+        "added_mass": added_mass,
+        "inertia": inertia,
+        "buoyancy": m * g if buoyancy is None else buoyancy,
+        "center_of_buoyancy": center_of_buoyancy,
+        "gravity": g,
+    }
     return System(
         SO3(),
         lagrangian,
         additional=Defining(),
         advected=Defining(),
-        parameters=p,
+        parameters=Parameters(**checked(CHECKS, given)),
         name="underwater vehicle",
         units=UNITS,
+        checks=partial(checked, CHECKS),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,12 +11,32 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.mechanics.each import Each, each, member_of
 from coadjoint.spaces.numbers import float64
 
+LONGEST = 1000.0
+"""m: no vehicle is so long."""
+TURNS = 1000
+"""Angles beyond so many turns are taken for a mistake in their unit."""
 SYMMETRIC = 1e-9
 """How far a matrix may differ from its transpose, relative to its largest entry."""
 SINGULAR = 1e-13
 """Up to this fraction of the largest eigenvalue, an eigenvalue counts as zero."""
+
+
+Check = Callable[[Any, str], Any]
+"""(value, name) → the value as it is kept, or ArgumentError."""
+
+
+def checked(checks: Mapping[str, Check], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Values after the checks of their names, a model's own and those that replace them; raises ArgumentError."""
+    return {name: _checked(checks[name], value, name) if name in checks else value for name, value in given.items()}
+
+
+def _checked(check: Check, value: Any, name: str) -> Any:
+    if not isinstance(value, Each):
+        return check(value, name)
+    return each([check(member_of(value, member), f"{name}` of member `{member}") for member in range(len(value))])
 
 
 def number(value: Any, name: str, at_least: float | None = None) -> Array:
@@ -28,6 +49,11 @@ def number(value: Any, name: str, at_least: float | None = None) -> Array:
     return found
 
 
+def not_negative(value: Any, name: str) -> Any:
+    """A number of at least 0; raises ArgumentError."""
+    return number(value, name, at_least=0.0)
+
+
 def positive(value: Any, name: str) -> Array:
     """One number, positive and finite; raises ArgumentError."""
     found = number(value, name)
@@ -36,11 +62,43 @@ def positive(value: Any, name: str) -> Array:
     return found
 
 
+def positive_pair(value: Any, name: str) -> Any:
+    """Two positive numbers, (2,); raises ArgumentError."""
+    found = vector(value, name, 2)
+    for one in () if traced(found) else found:
+        positive(one, name)
+    return found
+
+
+def angles(value: Any, name: str) -> Any:
+    """Angles, rad, of at most `TURNS` turns; raises ArgumentError."""
+    found = float64(value, f"Argument `{name}`")
+    most = 0.0 if traced(found) else float(np.max(np.abs(found), initial=0.0))
+    if most > 2 * np.pi * TURNS:
+        raise ArgumentError(
+            f"Argument `{name}` must be of at most {TURNS} turns, but has {most:.6g} rad, {most / (2 * np.pi):.6g} "
+            "turns: is its unit right?"
+        )
+    return found
+
+
 def vector(value: Any, name: str, size: int = 3) -> Array:
     """A finite vector (size,); raises ArgumentError."""
     found = float64(value, f"Argument `{name}`")
     if np.shape(found) != (size,):
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {np.shape(found)}.")
+    return found
+
+
+def place(value: Any, name: str) -> Any:
+    """A point of a vehicle, (3,) m, up to `LONGEST` from the origin; raises ArgumentError."""
+    found = vector(value, name)
+    distance = 0.0 if traced(found) else float(np.linalg.norm(found))
+    if distance > LONGEST:
+        raise ArgumentError(
+            f"Argument `{name}` must be a point of the vehicle, but is {distance:.3g} m from the origin: check its "
+            "unit."
+        )
     return found
 
 

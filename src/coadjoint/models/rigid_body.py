@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from coadjoint.groups import SO3
@@ -9,7 +10,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import positive_definite
+from coadjoint.models.quantities import checked, positive_definite
 
 UNITS = {
     "xi": "rad/s",
@@ -23,6 +24,10 @@ WITH_ANGLES = {**UNITS, "n": "rad", "nu": "rad/s", "q": "rad", "qdot": "rad/s", 
 """Those of a body whose shapes are angles."""
 
 
+CHECKS = {"inertia": positive_definite}
+"""Of the parameters, when one is made and when they are replaced."""
+
+
 def lagrangian(xi, p):
     """ℓ(ω) = ½ ω·Jω."""
     return 0.5 * xi @ p.inertia @ xi
@@ -34,8 +39,8 @@ def make(*, inertia: Any) -> System:
     inertia: J about the mass centre in the body frame, (3, 3) or its diagonal (3,), kg m². Raises ArgumentError unless
     it is symmetric and positive definite.
     """
-    p = Parameters(inertia=positive_definite(inertia, "inertia"))
-    return System(SO3(), lagrangian, parameters=p, name="free rigid body", units=UNITS)
+    p, kept = Parameters(**checked(CHECKS, {"inertia": inertia})), {"units": UNITS, "checks": partial(checked, CHECKS)}
+    return System(SO3(), lagrangian, parameters=p, name="free rigid body", **kept)
 
 
 def start(

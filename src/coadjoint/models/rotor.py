@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from coadjoint.groups import SO3
@@ -9,11 +10,15 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import direction, number, positive, positive_definite
+from coadjoint.models.quantities import checked, direction, number, positive, positive_definite
 from coadjoint.models.rigid_body import WITH_ANGLES
 from coadjoint.spaces import Trivial
 
 _UNITS = {**WITH_ANGLES, "momentum_squared": "J² s²"}
+
+
+CHECKS = {"inertia": positive_definite, "rotor_inertia": positive, "axis": direction}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, n, nu, p):
@@ -35,13 +40,9 @@ def make(*, inertia: Any, rotor_inertia: Any, axis: Any = (0.0, 0.0, 1.0)) -> Sy
     inertia: J of the body with the rotor's mass, but not its spin, (3, 3) or its diagonal, kg m². rotor_inertia: I,
     kg m². axis: e, (3,), a unit vector in the body frame.
     """
-    p = Parameters(
-        inertia=positive_definite(inertia, "inertia"),
-        rotor_inertia=positive(rotor_inertia, "rotor_inertia"),
-        axis=direction(axis, "axis"),
-    )
+    p = Parameters(**checked(CHECKS, {"inertia": inertia, "rotor_inertia": rotor_inertia, "axis": axis}))
     watched = {"momentum_squared": momentum_squared}
-    spaces = {"additional": Trivial(1), "parameters": p, "quantities": watched}
+    spaces = {"additional": Trivial(1), "parameters": p, "quantities": watched, "checks": partial(checked, CHECKS)}
     return System(SO3(), lagrangian, **spaces, name="rigid body with a rotor", units=_UNITS)
 
 

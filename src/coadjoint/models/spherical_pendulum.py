@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,12 +12,16 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import direction, number, positive, positive_definite, vector
+from coadjoint.models.quantities import checked, direction, not_negative, positive, positive_definite, vector
 from coadjoint.models.rigid_body import UNITS
 from coadjoint.spaces import Defining, Sphere
 
 _UNITS = {**UNITS, "n": "1", "nu": "1/s", "q": "1", "qdot": "1/s", "pi": "kg m²/s", "a": "1"}
 _UNITS["pendulum_momentum"] = "kg m²/s"
+
+
+CHECKS = {"mass": positive, "length": positive, "gravity": not_negative, "inertia": positive_definite}
+"""Of the parameters, when one is made and when they are replaced."""
 
 
 def lagrangian(xi, n, nu, a, p):
@@ -37,13 +42,8 @@ def make(*, mass: Any, length: Any, gravity: Any = 9.81, inertia: Any = (1.0, 1.
 
     mass: kg. length: l, m. gravity: m/s². inertia: J of the carrier, (3, 3) or its diagonal, kg m².
     """
-    p = Parameters(
-        mass=positive(mass, "mass"),
-        length=positive(length, "length"),
-        gravity=number(gravity, "gravity", at_least=0.0),
-        inertia=positive_definite(inertia, "inertia"),
-    )
-    spaces = {"additional": Sphere(), "advected": Defining(), "parameters": p}
+    p = Parameters(**checked(CHECKS, {"mass": mass, "length": length, "gravity": gravity, "inertia": inertia}))
+    spaces = {"additional": Sphere(), "advected": Defining(), "parameters": p, "checks": partial(checked, CHECKS)}
     watched = {"pendulum_momentum": pendulum_momentum}
     return System(SO3(), lagrangian, **spaces, quantities=watched, name="spherical pendulum", units=_UNITS)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -14,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.quantities import number, positive, vector
+from coadjoint.models.quantities import checked, not_negative, number, positive, positive_pair, vector
 from coadjoint.spaces import Trivial
 
 UNITS = {
@@ -57,6 +58,10 @@ def inertias(p: Parameters) -> tuple[Array, Array, Array]:
     return turning, mass + density * b**2, mass + density * a**2
 
 
+CHECKS = {"semi_axes": positive_pair, "density": positive, "stiffness": not_negative}
+"""Of the parameters, when one is made and when they are replaced."""
+
+
 def lagrangian(xi, x, v, p):
     """ℓ = ½ Σ (𝒥ω_i² + M_x u_i² + M_y w_i²) − ½k|x|² over the ellipses, (u_i, w_i) along and across their long axes."""
     (angles, centres), (turning, moving) = jax.jvp(lambda x: links(x, p), (x,), (v,))
@@ -76,15 +81,9 @@ def make(*, semi_axes: Any, density: Any, stiffness: Any) -> System:
     semi_axes: (a, b), along the row and across it, m. density: of bodies and fluid, per metre of depth, kg/m³.
     stiffness: k of springs that straighten the row, N. Raises ArgumentError for what no body can have.
     """
-    axes = vector(semi_axes, "semi_axes", 2)
-    for value in axes:
-        positive(value, "semi_axes")
-    p = Parameters(
-        semi_axes=axes,
-        density=positive(density, "density"),
-        stiffness=number(stiffness, "stiffness", at_least=0.0),
-    )
-    return System(SE2(), lagrangian, additional=Trivial(2), parameters=p, name="three-link swimmer", units=UNITS)
+    p = Parameters(**checked(CHECKS, {"semi_axes": semi_axes, "density": density, "stiffness": stiffness}))
+    kept = {"units": UNITS, "checks": partial(checked, CHECKS)}
+    return System(SE2(), lagrangian, additional=Trivial(2), parameters=p, name="three-link swimmer", **kept)
 
 
 def start(

@@ -156,12 +156,12 @@ def figure_names(films: bool = True) -> list[str]:
     return [*OWN, *(name for name, added in ADDED.items() if films or not added.film)]
 
 
-def available(dataset: Any) -> list[str]:
-    """The names of the figures that this dataset has what to draw for, without films."""
+def available(dataset: Any, films: bool = False) -> list[str]:
+    """The names of the figures that this dataset has what to draw for, with or without films."""
     held = {str(name) for name in dataset.data_vars}
     held |= {"q" for name in held if name.startswith("q_")}
     own = [name for name, needed in OWN.items() if held.intersection(needed)]
-    return own + [name for name, added in ADDED.items() if not added.film and located(added.fits)(dataset)]
+    return own + [name for name, added in ADDED.items() if (films or not added.film) and located(added.fits)(dataset)]
 
 
 def save_figures(

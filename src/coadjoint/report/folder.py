@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from coadjoint.errors import FileError
@@ -75,6 +75,16 @@ def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]
             held.unlink()
             _clean(folder, made)
         raise
+
+
+def require_writable(folder: Path, configuration: str, overwrite: bool) -> None:
+    """Raise FileError as `claimed` does; the folder is left as it was found."""
+    with suppress(_Released), claimed(folder, configuration, overwrite):
+        raise _Released
+
+
+class _Released(Exception):
+    """A folder was claimed only to see whether it can be."""
 
 
 def begin_results(folder: Path) -> None:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import FileError, StepError
+from coadjoint.errors import ArgumentError, FileError, StepError
 from coadjoint.log import logger
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free
+from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free, require_writable
 from coadjoint.report.summary import run_summary, to_json, versions
 from coadjoint.runs.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
 from coadjoint.runs.runnable import Runnable
@@ -36,19 +36,57 @@ class Written:
     failure: str | None = None
 
 
-def check(file: Runnable, folder: Path, overwrite: bool) -> None:
-    """What can be said before anything heavy is loaded; raises FileError."""
+def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
+    """The warnings with which a run of the file would begin; raises what `execute` raises before its first step.
+
+    What is mistaken in the file comes before what is in the way in the folder, where nothing is left behind.
+    """
+    _ = file.companions
+    warnings = prepared(file, file.set_up()).warnings
+    try:
+        _require_folder(file, folder, overwrite)
+        require_writable(folder, file.text, overwrite)
+    except FileError as error:
+        raise FileError(f"{file.path} is a run file, but its results have no place. {error}") from error
+    return warnings
+
+
+def _require_folder(file: Runnable, folder: Path, overwrite: bool) -> None:
+    """Raise FileError where the folder holds another run."""
     require_none_unfinished(folder, overwrite)
     require_free(folder, file.text, overwrite)
-    _ = file.companions
 
 
-def require_fit(file: Runnable, made: Setup) -> None:
-    """Raise ArgumentError where the method does not fit the system and its start; nothing is compiled."""
+def prepared(file: Runnable, made: Setup) -> Run:
+    """The run of a file as it stands before its first step; nothing is compiled.
+
+    Raises ArgumentError and LagrangianError for what does not fit, figures that cannot be drawn of it among them.
+    """
     from coadjoint.runs.methods import method
-    from coadjoint.simulation import preparing
+    from coadjoint.simulation.arguments import grid, require_kinds
+    from coadjoint.simulation.preparing import prepare
 
-    preparing.require_fit(made.system, made.start, method(file.method), file.run.dt, made.inputs, made.until)
+    chosen, section = method(file.method), file.run
+    require_kinds(made.system, made.start, chosen)
+    h, steps = grid(section.dt, section.duration, section.steps)
+    what = (made.system, made.start, chosen, h, steps, section.save_every)
+    run = prepare(*what, True, None, made.inputs, "xla", made.until)
+    if isinstance(file.output.figures, list):
+        _require_drawable(file.output.figures, run)
+    return run
+
+
+def _require_drawable(figures: list[str], run: Run) -> None:
+    """Raise ArgumentError for figures that a run will have nothing to draw for."""
+    from coadjoint.plotting.plots import available
+    from coadjoint.simulation.dataset import outline
+
+    there = available(outline(run), films=True)
+    if lacking := [name for name in figures if name not in there]:
+        raise ArgumentError(
+            f"[output] figures: a run of {run.system.name} has nothing to draw for `{lacking[0]}`; it has what is "
+            f"drawn in {', '.join(there)}."
+        )
 
 
 def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:
@@ -58,8 +96,11 @@ def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: boo
     are written the records are in `unfinished`, from which `resume` goes on. Raises FileError where the folder holds
     another run or cannot be written, ArgumentError and LagrangianError before the run.
     """
-    check(file, folder, overwrite)
+    _require_folder(file, folder, overwrite)
+    _ = file.companions
     made = file.set_up()
+    if isinstance(file.output.figures, list):
+        prepared(file, made)
     with claimed(folder, file.text, overwrite):
         discard(folder)
         with _companions_kept(file.companions, folder):

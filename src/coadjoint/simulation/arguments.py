@@ -92,4 +92,6 @@ def grid(dt: Any, duration: Any, steps: Any) -> tuple[float, int]:
             f"Argument `duration` must be a whole number of steps, but {duration} s is {duration / h:.6g} steps of "
             f"{h} s; give duration={max(count, 1) * h:.10g}."
         )
+    if count > MOST:
+        raise ArgumentError(f"Argument `duration` must be at most 2⁵³ steps, but {duration} s is {count:.3g} of {h} s.")
     return h, count

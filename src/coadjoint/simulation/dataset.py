@@ -11,6 +11,7 @@ import xarray
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
@@ -18,6 +19,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.simulation.card import accuracy_numbers
 from coadjoint.simulation.monitors import watched
 from coadjoint.simulation.step_sizes import times
+from coadjoint.simulation.watched import Monitor
 from coadjoint.spaces import Space
 
 if TYPE_CHECKING:
@@ -65,6 +67,16 @@ def dataset(run: Run) -> xarray.Dataset:
         attrs=attributes(run),
     )
     return labelled(made, meanings(made, run.system))
+
+
+def outline(run: Run | Ensemble) -> xarray.Dataset:
+    """The variables that a run will have, of its first record, with monitors of 0; of an ensemble those of a member."""
+    constants, state = run.one
+    monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
+    observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}
+    system = replace_parameters(run.system, constants.system)
+    records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
+    return xarray.Dataset(variables(system, records, observed), attrs={"system": run.system.name})
 
 
 def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:

@@ -62,7 +62,7 @@ def held_at(system: System, state: State) -> Any:
 def inputs_held(system: System, s: State) -> Any:
     """The held inputs as a function of the state, for tracing."""
     assert system.inputs is not None
-    return system.inputs.held(system.motion(s.xi, s.n, s.nu, s.a, s.t, None, s.internal), s.inputs)
+    return system.inputs.held(system.motion_at(s), s.inputs)
 
 
 def _check_signal(source: Signal, start: State) -> None:

@@ -77,9 +77,8 @@ def steady_motion(
 class Search:
     """The search for steady motions of one kind, at many values: `find(guess, aim)` with conditions(state, aim) = 0.
 
-    Its equations are traced once. aim: the first one, an array of any shape,
-    by default 0. names: what the conditions are about. Other arguments and errors as in
-    `steady_motion`.
+    Its equations are traced once. aim: the first one, an array of any shape, by default 0. names: what the conditions
+    are about. remedy: what to do where none is found. Other arguments and errors as in `steady_motion`.
     """
 
     def __init__(
@@ -91,7 +90,9 @@ class Search:
         aim: Array = 0.0,
         names: Sequence[str] = (),
         symmetries: Sequence[Callable[[State], Any]] = (),
+        remedy: str = "Give a nearer guess, other conditions, or free an actuator that can hold it.",
     ):
+        self.remedy = remedy
         self.reduced = Reduced(system, near, symmetries)
         require_conserved(self.reduced, self.reduced.symmetries)
         self.free, self.names = tuple(free), tuple(names)
@@ -128,8 +129,7 @@ class Search:
         residual = float(np.max(relative, initial=0.0))
         if not residual <= FOUND:
             raise ArgumentError(
-                f"No steady motion was found near the guess: {self._what(relative, both(w)[0])}. Give a nearer guess, "
-                "other conditions, or free an actuator that can hold it."
+                f"No steady motion was found near the guess: {self._what(relative, both(w)[0])}. {self.remedy}"
             )
         found = {name: np.asarray(_held(state, name)[1]) for name in self.free}
         reduced = self.reduced

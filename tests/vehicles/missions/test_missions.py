@@ -259,6 +259,30 @@ def test_a_mistake_is_told_in_one_sentence(sections, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        ("parameters.mass=-15", "`mass` must be positive"),
+        ("parameters.mass=nan", "must be finite"),
+        ("parameters.center_of_buoyancy=[0, 0, 1e12]", "must be a point of the vehicle"),
+        ("mission.heading_deg=1800000", "5000 turns"),
+        ("initial.heading_deg=1800000", "5000 turns"),
+    ],
+)
+def test_a_check_of_a_mission_refuses_what_its_run_refuses(change, words, capsys):
+    Path("dive.toml").write_text(MISSION)
+    for more in (["--check"], []):
+        assert main(["run", "dive.toml", *more, "--set", change]) == 2
+        assert words in capsys.readouterr().err
+    assert not Path("dive").exists()
+
+
+def test_a_check_of_a_mission_warns_of_steps_longer_than_the_period_of_its_controller(capsys):
+    Path("dive.toml").write_text(MISSION.replace("duration = 10", "steps = 10"))
+    assert main(["run", "dive.toml", "--check", "--set", "run.dt=5"]) == 0
+    assert "looks every 0.1 s, but a step takes 5 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
         ("method.name=Midpiont", "did you mean `Midpoint`"),
         ("method.map=Cayly", "did you mean `Cayley`"),
         ("method.name=VariableStep", "use a fixed step"),

@@ -75,7 +75,7 @@ def bent(rows: np.ndarray, span: float, least: float = 0.0) -> bool:
 
 def _values(run: Any, records: Any, times: np.ndarray) -> Any:
     """The inputs at the times (rows, parts) of steps from the records."""
-    given = records.xi, records.n, records.nu, records.a, records.inputs, records.internal, times
+    given = records.replace(mu=None, pi=None, ledger=None, memory=None), times
     shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(given))
     return _table(run.plan.program.skeleton, jax.tree.structure(given), shapes)(*given)
 
@@ -85,9 +85,9 @@ def _table(system: Any, structure: Any, shapes: Any) -> Any:
     """`_values` traced once for a system."""
     given = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
 
-    def at(xi, n, nu, a, inputs, internal, times):
+    def at(state, times):
         def one(t):
-            held = system.inputs.held(system.motion(xi, n, nu, a, t, None, internal), inputs)
+            held = system.inputs.held(system.motion_at(state.replace(t=t)), state.inputs)
             held = None if held is None else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), held)
             return system.inputs.at(t, held)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.damping import Damping
@@ -144,7 +145,7 @@ def _propeller(part: Propeller, size: float) -> Iterator[str]:
 
 
 def _thrusters(part: Thrusters, size: float) -> Iterator[str]:
-    if np.any(np.max(np.abs(_matrix(part)[:3]), axis=0) < 1e-9):
+    if np.any(np.max(np.abs(_matrix(part, effectiveness=1.0)[:3]), axis=0) < 1e-9):
         yield f"one of the thrusters `{part.name}` pushes nowhere: its column of the matrix has no force."
     if part.positions is not None:
         for position in part.positions:
@@ -162,8 +163,8 @@ def _thrusters_together(vehicle: Vehicle) -> Iterator[str]:
         yield f"the thrusters {names} span no forward force: row X of their matrix is zero."
 
 
-def _matrix(part: Thrusters) -> np.ndarray:
-    return part.nominal_matrix
+def _matrix(part: Thrusters, **changes: Any) -> np.ndarray:
+    return np.asarray(evaluate(part.matrix, part.nominal.replace(**changes)))
 
 
 def _far(name: str, position: Any, size: float) -> Iterator[str]:

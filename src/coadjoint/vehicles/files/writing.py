@@ -98,7 +98,8 @@ def _thrusters(part: Thrusters, vehicle: Vehicle) -> Iterator[str]:
     for key, (dimension, *_) in measures(part).items():
         value, given = getattr(part, key), told.get(f"{part.name}.{key}")
         ends = key == "limit" and given is None and np.array_equal(value, part.curve.reach or ())
-        if value is not None and not ends:
+        whole = key == "effectiveness" and given is None and bool(np.all(np.asarray(value) == 1))
+        if value is not None and not ends and not whole:
             yield _line(key, value, dimension, given)
     if published is None:
         curve = part.curve

@@ -56,6 +56,8 @@ def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
             )
         else:
             found[name] = (co.Held if between == "held" else co.Linear)(time, values)
+        if units.get(name) == "rad":
+            _require_angles(name, values)
     for name in found:
         if name not in units:
             raise ArgumentError(unknown(f"set point `{name}`", "Section [mission]", name, [*units, *OTHERS]))
@@ -113,6 +115,15 @@ def _turned(given: dict[str, Any]) -> dict[str, Any]:
     if "way_points" in found and np.ndim(points := _numbers("way_points_m", found["way_points"])) == 2:
         found["way_points"] = border.space_vector(points, "ENU/FLU").tolist() if points.shape[1] == 3 else points
     return found
+
+
+def _require_angles(name: str, values: np.ndarray) -> None:
+    from coadjoint.models.quantities import angles
+
+    try:
+        angles(values, name)
+    except ArgumentError as error:
+        raise ArgumentError(f"[mission] {str(error).removeprefix('Argument ')}") from error
 
 
 def _numbers(name: str, value: Any) -> np.ndarray:

@@ -164,7 +164,11 @@ class Rule(InternalRule):
             except (TypeError, ValueError):
                 raise ArgumentError(f"The controller commands `{name}` by {value!r}, which is no number.") from None
             self._require_command(name, value, "The controller commands")
-        return commands
+        return {name: self._shaped(name, value) for name, value in commands.items()}
+
+    def _shaped(self, name: str, value: Any) -> Any:
+        """A command in the shape of its part: one number for a single thruster is that of a row of one."""
+        return jnp.reshape(value, self._shapes[name]) if name in self._shapes and jnp.shape(value) == () else value
 
     def _require_command(self, name: str, value: Any, who: str) -> None:
         shapes = self._shapes
@@ -173,8 +177,11 @@ class Rule(InternalRule):
                 f"{who} `{name}`, which is no actuator of `{self.vehicle.name}`; its actuators are: "
                 f"{', '.join(shapes) or 'none'}."
             )
-        if jnp.shape(value) != shapes[name]:
-            raise ArgumentError(f"{who} `{name}` with shape {jnp.shape(value)}, but it takes {_shape(shapes[name])}.")
+        if jnp.shape(value) not in (shapes[name], () if shapes[name] == (1,) else shapes[name]):
+            raise ArgumentError(
+                f"{who} `{name}` with {_shape(jnp.shape(value))}, but it takes {_shape(shapes[name])}"
+                f"{_columns(name, shapes[name])}."
+            )
 
     def inputs(self, motion: Motion) -> dict[str, Any]:
         """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
@@ -198,7 +205,7 @@ class Rule(InternalRule):
                     f"Nobody on `{self.vehicle.name}` knows the input `{name}`: controller and actuators take {known}."
                 )
             self._require_command(name, value, "An input commands")
-        return given
+        return {name: value if name in wanted else self._shaped(name, value) for name, value in given.items()}
 
 
 def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Feedback:
@@ -237,6 +244,15 @@ def _one_number(p: Any, name: str) -> float | None:
 
 def _shape(shape: tuple[int, ...]) -> str:
     return "one number" if shape == () else f"shape {shape}"
+
+
+def _columns(name: str, shape: tuple[int, ...]) -> str:
+    """How numbers of a command are called in a log or table."""
+    if len(shape) != 1:
+        return f"; in a log or table it is the one column `{name}`" if shape == () else ""
+    return f"; in a log or table these are the columns `{name}[1]`" + (
+        f" to `{name}[{shape[0]}]`" if shape[0] > 1 else ""
+    )
 
 
 def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import units as u
@@ -22,7 +23,8 @@ class Feedback(NamedTuple):
 
     position: (3,) m, north, east, down. velocity: v, of O through the water, ground_velocity: ν, omega: ω, (3,) each,
     body axes. down, north: directions in the body frame. roll, pitch, heading: rad. depth: m; sink: its rate, m/s.
-    t: s. inputs: set points by name. actual: actuators by the names of their parts.
+    t: s. inputs: set points by name. actual: actuators by the names of their parts. q and g are the position and
+    the rotation from the body to space, as a State has them.
     """
 
     position: Array
@@ -39,6 +41,17 @@ class Feedback(NamedTuple):
     t: Array
     inputs: Any
     actual: Any
+
+    @property
+    def q(self) -> Array:
+        """Its position, as `State.q`."""
+        return self.position
+
+    @property
+    def g(self) -> Array:
+        """The rotation from the body to space, (3, 3), as `State.g`: north, east and down in the body frame."""
+        numbers = np if isinstance(self.down, np.ndarray) else jnp
+        return numbers.stack([self.north, numbers.cross(self.down, self.north), self.down])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

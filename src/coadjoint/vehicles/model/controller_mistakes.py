@@ -15,7 +15,6 @@ from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 
 _UNKNOWN = re.compile(r"There is no `(\w+)` here; there is: (.*)\.$")
-MANY = 12
 
 
 def steer(
@@ -63,7 +62,7 @@ def _what(error: Exception, feedback: Feedback) -> str:
     first = (str(error).strip().split("\n") or [""])[0]
     missing = _UNKNOWN.search(first)
     if isinstance(error, AttributeError) and isinstance(error.obj, Feedback):
-        return _asks(str(error.name), list(Feedback._fields), "its feedback")
+        return _asks(str(error.name), [*Feedback._fields, "g", "q"], "its feedback")
     if isinstance(error, AttributeError) and missing is not None:
         return _asks(missing.group(1), missing.group(2).split(", "), "what it is given")
     if type(error).__module__.startswith("jax"):
@@ -83,6 +82,5 @@ def _what(error: Exception, feedback: Feedback) -> str:
 
 def _asks(name: str, known: list[str], whom: str) -> str:
     near = get_close_matches(name, known, n=1)
-    shown = ", ".join(known[:MANY]) + (" and others" if len(known) > MANY else "")
-    hint = f"did you mean `{near[0]}`?" if near else f"it has {shown}."
-    return f"asks {whom} for `{name}`, which is not there: {hint}"
+    hint = f"did you mean `{near[0]}`? It has" if near else "it has"
+    return f"asks {whom} for `{name}`, which is not there: {hint} {', '.join(known)}."

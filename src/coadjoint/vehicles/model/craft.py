@@ -74,11 +74,17 @@ class Craft:
         """
         made = Craft(self.vehicle, controller=self.controller, water=self.water)
         made.parameters = self.parameters.replace(**values)
-        found, nominal = made.parameters.asdict(), made._nominal
-        require_possible(self.vehicle, {name: nominal[name] for name in BODY}, {name: found[name] for name in BODY})
-        for name, owner in self.owners.items():
-            require_possible(owner, nominal[name], found[name], name)
+        self._checked(made.parameters.asdict())
         return made
+
+    def _checked(self, found: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Parameters that replace others; raises ArgumentError for what vehicle, parts, controller or water refuse."""
+        nominal, body = self._nominal, [name for name in BODY if name in found]
+        require_possible(self.vehicle, {name: nominal[name] for name in body}, {name: found[name] for name in body})
+        for name, owner in self.owners.items():
+            if name in found:
+                require_possible(owner, nominal[name], found[name], name)
+        return found
 
     @cached_property
     def system(self) -> System:
@@ -94,6 +100,7 @@ class Craft:
             node_velocities=True,
             name=self.vehicle.name,
             units=self._units(),
+            checks=self._checked,
         )
 
     @property

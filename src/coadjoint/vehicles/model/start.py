@@ -13,7 +13,7 @@ from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each, count_members, each, stacked
 from coadjoint.mechanics.internal import starting_values
-from coadjoint.models.quantities import number, vector
+from coadjoint.models.quantities import angles, number, vector
 from coadjoint.vehicles import axes as turned
 from coadjoint.vehicles.water.water import Water
 
@@ -25,7 +25,7 @@ def starting_motion(
     given = {
         "position": _vectors(position, "position"),
         "velocity": velocity,
-        "R": _attitude(_vectors(euler_zyx, "euler_zyx"), axes),
+        "R": _attitude(_angles(euler_zyx), axes),
         "angular_velocity": _vectors(angular_velocity, "angular_velocity"),
         "own": own,
         "memory": starting_values(water.start() or None),
@@ -67,6 +67,13 @@ def _attitude(angles: Any, axes: Any) -> Any:
     found = turned.euler_zyx(angles.values if isinstance(angles, Each) else angles, axes)
     R = attitude.zyx(found[..., 0], found[..., 1], found[..., 2])
     return each(R) if isinstance(angles, Each) else R
+
+
+def _angles(given: Any) -> Any:
+    """Yaw, pitch and roll, (3,), or those of each member; raises ArgumentError."""
+    found = _vectors(given, "euler_zyx")
+    angles(found.values if isinstance(found, Each) else found, "euler_zyx")
+    return found
 
 
 def _vectors(value: Any, name: str) -> Any:

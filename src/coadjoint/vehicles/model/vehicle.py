@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import positive, positive_definite, positive_semidefinite
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller
@@ -63,6 +66,7 @@ class Vehicle:
         object.__setattr__(self, "parts", _different(self.parts))
         if self.volume is None:
             object.__setattr__(self, "volume", self.mass / self.fluid_density)
+        _require_inside(self)
 
     @property
     def buoyancy(self) -> Any:
@@ -85,6 +89,26 @@ class Vehicle:
 
 BODY = ("mass", "inertia", "center_of_mass", "center_of_buoyancy", "volume", "gravity", "fluid_density", "added_mass")
 """The numbers of the body, by their names among the parameters of a craft."""
+FAR = 100.0
+"""Sizes of a vehicle beyond which no point of it can be."""
+
+
+def _require_inside(vehicle: Vehicle) -> None:
+    """Raise ArgumentError for centres and parts that are far beyond the hull."""
+    places = {name: getattr(vehicle, name) for name in ("center_of_mass", "center_of_buoyancy")}
+    places |= {f"position` of the {part.title}": getattr(part, "position", None) for part in vehicle.parts}
+    if traced(places, vehicle.length, vehicle.volume):
+        return
+    size = float(2 * np.cbrt(vehicle.volume) if vehicle.length is None else vehicle.length)
+    for name, where in places.items():
+        distance = 0.0 if where is None else float(np.linalg.norm(where))
+        if distance > FAR * size > 0:
+            raise ArgumentError(
+                f"Argument `{name}` must be a point of the vehicle, but is {distance:.3g} m from the origin of one of "
+                f"{size:.3g} m: check its unit."
+            )
+
+
 RESERVED = (*BODY, "controller", "water", "shear", "memory", "time", "inputs", "sample", "release")
 """Words that are taken: no part may have them as its name."""
 

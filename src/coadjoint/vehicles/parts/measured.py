@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.models.quantities import direction, number, vector
+from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.models.quantities import direction, not_negative, number, vector
 from coadjoint.units import LENGTH, NUMBER, Dimension
 from coadjoint.vehicles import axes as border
 
@@ -37,9 +38,12 @@ def measured(
     return field(default=default, metadata={"measured": Measured(dimension, check, turn, words)})
 
 
-def not_negative(value: Any, name: str) -> Any:
-    """A number of at least 0; raises ArgumentError."""
-    return number(value, name, at_least=0.0)
+def share(value: Any, name: str) -> Any:
+    """A number from 0 to 1; raises ArgumentError."""
+    found = not_negative(value, name)
+    if not traced(found) and found > 1:
+        raise ArgumentError(f"Argument `{name}` must be at most 1, but is {float(found):g}.")
+    return found
 
 
 def lag_or_none(value: Any, name: str) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import direction, positive, vector
 from coadjoint.spaces.named import Named, named
@@ -41,7 +41,9 @@ class Thrusters(Part):
     curve: as `force_curve` takes it, from commands in `unit` to N. positions: r_i, (n, 3) m; directions: d_i, (n, 3),
     unit vectors in which a positive force pushes; torque: q_i, N m about d_i per N, a number or (n,), the reaction of
     the propellers. Or allocation: B, (6, n), rows X, Y, Z, K, M, N. limit: the largest |u|, or (lowest, highest); by
-    default the ends of a table. lag: τ, s, none if left out. Raises ArgumentError for what no thrusters can have.
+    default the ends of a table. lag: τ, s, none if left out. effectiveness: e_i, the part of its force that a thruster
+    has, from 0, dead, to 1, a number or (n,): B's columns are times e_i, in what software on board counts with, too,
+    unless the parameter is replaced. Raises ArgumentError for what no thrusters can have.
     """
 
     kind: ClassVar[str] = "thrusters"
@@ -55,12 +57,13 @@ class Thrusters(Part):
     lag: Any = measured(u.TIME, lag_or_none, default=None)
     dead_band: Any = measured(COMMANDED, lag_or_none, default=None)
     density: Any = measured(u.DENSITY, positive, default=None)
+    effectiveness: Any = measured(u.NUMBER, None, default=1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         of = f"` of the thrusters `{self.name}"
         self.set(curve=force_curve(self.curve, self.name), **self._geometry(of))
-        self.set(limit=self._limits(of))
+        self.set(limit=self._limits(of), effectiveness=self._effectiveness(of))
         if self.limit is not None:
             self.curve.require_growth(tuple(self.limit), self.name)
             low, high = self.limit - self.curve.neutral
@@ -106,6 +109,20 @@ class Thrusters(Part):
                 )
         return given
 
+    def _effectiveness(self, of: str) -> Any:
+        """e, (n,)."""
+        found = float64(self.effectiveness, f"Argument `effectiveness{of}`")
+        if np.shape(found) not in ((), (self.count,)):
+            raise ArgumentError(
+                f"Argument `effectiveness{of}` must be one number or one for each of {self.count} thrusters, but has "
+                f"shape {np.shape(found)}."
+            )
+        if not traced(found) and np.any((found < 0) | (found > 1)):
+            raise ArgumentError(
+                f"Argument `effectiveness{of}` must be from 0, dead, to 1, but is {np.asarray(found).tolist()}."
+            )
+        return found if traced(found) else np.broadcast_to(found, (self.count,)).copy()
+
     def _limits(self, of: str) -> Any:
         """(lowest, highest) command."""
         if self.limit is None:
@@ -134,7 +151,10 @@ class Thrusters(Part):
         return {**super().parameters(), "curve": self.curve.parameters()}
 
     def matrix(self, own: Any) -> Array:
-        """B, (6, n), from the geometry or as given."""
+        """B, (6, n), from the geometry or as given, of thrusters that have all or a part of their force."""
+        return self._whole_matrix(own) * own.effectiveness
+
+    def _whole_matrix(self, own: Any) -> Array:
         if self.allocation is not None:
             return own.allocation
         torques = jnp.cross(own.positions, own.directions)

@@ -175,8 +175,18 @@ class SteadyFlight:
                 conditions = lambda s, v: jnp.concatenate([self._conditions(s, v), s.a[:3] - down])  # noqa: E731
             else:
                 conditions = self._conditions
-            self._searches[kind] = Search(self.craft.system, near, conditions, free, names=names)
+            remedy = "At rest no actuator moves: change its balance." if kind == "rest" else self._remedy
+            self._searches[kind] = Search(self.craft.system, near, conditions, free, names=names, remedy=remedy)
         return self._searches[kind]
+
+    @property
+    def _remedy(self) -> str:
+        """What to do where no motion is found, in terms of the actuators that move and of those that do not."""
+        moving = [path.partition(".")[0] for path in self.free]
+        staying = [part.name for part in self.vehicle.commanded if part.name not in moving]
+        moved = f"To hold it moved {', '.join(moving) or 'no actuator'}"
+        rest = f", and not {', '.join(staying)}: free one of these" if staying else ", all that it has: give it more"
+        return f"{moved}{rest}, or take another speed or climb."
 
     def _conditions(self, state: State, speed: Any) -> Any:
         down = self.craft.system.advected.view(self.craft.system.group, state.a).down
