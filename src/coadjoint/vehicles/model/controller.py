@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -13,9 +13,9 @@ from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative
+from coadjoint.vehicles.parts.numbers import Numbers
 
 
 class Feedback(NamedTuple):
@@ -55,7 +55,7 @@ class Feedback(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Controller(ABC):
+class Controller(Numbers, ABC):
     """A digital controller: it looks every `period` (s), and its commands are in force `delay` (s) later.
 
     Fields that hold numbers are parameters: `p.controller.gains` of the system, and `steer` gets `p.controller` as
@@ -75,11 +75,6 @@ class Controller(ABC):
                 f"{self.period:g} s, "
                 f"but is {self.delay:g} s."
             )
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers that can be replaced and varied: by default all fields that hold numbers."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, Each))}
 
     @property
     def inputs(self) -> dict[str, str]:

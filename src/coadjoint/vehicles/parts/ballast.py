@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import positive
-from coadjoint.vehicles.parts.bounded_travel import followed, require_range
+from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place
-from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 
 @dataclass(frozen=True, eq=False)
-class Ballast(Part):
+class Ballast(BoundedTravel):
     """A volume V at r beyond that of the body, which ℓ has as −V g ∫₀^depth ρ dz: oil in a bladder, of constant mass.
 
     The pump's work against the water is the ledger's ΔH, ρ g depth ΔV. The oil's own shift between hull and bladder, a
@@ -28,25 +24,15 @@ class Ballast(Part):
     """
 
     kind: ClassVar[str] = "ballast"
+    unit: ClassVar[str] = "m³"
     position: Any = place()
     low: Any = measured(u.VOLUME)
     high: Any = measured(u.VOLUME)
     rate: Any = measured(u.VOLUME_RATE, positive)
     lag: Any = measured(u.TIME, lag_or_none, default=None)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_range(self)
-
-    @property
-    def command(self) -> Command:
-        return Command("m³", start=float(np.clip(0.0, self.low, self.high)))
-
     def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        return actual + followed(actual, command, h, own)
-
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
-        return Force()
+        return actual + self.followed(actual, command, h, own)
 
     def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
         return ((actual, own.position),)

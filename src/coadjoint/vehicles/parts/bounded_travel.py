@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.vehicles.parts.part import Part, share_of_lag
+from coadjoint.mechanics.state import Force
+from coadjoint.vehicles.parts.part import Command, Flow, Part, share_of_lag
 
 
-def followed(actual: Array, command: Array, h: Array, own: Any) -> Array:
-    """The change over h towards a command: clip((1 − exp(−h/τ))(clip(command, low, high) − x), ±rate·h)."""
-    change = jnp.clip(command, own.low, own.high) - actual
-    if "lag" in own:
-        change = share_of_lag(h, own.lag) * change
-    return jnp.clip(change, -own.rate * h, own.rate * h)
+class BoundedTravel(Part):
+    """An actuator x between `low` and `high`, |ẋ| ≤ `rate`, with a `lag`, that acts by what ℓ has of it and not by a
+    force. unit: that of x."""
 
+    unit: ClassVar[str]
+    low: Any
+    high: Any
 
-def require_range(part: Part) -> None:
-    """Raise ArgumentError unless `low` is below `high`."""
-    low, high = (getattr(part, end) for end in ("low", "high"))
-    if low >= high:
-        raise ArgumentError(
-            f"Argument `low` of the {part.title}` must be below `high`, but low is {low:g} and high {high:g}."
-        )
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.low >= self.high:
+            raise ArgumentError(
+                f"Argument `low` of the {self.title}` must be below `high`, but low is {self.low:g} and high "
+                f"{self.high:g}."
+            )
+
+    @property
+    def command(self) -> Command:
+        return Command(self.unit, start=float(np.clip(0.0, self.low, self.high)))
+
+    def followed(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
+        """The change over h towards a command: clip((1 − exp(−h/τ))(clip(command, low, high) − x), ±rate·h)."""
+        change = jnp.clip(command, own.low, own.high) - actual
+        if "lag" in own:
+            change = share_of_lag(h, own.lag) * change
+        return jnp.clip(change, -own.rate * h, own.rate * h)
+
+    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
+        return Force()

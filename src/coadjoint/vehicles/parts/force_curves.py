@@ -7,7 +7,7 @@ numbers are parameters of the part that has it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -16,11 +16,12 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.parts.numbers import Numbers
 
 
 @dataclass(frozen=True, eq=False)
-class ForceCurve(ABC):
-    """F(u), N, never falling, with F = 0 at the neutral command."""
+class ForceCurve(Numbers, ABC):
+    """F(u), N, never falling, with F = 0 at the neutral command. Its numbers are `p.thrusters.curve` of a system."""
 
     @property
     def neutral(self) -> float:
@@ -31,10 +32,6 @@ class ForceCurve(ABC):
     def reach(self) -> tuple[float, float] | None:
         """The commands that the curve is known for; None for all."""
         return None
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers of the curve, `p.thrusters.curve` of a system, which `force` and `command` get as `own`."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @abstractmethod
     def force(self, command: Array, own: Any) -> Array:

@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import positive
-from coadjoint.vehicles.parts.bounded_travel import followed, require_range
+from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place, way
-from coadjoint.vehicles.parts.part import Command, Flow, Part
 
 
 @dataclass(frozen=True, eq=False)
-class MovingMass(Part):
+class MovingMass(BoundedTravel):
     """A point mass m at r + x e, which ℓ has as ½m|ν + ω × (r + x e) + ẋ e|² + m g depth, beyond the mass of the body.
 
     Over each step the mass runs at a constant speed ẋ, and ℓ has it halfway: centre of mass, inertia and the momentum
@@ -30,6 +26,7 @@ class MovingMass(Part):
     """
 
     kind: ClassVar[str] = "moving_mass"
+    unit: ClassVar[str] = "m"
     mass: Any = measured(u.MASS, positive)
     position: Any = place()
     axis: Any = way()
@@ -37,14 +34,6 @@ class MovingMass(Part):
     high: Any = measured(u.LENGTH)
     rate: Any = measured(u.SPEED, positive)
     lag: Any = measured(u.TIME, lag_or_none, default=None)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_range(self)
-
-    @property
-    def command(self) -> Command:
-        return Command("m", start=float(np.clip(0.0, self.low, self.high)))
 
     @property
     def units(self) -> dict[str, str]:
@@ -55,11 +44,8 @@ class MovingMass(Part):
 
     def advance(self, actual: Any, command: Array, h: Array, own: Any) -> dict[str, Any]:
         reached = actual.position + 0.5 * h * actual.speed
-        change = followed(reached, command, h, own)
+        change = self.followed(reached, command, h, own)
         return {"position": reached + 0.5 * change, "speed": change / h}
-
-    def force(self, flow: Flow, actual: Any, own: Any) -> Force:
-        return Force()
 
     def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
         return ((own.mass, own.position + actual.position * own.axis, actual.speed * own.axis),)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import Force
 from coadjoint.vehicles.parts.measured import check_fields
+from coadjoint.vehicles.parts.numbers import Numbers
 
 AHEAD = np.array([1.0, 0.0, 0.0])
 """The direction of the hull, body axes."""
@@ -53,7 +52,7 @@ class Command:
 
 
 @dataclass(frozen=True, eq=False)
-class Part(ABC):
+class Part(Numbers, ABC):
     """One thing on a vehicle: a line of its energy budget, and an actuator where it has a `command`.
 
     name: a word, unique on a vehicle. Fields of a kind that hold numbers are its parameters: `area` of the part
@@ -75,13 +74,6 @@ class Part(ABC):
     def title(self) -> str:
         """What it is in sentences, without the quote at the end."""
         return f"{self.kind.replace('_', ' ') or type(self).__name__} `{self.name}"
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers that can be replaced and varied: by default all fields that hold numbers."""
-        given = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "name"}
-        return {
-            key: value for key, value in given.items() if isinstance(value, (int, float, np.ndarray, jax.Array, Each))
-        }
 
     @property
     def command(self) -> Command | None:

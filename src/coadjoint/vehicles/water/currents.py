@@ -59,9 +59,6 @@ class TimeCurrent(Water):
             )
         _require_finite(evaluate(lambda t: self.current(jnp.zeros(3), t, None, None), np.float64(0.0)), "The current")
 
-    def parameters(self) -> dict[str, Any]:
-        return {}
-
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
         return returned(self.function, (t,), (3,), "The current as a function of time")
 
@@ -89,9 +86,6 @@ class CurrentField(Water):
     @property
     def steady(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return _arguments(self.function) == 1
-
-    def parameters(self) -> dict[str, Any]:
-        return {}
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
         arguments = (position,) if self.steady else (position, t)

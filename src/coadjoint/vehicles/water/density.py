@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import number, positive
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.water.columns import DOWN, read
 
 DEEPEST = 11000.0
@@ -21,12 +22,8 @@ DEEPEST = 11000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Density(ABC):
+class Density(Numbers, ABC):
     """ρ(depth), kg/m³, constant above the surface, and its integral from the surface."""
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers that can be replaced and varied: all fields."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @abstractmethod
     def density(self, depth: Array, own: Any) -> Array:

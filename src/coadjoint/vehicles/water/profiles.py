@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.models.quantities import positive, vector
+from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.water.water import UniformWater, Water
 
 VISCOUS = 0.01
@@ -44,12 +45,8 @@ class LinearShear(Water):
 
 
 @dataclass(frozen=True, eq=False)
-class Profile(ABC):
+class Profile(Numbers, ABC):
     """The current at a depth as a part of that at the surface: 1 there and above, 0 below the bottom."""
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers that can be replaced and varied: all fields."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @abstractmethod
     def part(self, depth: Array, own: Any) -> Array:

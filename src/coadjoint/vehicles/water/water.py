@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import vector
+from coadjoint.vehicles.parts.numbers import Numbers
 
 
 @dataclass(frozen=True, eq=False)
-class Water(ABC):
+class Water(Numbers, ABC):
     """What surrounds a craft. Axes of the space frame: north, east, down.
 
     Fields that hold numbers are parameters: `velocity` of a water is `p.water.velocity` of the system, and its methods
@@ -34,11 +35,6 @@ class Water(ABC):
     def stratified(self) -> bool:
         """Whether its density is its own, and not that of the vehicle."""
         return type(self).density is not Water.density
-
-    def parameters(self) -> dict[str, Any]:
-        """The numbers that can be replaced and varied: by default all fields that are set."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {key: value for key, value in given.items() if value is not None}
 
     def start(self) -> dict[str, Any]:
         """What the water remembers at the start, as of a random current; {} if nothing."""
