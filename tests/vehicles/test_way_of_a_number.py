@@ -35,9 +35,10 @@ def test_a_number_goes_from_the_file_to_the_force_through_eight_files_that_the_p
     passed = set()
 
     def look(frame: Any, event: str, given: Any) -> None:
-        file = Path(frame.f_code.co_filename)
-        if event == "return" and VEHICLES in file.parents and any(map(holds, [given, *frame.f_locals.values()])):
-            passed.add(file.relative_to(VEHICLES).as_posix())
+        for here in (frame, frame.f_back):  # what calls others holds numbers for a moment only
+            file = here.f_code.co_filename if here is not None else ""
+            if file.startswith(str(VEHICLES)) and any(map(holds, [given, *here.f_locals.values()])):
+                passed.add(Path(file).relative_to(VEHICLES).as_posix())
 
     sys.setprofile(look)
     try:
