@@ -37,7 +37,7 @@ RUNS = ("run", "finished", "ensemble", "simulate", "trajectory", "resume", "reco
 """Of `simulation`, what `co.simulate` returns and what `coadjoint` itself names."""
 ARRAY = re.compile(r"\b(Array|ArrayLike|ndarray)\b")
 SIZE = (
-    r"(?:…|\.\.\.|\d+N?²?|N²?|n|k|m|d|j|dim|ambient|members|nodes|rows|steps|lines|unknowns|symmetries|size|count|y|z"
+    r"(?:…|\.\.\.|\d+N?²?|N²?|n|k|m|d|j|dim|ambient|members|nodes|rows|steps|lines|unknowns|symmetries|size|count|s|y|z"
 )
 SIZE += r"|number of \w+|[a-z]+ of \w+)"
 SIZE += r"(?: [GQV]\b\*?)?(?: [+−·] [\w ]+)?"
@@ -87,3 +87,24 @@ def test_public_functions_of_arrays_state_a_shape() -> None:
     assert not silent, "Say the shape of arrays, as in (dim,) or `one number`, in the docstrings of: " + ", ".join(
         silent
     )
+
+
+def test_public_classes_with_arrays_state_a_shape() -> None:
+    trees = modules()
+    kinds = [
+        (m, node)
+        for m, tree in trees.items()
+        if m.split(".")[1:2] and m.split(".")[1] in CHAPTERS
+        for node in tree.body
+    ]
+    kinds = [
+        (m, n) for m, n in kinds if isinstance(n, ast.ClassDef) and not n.name.startswith("_") and has_array_fields(n)
+    ]
+    assert len(kinds) > 15
+    silent = [f"{m}.{node.name}" for m, node in kinds if not SHAPE.search(ast.get_docstring(node) or "")]
+    assert not silent, "Say the shape of the fields that are arrays in the docstrings of: " + ", ".join(silent)
+
+
+def has_array_fields(kind: ast.ClassDef) -> bool:
+    notes = [ast.unparse(field.annotation) for field in kind.body if isinstance(field, ast.AnnAssign)]
+    return any(ARRAY.search(re.sub(r"Callable\[.*\]", "", note)) for note in notes)

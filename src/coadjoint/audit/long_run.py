@@ -31,6 +31,8 @@ class LongRun(NamedTuple):
     """Times (s), relative energy error at them, its band and drift, and the largest relative error of a momentum.
 
     `momentum_error` is NaN where no direction leaves all advected parameters alone.
+
+    times, energy_error: (nodes,).
     """
 
     times: np.ndarray

@@ -31,7 +31,10 @@ _PLACES = np.array([-4, -3, -2, -1, 1, 2, 3, 4]) * SPREAD
 
 
 class CurveTangent(NamedTuple):
-    """A variation of a state at fixed a₀."""
+    """A variation of a state at fixed a₀.
+
+    eta, mu: (dim G,). w, pi: (ambient,).
+    """
 
     eta: Array
     w: Array

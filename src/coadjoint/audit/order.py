@@ -31,7 +31,10 @@ FITTED = 4
 
 
 class Convergence(NamedTuple):
-    """Step sizes with their errors, which of them were fitted, and the slope."""
+    """Step sizes with their errors, which of them were fitted, and the slope.
+
+    h, error, fitted: (steps,).
+    """
 
     h: np.ndarray
     error: np.ndarray

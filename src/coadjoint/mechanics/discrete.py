@@ -14,7 +14,10 @@ from coadjoint.mechanics.system import System, added
 
 
 class Point(NamedTuple):
-    """Where ℓ is evaluated: (ξ, n, ν, a) at time t."""
+    """Where ℓ is evaluated: (ξ, n, ν, a) at time t.
+
+    xi: (dim G,). n, nu: (ambient,). a: (dim V*,). t: one number, s.
+    """
 
     xi: Array
     n: Array
@@ -29,6 +32,8 @@ class Node(NamedTuple):
     mu = ∂_ξℓ, pi = ∂_νℓ, torque = ∂_aℓ⋄a + ∂_nℓ⋄n + ∂_νℓ⋄ν + T (D/h), force = ∂_nℓ + f (κ/h),
     source = ∂_aℓ⋄a + T − f⋄n (Δ), energy = ⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ, lagrangian = ℓ, and power = ⟨T, ξ⟩ + ⟨f, ν⟩ of
     each force, then −∂_tℓ where ℓ depends on time: they add up to Ė.
+
+    mu, torque, source: (dim G,). pi, force: (ambient,). energy, lagrangian: one number. power: (lines,).
     """
 
     mu: Array

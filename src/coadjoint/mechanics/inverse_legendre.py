@@ -38,6 +38,8 @@ class Velocities(NamedTuple):
     """ξ, ν, and the residual of ∂_ξℓ = μ, ∂_νℓ = π; None where it is round-off.
 
     It is relative to |μ|∞ and |π|∞, or where what ξ and ν give cancels, to what either alone would give.
+
+    xi: (dim G,). nu: (ambient,). residual: one number.
     """
 
     xi: Array

@@ -22,7 +22,10 @@ SOLVED = 1e-9
 
 
 class Place(NamedTuple):
-    """Where the transform is taken: z = (ξ, ν), n, a, t, inputs, internal."""
+    """Where the transform is taken: z = (ξ, ν), n, a, t, inputs, internal.
+
+    z: (dim G + ambient,). n: (ambient,). a: (dim V*,). t: one number, s.
+    """
 
     system: System
     z: Array

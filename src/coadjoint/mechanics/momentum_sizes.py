@@ -14,7 +14,7 @@ from coadjoint.mechanics.system import System
 
 
 class Sizes(NamedTuple):
-    """|∂_ξℓ|∞ and |∂_νℓ|∞."""
+    """|∂_ξℓ|∞ and |∂_νℓ|∞, one number each."""
 
     mu: Array
     pi: Array

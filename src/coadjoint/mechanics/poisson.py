@@ -20,7 +20,10 @@ Function = Callable[[State], Any]
 
 
 class Phase(NamedTuple):
-    """μ, n, π, a, or their rates, or covectors on them."""
+    """μ, n, π, a, or their rates, or covectors on them.
+
+    mu: (dim G,). n, pi: (ambient,). a: (dim V*,).
+    """
 
     mu: Array
     n: Array

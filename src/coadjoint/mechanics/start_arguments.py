@@ -27,7 +27,10 @@ TANGENT = 1e-9
 
 
 class Checked(NamedTuple):
-    """The arguments of `System.state`, checked: element and flat float64 arrays."""
+    """The arguments of `System.state`, checked: element and flat float64 arrays.
+
+    q, qdot: (ambient,). xi: (dim G,). a0: (dim V*,). t: one number, s. Of members all have a leading axis.
+    """
 
     g: Element
     q: Array

@@ -155,7 +155,8 @@ class Motion(NamedTuple):
 class NodeMotion(NamedTuple):
     """What functions may depend on that are held over a step, of inputs and of internal states: `Motion`, g and q.
 
-    g: as in `State`. q: q = g·n in the space frame, as n. Forces, which act within steps, have the body frame only.
+    g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names as n. Forces, which act within steps, have
+    the body frame only.
     """
 
     xi: Array

@@ -23,7 +23,10 @@ SINGULAR = 1e-10
 
 
 class LastIncrement(NamedTuple):
-    """The memory of the method: F of the last step, χ with F = F_before τ(χ), and the step h that it was for."""
+    """The memory of the method: F of the last step, χ with F = F_before τ(χ), and the step h that it was for.
+
+    change: (dim G,). h: one number.
+    """
 
     F: Element
     change: Array

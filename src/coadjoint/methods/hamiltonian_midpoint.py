@@ -17,7 +17,10 @@ from coadjoint.methods.midpoint import Midpoint
 
 
 class MiddleMomenta(NamedTuple):
-    """The memory of the method: m and p at the middle of the step."""
+    """The memory of the method: m and p at the middle of the step.
+
+    mu: (dim G,). pi: (ambient,).
+    """
 
     mu: Array
     pi: Array

@@ -30,6 +30,8 @@ class Constants:
     `renewal` is what every step takes new at the node where it starts: RENEWED, inputs and internal state;
     INPUTS_HELD, the internal state alone, with the inputs that the state holds; ALL_HELD, neither. None stands for the
     first, in a program that does without the others.
+
+    renewal: one number.
     """
 
     system: Parameters | None

@@ -13,6 +13,8 @@ class Gauss(NamedTuple):
 
     `until` = ∫₀^{c_i} L_j, the a_ij of Butcher; `half` = ∫₀^½ L_j; `centred` = ∫_½^{c_i} L_j;
     `middle` = L_j(½); `ahead` = L_j(1 + c_i).
+
+    All have shapes of s nodes: (s,), and (s, s) those of nodes and polynomials.
     """
 
     c: np.ndarray

@@ -25,7 +25,10 @@ Below it E_k = E₀ does not determine h, as at a relative equilibrium: round-of
 
 
 class Pace(NamedTuple):
-    """What a variable step remembers: h/dt of this step, E₀, whether it is known, and how many steps were fixed."""
+    """What a variable step remembers: h/dt of this step, E₀, whether it is known, and how many steps were fixed.
+
+    One number each.
+    """
 
     ratio: Array
     energy: Array

@@ -21,6 +21,8 @@ class LagrangianSlopes(NamedTuple):
     """What a step takes from Λ and the forces.
 
     `momentum` is D^R_FΛ = (dτ⁻¹_{hξ})*∂_ξΛ/h; then s, ∂_nΛ, ∂_sΛ, ∂_aΛ; T⁻ and φ⁻.
+
+    momentum, torque: (dim G,). s, along_n, along_s, force: (ambient,). along_a: (dim V*,).
     """
 
     momentum: Array

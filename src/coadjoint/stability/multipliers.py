@@ -29,6 +29,8 @@ class StepModes:
 
     `multipliers`: eigenvalues m of the derivative of one step, a row with each λ of `eigenvalues`. `effective`:
     λ_h = log(m)/h, on the branch of λ.
+
+    dt: h, s. eigenvalues, multipliers, effective: shape (modes,), complex, 1/s but for the multipliers.
     """
 
     dt: float

@@ -31,7 +31,10 @@ IGNORABLE = 1e-9
 
 
 class ReducedSlopes(NamedTuple):
-    """y = (μ, n, π, a), its rate Y, and their derivatives by the chart z = (δξ, δn, δν, η)."""
+    """y = (μ, n, π, a), its rate Y, and their derivatives by the chart z = (δξ, δn, δν, η).
+
+    y, rate: (y,). y_z, rate_z: (y, z).
+    """
 
     y: np.ndarray
     rate: np.ndarray

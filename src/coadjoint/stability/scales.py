@@ -24,6 +24,8 @@ class Scales(NamedTuple):
     √(E M_ii), positions √(E/M_ii)/ρ, angles 1, and an advected parameter is as large as it is. All of these change
     with the units as the variables do, but where nothing moves: a rate, an energy, an inertia or an advected parameter
     that vanishes counts as 1.
+
+    z: (z,). y: (y,). rate, energy: one number.
     """
 
     z: np.ndarray

@@ -39,6 +39,8 @@ class EnergyCasimir:
 
     `verdict`: "stable" where it is definite, else "undecided", and `reason` says why. `eigenvalues`: of the form in
     variables scaled by their inertia. `multipliers`: λ_i by the names of the integrals.
+
+    eigenvalues: shape (directions,).
     """
 
     verdict: str

@@ -29,6 +29,8 @@ class Mode:
     """An eigenvalue λ with Im λ ≥ 0 and its direction.
 
     `velocities`: (δξ, δν), complex. `shares`: how the kinetic energy ½ M_ii|z_i|² is spread over the velocities.
+
+    velocities: shape (dim G + ambient,).
     """
 
     eigenvalue: complex
@@ -78,6 +80,9 @@ class Linearisation:
     `zero_modes`: how many zero eigenvalues L has, counted with their multiplicity and left out of `modes`: a steady
     motion changes into its neighbours with other momenta, or along a symmetry. `charts`: z = `charts` x, and
     x = `rows` δy.
+
+    matrix: L, (size, size). directions: (y, size). rows: (size, y). charts: (z, size). eigenvalues: complex numbers,
+    1/s.
     """
 
     matrix: np.ndarray

@@ -46,7 +46,10 @@ NODES: dict[type, tuple[tuple[float, float], ...]] = {
 
 
 class NodePlace(NamedTuple):
-    """A node: its weight, its frame X = g_k⁻¹g, its position x = X·n seen from node k, and what ℓ sees there."""
+    """A node: its weight, its frame X = g_k⁻¹g, its position x = X·n seen from node k, and what ℓ sees there.
+
+    weight: one number. x: (ambient,).
+    """
 
     weight: float
     frame: Element
@@ -55,7 +58,10 @@ class NodePlace(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A step: F = g_k⁻¹g_{k+1}, d = s − n, its nodes, and Λ."""
+    """A step: F = g_k⁻¹g_{k+1}, d = s − n, its nodes, and Λ.
+
+    d: (ambient,). value: one number.
+    """
 
     F: Element
     d: Array
@@ -68,6 +74,8 @@ class Trial(NamedTuple):
 
     z is (ξ, d) for a rule of one velocity, (χ, d) with F = e^χF_k for Λ in group form, the velocities at the nodes for
     Galerkin's curves.
+
+    z: (unknowns,).
     """
 
     z: Array

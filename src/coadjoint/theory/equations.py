@@ -40,7 +40,10 @@ RULES = (*NODES, Variational, Galerkin)
 
 
 class Residual(NamedTuple):
-    """An equation, what it says, its residual at every node or pair of steps, and the size that it is relative to."""
+    """An equation, what it says, its residual at every node or pair of steps, and the size that it is relative to.
+
+    values: (nodes,).
+    """
 
     equation: str
     statement: str

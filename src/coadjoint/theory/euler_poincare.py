@@ -21,6 +21,8 @@ class Link(NamedTuple):
     """A step in reduced variables: F = g_k⁻¹g_{k+1}, n = g_k⁻¹q_k, s = g_k⁻¹q_{k+1}, a = g_k⁻¹a₀ (P38), (P39).
 
     `at`: when it starts and what is held over it, for systems with time, forces, inputs or an internal state.
+
+    F: an element. n, s: (ambient,). a: (dim V*,). A sequence of steps has a leading axis.
     """
 
     F: Element
@@ -31,7 +33,7 @@ class Link(NamedTuple):
 
 
 class Momenta(NamedTuple):
-    """(μ, π) ∈ 𝔤* × T*Q."""
+    """(μ, π) ∈ 𝔤* × T*Q, (dim G,) and (ambient,)."""
 
     mu: Array
     pi: Array
@@ -112,7 +114,10 @@ def instant_after(system: System, link: Link, h: Array) -> Instant:
 
 
 class Variation(NamedTuple):
-    """η_k = g_k⁻¹δg_k and w_k = g_k⁻¹δq_k at the two ends of a step."""
+    """η_k = g_k⁻¹δg_k and w_k = g_k⁻¹δq_k at the two ends of a step.
+
+    eta, eta_next: (dim G,). w, w_next: (ambient,).
+    """
 
     eta: Array
     w: Array

@@ -24,6 +24,8 @@ class Instant:
 
     `inputs`: of a system driven by signals (`system.driven`) leave them out. `internal`: a dictionary like the start's.
     All are None for a system that has none of them.
+
+    t: one number; of a sequence of steps all have a leading axis.
     """
 
     t: Array = None

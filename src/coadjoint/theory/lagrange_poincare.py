@@ -47,6 +47,8 @@ class Contribution(NamedTuple):
     group = D^R_σ l − T⁺ ∈ 𝔤*, first = D₁l + (Ad_{F⁻¹}B₁)* D^R_σ l + φ⁻, last = D₃l + (Ad_{F⁻¹}B₂)* D^R_σ l + φ⁺,
     carried = Ad*_{F⁻¹} D^R_σ l + T⁻, with F = Ωσ⁻¹, ⟨B₁, δx⟩ = (∂_xΩ·δx)Ω⁻¹ and B₂ likewise; (T⁻, φ⁻), (T⁺, φ⁺) are
     what forces give at the two ends of the step.
+
+    group, carried: (dim G,). first, last: (size,), a number for each shape coordinate.
     """
 
     group: Array
@@ -57,7 +59,10 @@ class Contribution(NamedTuple):
 
 @dataclass(frozen=True)
 class ReducedLagrangian:
-    """l(x, σ, x⁺) = Λ(Ω(x, x⁺)σ⁻¹, x, x⁺; h) of a rule on M × G (B33–B34), with its slopes."""
+    """l(x, σ, x⁺) = Λ(Ω(x, x⁺)σ⁻¹, x, x⁺; h) of a rule on M × G (B33–B34), with its slopes.
+
+    h: one number, s.
+    """
 
     system: System
     step: Step

@@ -27,7 +27,10 @@ PoissonFunction = Callable[..., Any]
 
 
 class PoissonLink(NamedTuple):
-    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀; `at`: when the step starts and what is held over it, where that matters."""
+    """f_k = g_{k+1}⁻¹g_k and a_k = g_k⁻¹a₀; `at`: when the step starts and what is held over it, where that matters.
+
+    f: an element. a: (dim V*,). A sequence of steps has a leading axis.
+    """
 
     f: Element
     a: Array

@@ -24,6 +24,8 @@ class SemidirectLink(NamedTuple):
     """f = g_{k+1}⁻¹g_k, y = f u_k and u = u_{k+1}, with u_k = g_k⁻¹v_k (B9), (B10).
 
     `at`: when the step starts and what is held over it, where that matters.
+
+    f: an element. y, u: (dim V,). A sequence of steps has a leading axis.
     """
 
     f: Element

@@ -21,7 +21,10 @@ from coadjoint.theory.instant import instants
 
 
 class Impulse(NamedTuple):
-    """(T⁻, φ⁻) at the beginning and (T⁺, φ⁺) at the end of a step: the virtual work of its forces."""
+    """(T⁻, φ⁻) at the beginning and (T⁺, φ⁺) at the end of a step: the virtual work of its forces.
+
+    torque, torque_next: (dim G,). force, force_next: (ambient,).
+    """
 
     torque: Array
     force: Array
@@ -34,6 +37,8 @@ class Slopes(NamedTuple):
 
     right = D^R_FΛ, left = D^L_FΛ, then ∂_nΛ, ∂_sΛ, ∂_aΛ. `inner`: what is left of d(ΣΛ) + work along variations of the
     step with fixed ends: empty for a rule of one velocity, zero on the solutions of Galerkin's curves.
+
+    right, left: (dim G,). along_n, along_s: (ambient,). along_a: (dim V*,). inner: shape (unknowns,) or (0,).
     """
 
     link: Link
