@@ -104,7 +104,8 @@ def _check_forces(system: System, start: State) -> None:
     if traced(system.parameters, start):
         return
     with in_words("The forces"):
-        values, slopes = evaluate(lambda *given: (at(*given), jax.jacfwd(at)(*given)), velocities, start.t)
+        once = jax.jit(lambda *given: at(*given))  # a function of its own: what JAX has traced before may have changed
+        values, slopes = evaluate(lambda *given: (once(*given), jax.jacfwd(once)(*given)), velocities, start.t)
     for name, value, slope in zip(what, values, slopes, strict=True):
         if _finite(value) and not _finite(slope):
             raise LagrangianError(

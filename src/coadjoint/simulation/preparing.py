@@ -13,6 +13,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.discrete import nodes_traced_once
 from coadjoint.mechanics.internal import internal_warnings, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
@@ -70,7 +71,8 @@ def prepare(
     state, warnings, program, watching = begun
     warnings = internal_warnings(system, h) + warnings
     constants = _constants(system, watching)
-    chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
+    with nodes_traced_once():
+        chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
     return Run(system, method, start, plan, Position(state), Memory(), warnings, ALONE, crossed=crossed)

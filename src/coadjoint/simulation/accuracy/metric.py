@@ -103,5 +103,5 @@ def _positions(*states: State) -> list[np.ndarray]:
 def _acting(places: Places, rows: int) -> Any:
     """(g, n) ↦ g·n on rows, traced once."""
     group, Q, _ = places
-    g = jax.tree.map(lambda leaf: np.zeros((rows, *np.shape(leaf))), group.identity())
+    g = jax.tree.map(lambda leaf: np.zeros((rows, *leaf.shape)), jax.eval_shape(group.identity))
     return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
