@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
 from coadjoint.methods.method import Method, Step
+
+SYMMETRIC = 1e-10
+"""How far Λ and its adjoint may differ, relative to them, by round-off."""
 
 
 class LagrangianSlopes(NamedTuple):
@@ -41,11 +47,45 @@ class Variational(Method, Whole):
     left: μ_k = (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_aΛ⋄a − ∂_nΛ⋄n − ∂_sΛ⋄s − T⁻, π_k = −∂_nΛ − φ⁻; right: μ_{k+1} =
     (dτ⁻¹_{−hξ})*∂_ξΛ/h, π_{k+1} = F*∂_sΛ; n_{k+1} = F⁻¹s, a_{k+1} = F⁻¹a (P42–P44). The unknown is ν = (s − n)/h,
     never s. Forces enter at the left node: T⁻ = hT, φ⁻ = hf. μ_{k+1} and π_{k+1} are taken by transport.
+
+    symmetric: whether Λ(ξ, n, s, a; h) = −Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h), so that Φ₋ₕ undoes Φ_h, by default False. Then
+    the order is 2 and compositions such as co.Suzuki4 take it; a run checks it and raises ArgumentError where it does
+    not hold, as with forces, which stand at the left node.
     """
+
+    symmetric: bool = False  # pyright: ignore[reportIncompatibleMethodOverride, reportAssignmentType]
 
     @property
     def order(self) -> int:
-        return 1
+        return 2 if self.symmetric else 1
+
+    def remember(self, system: System, state: State) -> State:
+        if self.symmetric and not traced(state, system.parameters):
+            self._require_symmetric(system, state)
+        return state
+
+    def _require_symmetric(self, system: System, state: State) -> None:
+        """Raise ArgumentError unless Λ is its own adjoint at random ξ and ν."""
+        if system.forces:
+            raise ArgumentError(
+                "Forces stand at the left node of co.Variational, so that its steps are not symmetric: leave out "
+                "`symmetric`, or use co.Midpoint() with a Lagrangian."
+            )
+        adjoint: Any = Variational(self.difference_map).adjoint
+        random, h = np.random.default_rng(1788), 0.1
+
+        def values(record: State) -> tuple[Array, Array]:
+            return self._value(system, record, h, record.t), adjoint._value(system, record, h, record.t)
+
+        for _ in range(3):
+            xi, nu = random.normal(size=np.shape(state.xi)), random.normal(size=np.shape(state.nu))
+            one, other = evaluate(values, state.replace(xi=xi, nu=nu if system.additional.flat else state.nu))
+            if not np.abs(one - other) <= SYMMETRIC * (np.abs(one) + np.abs(other)):
+                raise ArgumentError(
+                    f"The discrete Lagrangian of this system is not symmetric: Λ(ξ, n, s, a; h) = {one:.6g}, but "
+                    f"−Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h) = {other:.6g} at a random point; leave out `symmetric`, or use "
+                    "co.Symmetrised(co.Variational())."
+                )
 
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:

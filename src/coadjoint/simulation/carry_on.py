@@ -11,8 +11,8 @@ from coadjoint.mechanics.internal import failure
 from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler
-from coadjoint.simulation.driver import Driver, Sink
-from coadjoint.simulation.energy_warnings import energy_warnings
+from coadjoint.simulation.driver import Driver, Memory, Sink
+from coadjoint.simulation.energy_warnings import energy_warnings, members_driven
 from coadjoint.simulation.ensemble import (
     Ensemble,
 )
@@ -49,7 +49,9 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         if not ended:
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
         run.warnings += accuracy_warnings(run)
-        if not isinstance(run, Ensemble) and not run.position.failed:
+        if isinstance(run, Ensemble):
+            run.warnings += members_driven(run) if isinstance(run.memory, Memory) and run.memory.records else []
+        elif not run.position.failed:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
         if not ended:
             sink.finish(run.position)

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.mechanics.each import member_of
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.ledger import energy_lines
 
 if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
+    from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
 
 TOO_MUCH = 0.1
 """The relative change of a conserved energy from which on the card warns."""
 GAINED = 1e-3
 """What passive forces put in, relative to the largest energy that they have changed, from which on the card warns."""
+
+LISTED = 10
+"""How many members a warning lists."""
 
 
 def energy_known(run: Run) -> bool:
@@ -46,30 +53,63 @@ def _changed(run: Run) -> list[str]:
     ]
 
 
+class _Gain(NamedTuple):
+    """Energy that passive forces have put in between records: whose, how much, and from when on, s."""
+
+    names: str
+    energy: float
+    first: float
+
+
 def _driven(run: Run) -> list[str]:
-    """A sentence where passive forces have put energy in between two records.
+    """A sentence where passive forces have put energy in between two records."""
+    gain = _gain(run.system, run.system.parameters, run.monitors, np.asarray(run.records.t))
+    return [f"{_told(run.system, gain)}."] if gain else []
+
+
+def members_driven(ensemble: Ensemble) -> list[str]:
+    """A sentence where passive forces have put energy into members: that of the most, and the others by number."""
+    t, parameters = np.asarray(ensemble.records.t), ensemble.system.parameters
+    gains: dict[int, _Gain] = {}
+    for member in range(len(t)):
+        good = np.isfinite(t[member])
+        rows = {name: values[member][good] for name, values in ensemble.monitors.items()}
+        if gain := _gain(ensemble.system, member_of(parameters, member), rows, t[member][good]):
+            gains[member] = gain
+    if not gains:
+        return []
+    most = max(gains, key=lambda member: gains[member].energy)
+    others = [str(member) for member in gains if member != most]
+    shown = ", ".join(others[:LISTED]) + (", …" if len(others) > LISTED else "")
+    also = f"; so in {len(others)} more of {len(t)} members: {shown}" if others else ""
+    return [f"In member {most} {_told(ensemble.system, gains[most])}{also}."]
+
+
+def _told(system: System, gain: _Gain) -> str:
+    energy = f"{gain.energy:.4g} {dict(system.units).get('energy', '')}".strip()
+    return (
+        f"{gain.names}, which should only brake, put in {energy}, from t = {gain.first:.4g} s on: their coefficients "
+        "do not hold for such motions"
+    )
+
+
+def _gain(system: System, parameters: Any, monitors: Mapping[str, np.ndarray], t: np.ndarray) -> _Gain | None:
+    """What passive forces have put in.
 
     A force is one if it has an attribute `passive`, a function of the parameters that is true of those of the run. The
     work of all of them together is looked at, since the lift of one may do work on the drag of another.
     """
-    forces = run.system.forces or ()
-    names = [name for name, force in forces if getattr(force, "passive", _active)(run.system.parameters)]
-    if not names or any(f"work_{name}" not in run.monitors for name in names):
-        return []
-    work = np.sum([run.monitors[f"work_{name}"] for name in names], axis=0)
+    forces = system.forces or ()
+    names = [name for name, force in forces if getattr(force, "passive", _active)(parameters)]
+    if not names or len(t) < 2 or any(f"work_{name}" not in monitors for name in names):
+        return None
+    work = np.sum([monitors[f"work_{name}"] for name in names], axis=0)
     gained = np.cumsum(np.maximum(np.diff(work), 0.0))
-    least = GAINED * max(
-        float(np.ptp(work)), float(np.ptp(run.monitors["energy"])) if "energy" in run.monitors else 0.0
-    )
-    if len(gained) == 0 or not gained[-1] > least:
-        return []
-    first = np.asarray(run.records.t)[int(np.argmax(gained > least))]
-    energy = f"{gained[-1]:.4g} {dict(run.system.units).get('energy', '')}".strip()
+    least = GAINED * max(float(np.ptp(work)), float(np.ptp(monitors["energy"])) if "energy" in monitors else 0.0)
+    if not gained[-1] > least:
+        return None
     whose = ", ".join(f"`{name}`" for name in names)
-    return [
-        f"{whose}, which should only brake, put in {energy}, from t = {first:.4g} s on: their coefficients do not hold "
-        "for such motions."
-    ]
+    return _Gain(whose, float(gained[-1]), float(t[int(np.argmax(gained > least))]))
 
 
 def _active(p: object) -> bool:

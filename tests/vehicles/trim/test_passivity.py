@@ -60,3 +60,17 @@ def test_a_run_that_enters_such_motions_is_warned_of_and_no_other():
     assert len(told) == 1 and told[0].startswith("`hull`, `manoeuvring`,")
     ahead = co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, duration=20)
     assert not any("should only brake" in sentence for sentence in ahead.warnings)
+
+
+def test_members_that_enter_such_motions_are_named():
+    craft = Craft(vehicles.load("nps_auv_ii"))
+    turning, ahead = (-0.02, 0.42, -0.22), (0.0, 0.0, 0.0)
+    start = craft.start(
+        velocity=co.each([[1.0, 0.0, 0.0], [-0.03, -0.08, 0.04], [-0.03, -0.08, 0.03]]),
+        angular_velocity=co.each([ahead, turning, turning]),
+    )
+    fleet = co.simulate(craft.system, start, dt=0.05, duration=20, accuracy=False)
+    told = [sentence for sentence in fleet.warnings if "which should only brake, put in" in sentence]
+    assert len(told) == 1
+    assert told[0].startswith("In member ") and "; so in 1 more of 3 members: " in told[0]
+    assert "member 0" not in told[0]
