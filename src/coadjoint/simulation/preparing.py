@@ -63,7 +63,8 @@ def prepare(
     system, start = with_inputs(system, start, inputs, method.start == "velocity")
     watched, noether = watched_events(until, events), _quantities(kelvin_noether)
     functions = _functions(system, noether, monitors, watched)
-    reading = known.read(system, start, functions, method, h, monitors, tuple(noether), watched)
+    observed = (*observe.BEFORE, *observe.AFTER) if monitors else ()
+    reading = known.read(system, start, functions, method, h, observed, tuple(noether), watched)
     begun = known.found(reading)
     if begun is None:
         begun = _checked(system, start, method, h, monitors, noether, watched, reading)
