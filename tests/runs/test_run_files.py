@@ -71,6 +71,7 @@ def test_an_element_of_a_product_is_a_list_of_its_parts(tmp_path):
         ({"name": "variable step"}, "VariableStep(Simpson(Cayley()))"),
         ({"name": "variable-step", "base": "midpoint", "within": [0.5, 2.0]}, "VariableStep(Midpoint(Cayley()))"),
         ({"name": "energy momentum", "points": 2}, "EnergyMomentum(Cayley(), points=2)"),
+        ({"name": "hamiltonian midpoint"}, "HamiltonianMidpoint(Cayley())"),
         ({"name": "LeftRight", "map": "squared cayley"}, "LeftRight(Squared(half=Cayley()))"),
     ],
 )

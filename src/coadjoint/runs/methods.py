@@ -75,7 +75,8 @@ def _map(name: str) -> DifferenceMap:
 
 
 def _named(written: str, home: str, what: str) -> str:
-    names = [name for name, (module, _) in homes("coadjoint").items() if module == home and name not in _CONTRACTS]
+    rooms = {name: module for name, (module, _) in homes("coadjoint").items() if name not in _CONTRACTS}
+    names = [name for name, module in rooms.items() if f"{module}.".startswith(f"{home}.")]
     plain = {letters(name): name for name in names}
     if letters(written) not in plain:
         raise ArgumentError(unknown(f"{what} `{written}`", "coadjoint", written, names))
