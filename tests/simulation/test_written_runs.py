@@ -61,3 +61,10 @@ def test_a_trajectory_has_all_of_its_nodes(run):
     path = co.trajectory(BODY, BODY.state(xi=[0.1, 0.2, 1.0]), dt=0.1, steps=5)
     assert len(path.nodes.t) == 6 and len(path.records.t) == 5
     np.testing.assert_allclose(path.nodes.mu, run.records.mu, rtol=1e-14)
+
+
+@pytest.mark.parametrize("path", [3, None, ""])
+def test_what_is_no_path_is_said_in_a_sentence(run, path):
+    for act in (run.save, co.load):
+        with pytest.raises(co.ArgumentError, match=r"`path` must be the name of a file, such as .run\.nc., but is"):
+            act(path)

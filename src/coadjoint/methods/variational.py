@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.discrete import power
@@ -54,6 +54,11 @@ class Variational(Method, Whole):
     """
 
     symmetric: bool = False  # pyright: ignore[reportIncompatibleMethodOverride, reportAssignmentType]
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not isinstance(self.symmetric, bool):
+            raise ArgumentError(f"Argument `symmetric` must be True or False, but is {shown(self.symmetric)}.")
 
     @property
     def order(self) -> int:

@@ -52,7 +52,7 @@ class Recording:
         Raises FileError rather than replace a file, ArgumentError for another ending and for options that the format
         does not have.
         """
-        target = Path(path)
+        target = _path(path)
         if target.exists() and not overwrite:
             raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
         if not target.parent.is_dir():
@@ -151,7 +151,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
         if not isinstance(system, System):
             raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
 
-    source = Path(path)
+    source = _path(path)
     if source.is_dir():
         from coadjoint.simulation.reading import saved_dataset
 
@@ -166,6 +166,12 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
     return SavedRun(found, system)
+
+
+def _path(given: Any) -> Path:
+    if not isinstance(given, (str, os.PathLike)) or not str(given):
+        raise ArgumentError(f'Argument `path` must be the name of a file, such as "run.nc", but is {shown(given)}.')
+    return Path(given)
 
 
 def beside(target: Path) -> Path:
