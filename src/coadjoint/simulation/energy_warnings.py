@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from coadjoint.mechanics.each import member_of
 from coadjoint.mechanics.inverse_legendre import SOLVED
 from coadjoint.mechanics.ledger import energy_lines
+from coadjoint.simulation.driver import Memory
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
@@ -63,8 +65,17 @@ class _Gain(NamedTuple):
 
 def _driven(run: Run) -> list[str]:
     """A sentence where passive forces have put energy in between two records."""
-    gain = _gain(run.system, run.system.parameters, run.monitors, np.asarray(run.records.t))
+    gain = _gain(run.system, run.system.parameters, run.monitors, lambda: _times(run))
     return [f"{_told(run.system, gain)}."] if gain else []
+
+
+def _times(run: Run) -> np.ndarray:
+    """The times of the saved nodes, s; of a run on disk its dataset is read, and read again with all warnings."""
+    if isinstance(run.memory, Memory):
+        return np.asarray(run.records.t)
+    found = run.dataset["time"].values
+    run.__dict__.pop("dataset", None)
+    return found
 
 
 def members_driven(ensemble: Ensemble) -> list[str]:
@@ -74,7 +85,7 @@ def members_driven(ensemble: Ensemble) -> list[str]:
     for member in range(len(t)):
         good = np.isfinite(t[member])
         rows = {name: values[member][good] for name, values in ensemble.monitors.items()}
-        if gain := _gain(ensemble.system, member_of(parameters, member), rows, t[member][good]):
+        if gain := _gain(ensemble.system, member_of(parameters, member), rows, partial(_of, t[member][good])):
             gains[member] = gain
     if not gains:
         return []
@@ -85,6 +96,10 @@ def members_driven(ensemble: Ensemble) -> list[str]:
     return [f"In member {most} {_told(ensemble.system, gains[most])}{also}."]
 
 
+def _of(times: np.ndarray) -> np.ndarray:
+    return times
+
+
 def _told(system: System, gain: _Gain) -> str:
     energy = f"{gain.energy:.4g} {dict(system.units).get('energy', '')}".strip()
     return (
@@ -93,23 +108,25 @@ def _told(system: System, gain: _Gain) -> str:
     )
 
 
-def _gain(system: System, parameters: Any, monitors: Mapping[str, np.ndarray], t: np.ndarray) -> _Gain | None:
-    """What passive forces have put in.
+def _gain(
+    system: System, parameters: Any, monitors: Mapping[str, np.ndarray], times: Callable[[], np.ndarray]
+) -> _Gain | None:
+    """What passive forces have put in; `times` of the nodes are asked for where they did.
 
     A force is one if it has an attribute `passive`, a function of the parameters that is true of those of the run. The
     work of all of them together is looked at, since the lift of one may do work on the drag of another.
     """
     forces = system.forces or ()
     names = [name for name, force in forces if getattr(force, "passive", _active)(parameters)]
-    if not names or len(t) < 2 or any(f"work_{name}" not in monitors for name in names):
+    if not names or any(f"work_{name}" not in monitors for name in names):
         return None
     work = np.sum([monitors[f"work_{name}"] for name in names], axis=0)
     gained = np.cumsum(np.maximum(np.diff(work), 0.0))
     least = GAINED * max(float(np.ptp(work)), float(np.ptp(monitors["energy"])) if "energy" in monitors else 0.0)
-    if not gained[-1] > least:
+    if len(gained) == 0 or not gained[-1] > least:
         return None
     whose = ", ".join(f"`{name}`" for name in names)
-    return _Gain(whose, float(gained[-1]), float(t[int(np.argmax(gained > least))]))
+    return _Gain(whose, float(gained[-1]), float(times()[int(np.argmax(gained > least))]))
 
 
 def _active(p: object) -> bool:
