@@ -193,3 +193,10 @@ def test_a_run_with_events_is_saved_with_their_counts(watched, tmp_path):
     assert {name: found.dataset.attrs[f"events_{name}"] for name in watched.events} == {
         name: len(states.t) for name, states in watched.events.items()
     }
+
+
+def test_a_wrong_event_is_told_by_its_name():
+    with pytest.raises(co.LagrangianError, match="The event `section` must be a function of the state, but is 3"):
+        simulate(events={"section": 3})
+    with pytest.raises(co.ArgumentError, match="The name `until` in `events`"):
+        simulate(events={"until": first_momentum})

@@ -47,12 +47,12 @@ class Event:
         return self.direction == "both" or (self.direction == "rising") == rises
 
 
-def as_event(given: Event | Callable[[State], Any] | None) -> Event | None:
-    """An event of what `until` was given."""
+def as_event(given: Event | Callable[[State], Any] | None, what: str = "Argument `until`") -> Event | None:
+    """An event of what `until`, or a name in `events`, was given."""
     if given is None or isinstance(given, Event):
         return given
     if not callable(given):
-        raise LagrangianError(f"Argument `until` must be a function of the state, but is {shown(given)}.")
+        raise LagrangianError(f"{what} must be a function of the state, but is {shown(given)}.")
     return Event(given)
 
 
@@ -65,7 +65,9 @@ def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
             "Argument `events` must be a dictionary of names and functions of the state, as in "
             f"events={{'section': lambda state: state.mu[2]}}, but is {shown(given)}."
         )
-    found = {name: as_event(event) for name, event in given.items()}
+    if "until" in given:
+        raise ArgumentError("The name `until` in `events` is that of the argument which ends a run: take another.")
+    found = {name: as_event(event, f"The event `{name}`") for name, event in given.items()}
     return {name: event for name, event in found.items() if event is not None}
 
 
