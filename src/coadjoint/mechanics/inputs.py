@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.signals import Held, Signal
-from coadjoint.mechanics.state import Motion
+from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 
@@ -23,7 +23,7 @@ class Command:
     shape: tuple[int, ...] = ()
 
 
-Source = Signal | Callable[[Motion], Any] | float | np.ndarray
+Source = Signal | Callable[[NodeMotion], Any] | float | np.ndarray
 Given = Source | Mapping[str, Source]
 
 
@@ -39,7 +39,7 @@ class Inputs:
         """Whether some are functions of the motion, held over each step."""
         return not all(isinstance(source, Signal) for source in self.sources)
 
-    def held(self, motion: Motion, before: Any = None) -> Any:
+    def held(self, motion: NodeMotion, before: Any = None) -> Any:
         """What is held over the step that starts with this motion; None where all are signals.
 
         Commands are taken from `before`, what is held until then.
@@ -75,7 +75,7 @@ def inputs_from(given: Any) -> Inputs | None:
     return Inputs(tuple(sources) if isinstance(given, Mapping) else None, found)
 
 
-def _source(name: str, given: Any) -> Signal | Command | Callable[[Motion], Any]:
+def _source(name: str, given: Any) -> Signal | Command | Callable[[NodeMotion], Any]:
     """A signal or a function of the motion; a number or an array stands for itself at all times."""
     if callable(given) or isinstance(given, Command):
         return given
