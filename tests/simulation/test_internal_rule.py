@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.errors import LagrangianError, StepError
+from coadjoint.mechanics.version import version
 
 
 @dataclass(frozen=True)
@@ -77,3 +79,52 @@ def test_a_rule_tells_why_a_step_failed_and_is_named_where_it_cannot_begin():
         ran(Winch(torn=0.25))
     with pytest.raises(LagrangianError, match="The winch must give finite"):
         ran(Winch(torn=0.1))
+
+
+class Compass(co.InternalRule):
+    """What a compass shows: the first axis of the body in the space frame."""
+
+    def __call__(self, motion: Any, h: Any, p: Any) -> dict[str, Any]:
+        return {"first": p.gain * motion.g[:, 0]}
+
+    def report(self, motion: Any, p: Any) -> dict[str, Any]:
+        return {"second": motion.g[:, 1]}
+
+
+def compass() -> tuple[co.System, co.State]:
+    inertia = np.array([1.0, 2.0, 3.0])
+    system = co.System(
+        co.SO3(), lambda xi, p: 0.5 * xi @ (inertia * xi), internal=Compass(), parameters=co.Parameters(gain=1.0)
+    )
+    return system, system.state(xi=[0.3, 0.2, 0.1], internal={"first": [1.0, 0.0, 0.0]})
+
+
+def test_what_a_rule_reports_may_read_the_attitude_as_the_rule_does() -> None:
+    system, start = compass()
+    run = co.simulate(system, start, dt=0.1, steps=3)
+    np.testing.assert_allclose(run.dataset["second"], run.records.g[:, :, 1], rtol=1e-15)
+
+
+def test_a_rule_that_reads_the_attitude_is_differentiated_by_it_and_its_version_knows_no_attitude() -> None:
+    system, start = compass()
+
+    def last(g: Any) -> Any:
+        return co.trajectory(system, start.replace(g=g), dt=0.1, steps=2).final.internal.first.sum()
+
+    with co.float64():
+        slope = jax.grad(last)(jnp.asarray(start.g))
+    turned = start.replace(g=start.g + 1e-6 * np.eye(3))
+    difference = (last(turned.g) - last(start.g)) / 1e-6
+    np.testing.assert_allclose(np.sum(slope * np.eye(3)), difference, rtol=1e-5)
+    assert version(system, turned) == version(system, start)
+
+
+def test_an_error_inside_a_space_is_not_told_as_a_missing_field_of_the_state(monkeypatch) -> None:
+    def act(self: Any, group: Any, g: Any, n: Any) -> Any:
+        return jnp.no_such_function(n)
+
+    system = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Trivial(1))
+    start = system.state(xi=[0.1, 0.0, 0.0], q=[1.0], qdot=[0.0])
+    monkeypatch.setattr(co.Trivial, "act", act)
+    with pytest.raises(AttributeError, match="no_such_function"):
+        _ = start.q

@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.internal_rule import declared
 from coadjoint.mechanics.reading import in_words, require_float64
-from coadjoint.mechanics.state import Motion
+from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 
@@ -146,7 +146,7 @@ def sampling(values: Mapping[str, Any], t: float = 0.0) -> dict[str, Any]:
 
 
 def sampled(
-    motion: Motion,
+    motion: NodeMotion,
     h: Array,
     held: Named,
     update: Callable[[Any], Mapping[str, Any]],

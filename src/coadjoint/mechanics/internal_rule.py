@@ -8,7 +8,7 @@ from typing import Any
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.state import Motion
+from coadjoint.mechanics.state import NodeMotion
 
 
 class InternalRule(ABC):
@@ -19,7 +19,7 @@ class InternalRule(ABC):
     """
 
     @abstractmethod
-    def __call__(self, motion: Motion, h: Array, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Array, p: Parameters | None) -> Any:
         """The internal state after h (s), in the structure of the start's; jax.numpy only."""
 
     @property
@@ -35,7 +35,7 @@ class InternalRule(ABC):
         """Why the step of length h (s) from t has failed, as far as it knows."""
         return None
 
-    def report(self, motion: Motion, p: Parameters | None) -> dict[str, Any]:
+    def report(self, motion: NodeMotion, p: Parameters | None) -> dict[str, Any]:
         """What datasets hold of a node in addition to the state, by name, such as the current that a vehicle feels."""
         return {}
 
@@ -47,7 +47,7 @@ class InternalRule(ABC):
 class _Plain(InternalRule):
     """A function as a rule."""
 
-    def __call__(self, motion: Motion, h: Array, p: Parameters | None) -> Any:
+    def __call__(self, motion: NodeMotion, h: Array, p: Parameters | None) -> Any:
         raise NotImplementedError
 
 

@@ -84,6 +84,9 @@ class State:
         return replace(self, **changes)
 
     def __getattr__(self, name: str) -> Any:
+        if name in ("q", "qdot", "named"):
+            # Python comes here where the property itself raised an AttributeError: raise that one.
+            return getattr(type(self), name).fget(self)
         there = "t", "g", "q", "qdot", "n", "nu", "xi", "a", "mu", "pi", "inputs", "internal", "named"
         raise _lacking("A state", name, there)
 

@@ -29,22 +29,23 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
     compiled for it must not be used again. Unless they are known to be `pure`, forces and Λ are read twice: raises
     LagrangianError where the readings differ.
     """
-    arguments = (state.xi, state.n, state.nu, state.a, state.t, state.inputs, state.internal, system.parameters)
+    s = state
+    arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
 
     def at(name: str) -> Callable[..., Any]:
-        def function(xi, n, nu, a, t, inputs, internal, parameters):
+        def function(g, xi, n, nu, a, t, inputs, internal, parameters):
             here = replace_parameters(system, parameters)
             if name == "forces":
                 return here.body_force(here.motion(xi, n, nu, a, t, inputs, internal))
             if name == "internal":
-                there = state.replace(xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
+                there = state.replace(g=g, xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
                 return applied(here, there, t)
             if name == "hamiltonian":
                 return here.reduced_hamiltonian(xi, n, nu, a, t, inputs, internal)
             if name == "lagrangian":
                 return here.reduced_lagrangian(xi, n, nu, a, t, inputs, internal)
             if name == "group_lagrangian":
-                return here.reduced_group_lagrangian(state.g, n, nu, a, t, t, inputs, internal)
+                return here.reduced_group_lagrangian(g, n, nu, a, t, t, inputs, internal)
             return here.reduced_discrete_lagrangian(xi, n, nu, a, t, t, inputs, internal)
 
         return function

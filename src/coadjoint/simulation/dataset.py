@@ -172,7 +172,7 @@ def reported(system: System, records: State) -> Variables:
     report = system.internal.report
 
     def one(s: State) -> dict[str, Any]:
-        return report(system.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal), system.parameters)
+        return report(system.motion_at(s, s.inputs), system.parameters)
 
     found = evaluate(jax.vmap(one), records)
     return {name: (("time", *(f"{name}_{axis}" for axis in range(x.ndim - 1))), x) for name, x in found.items()}

@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each, count_members, stacked
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
-from coadjoint.mechanics.state import Motion
+from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
@@ -63,7 +63,7 @@ class Rule(InternalRule):
         remembered = self.water.start()
         return {**found, "water": remembered} if remembered else found
 
-    def __call__(self, motion: Motion, h: Array, p: Any) -> dict[str, Any]:
+    def __call__(self, motion: NodeMotion, h: Array, p: Any) -> dict[str, Any]:
         inputs = self.inputs(motion)
         after: dict[str, Any] = {}
         wanted = {} if self.controller is None else self.controller.inputs
@@ -109,7 +109,7 @@ class Rule(InternalRule):
             f"of {period:g} s or less."
         ]
 
-    def report(self, motion: Motion, p: Any) -> dict[str, Any]:
+    def report(self, motion: NodeMotion, p: Any) -> dict[str, Any]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
 
         Nor for an ensemble whose members have waters of their own, since p is theirs together.
@@ -134,7 +134,9 @@ class Rule(InternalRule):
         """The shape of the command of each part."""
         return {part.name: part.command.shape for part in self.vehicle.commanded if part.command is not None}
 
-    def _sample(self, controller: Controller, motion: Motion, h: Array, p: Any, inputs: Named) -> tuple[Any, set[str]]:
+    def _sample(
+        self, controller: Controller, motion: NodeMotion, h: Array, p: Any, inputs: Named
+    ) -> tuple[Any, set[str]]:
         """The controller's samples after h, and the names of the parts that it steers."""
         steered: set[str] = set()
         feedback = seen(self.water, self.vehicle, motion, p, inputs)
@@ -143,7 +145,8 @@ class Rule(InternalRule):
         def update(last: Any) -> dict[str, Any]:
             memory = getattr(last, MEMORY) if MEMORY in last else Named()
             commands, remembered = steer(controller, feedback, memory, own, self.vehicle)
-            steered.update(self._checked(commands))
+            commands = self._checked(commands)
+            steered.update(commands)
             found = {**last.asdict(), **{name: jnp.asarray(value, dtype=float) for name, value in commands.items()}}
             return {**found, MEMORY: remembered} if MEMORY in last else found
 
@@ -183,7 +186,7 @@ class Rule(InternalRule):
                 f"{_columns(name, shapes[name])}."
             )
 
-    def inputs(self, motion: Motion) -> dict[str, Any]:
+    def inputs(self, motion: NodeMotion) -> dict[str, Any]:
         """The inputs of the run by name; raises ArgumentError for one that nobody knows or that is missing."""
         given = motion.inputs.asdict() if isinstance(motion.inputs, Named) else {}
         if motion.inputs is not None and not isinstance(motion.inputs, Named):
@@ -208,7 +211,7 @@ class Rule(InternalRule):
         return {name: value if name in wanted else self._shaped(name, value) for name, value in given.items()}
 
 
-def seen(water: Water, vehicle: Vehicle, motion: Motion, p: Any, inputs: Named) -> Feedback:
+def seen(water: Water, vehicle: Vehicle, motion: NodeMotion, p: Any, inputs: Named) -> Feedback:
     """The craft as its controller sees it."""
     around = Surroundings(water, motion.n, motion.a, motion.t, motion.internal, p)
     roll, pitch, heading = attitude_angles(motion.a.down, motion.a.north)
