@@ -62,3 +62,10 @@ def test_many_symmetric_runs_go_beside_one_another():
     beside = co.simulate(system, start, method=co.Suzuki4(co.Variational(symmetric=True)), **options)
     alone = run(system, co.Suzuki4(co.Variational(symmetric=True)), 10)
     np.testing.assert_allclose(beside.final.mu[0], alone, rtol=1e-12)
+
+
+def test_the_members_of_an_ensemble_are_asked_for_symmetry_too():
+    system = body(potential_at_the_left_node)
+    start = system.state(xi=co.each(np.array([[0.3, -0.4, 1.0], [0.1, 0.0, 1.0]])), a0=[0.0, 0.0, 1.0])
+    with pytest.raises(co.ArgumentError, match="is not symmetric"):
+        co.simulate(system, start, dt=0.1, steps=2, method=co.Variational(symmetric=True, start="velocity"))

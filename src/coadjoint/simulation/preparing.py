@@ -180,6 +180,7 @@ def _prepare_members(
     warnings = (
         require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
     )
+    method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
     members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)
     require_chart(first, method, state, h)
