@@ -12,7 +12,7 @@ from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler
 from coadjoint.simulation.driver import Driver, Memory, Sink
-from coadjoint.simulation.energy_warnings import energy_warnings, members_driven
+from coadjoint.simulation.energy_warnings import driven, energy_warnings, members_driven
 from coadjoint.simulation.ensemble import (
     Ensemble,
 )
@@ -31,6 +31,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     ended = run.position.ended
     judging = accuracy and run.accuracy is None
     sink = Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run)) if judging else run.memory
+    before_it: list[str] = []
     try:
         before = run.seconds
         if not ended:
@@ -51,7 +52,10 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         run.warnings += accuracy_warnings(run)
         if isinstance(run, Ensemble):
             run.warnings += members_driven(run) if isinstance(run.memory, Memory) and run.memory.records else []
-        elif not run.position.failed:
+        elif run.position.failed:
+            before_it = driven(run) if isinstance(run.memory, Memory) and run.memory.records else []
+            run.warnings += before_it
+        else:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
         if not ended:
             sink.finish(run.position)
@@ -59,7 +63,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     finally:
         sink.release()
     if not isinstance(run, Ensemble) and run.position.failed:
-        raise StepError(_sentence(run), run)
+        raise StepError(" ".join([_sentence(run), *before_it]), run)
     return run
 
 

@@ -41,7 +41,7 @@ def energy_warnings(run: Run) -> list[str]:
             f"the momenta there (the inverse Legendre transform leaves a residual of {much:.1e}). Look whether ∂ℓ can "
             "be solved for the velocities, or take the discrete energy."
         ]
-    return [*_changed(run), *_driven(run)]
+    return [*_changed(run), *driven(run)]
 
 
 def _changed(run: Run) -> list[str]:
@@ -63,8 +63,8 @@ class _Gain(NamedTuple):
     first: float
 
 
-def _driven(run: Run) -> list[str]:
-    """A sentence where passive forces have put energy in between two records."""
+def driven(run: Run) -> list[str]:
+    """A sentence where passive forces have put energy in between two records, also of a run whose step failed."""
     gain = _gain(run.system, run.system.parameters, run.monitors, lambda: _times(run))
     return [f"{_told(run.system, gain)}."] if gain else []
 
@@ -80,6 +80,8 @@ def _times(run: Run) -> np.ndarray:
 
 def members_driven(ensemble: Ensemble) -> list[str]:
     """A sentence where passive forces have put energy into members: that of the most, and the others by number."""
+    if not any(hasattr(force, "passive") for _, force in ensemble.system.forces or ()):
+        return []
     t, parameters = np.asarray(ensemble.records.t), ensemble.system.parameters
     gains: dict[int, _Gain] = {}
     for member in range(len(t)):
