@@ -11,7 +11,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import synthetic_log
 from coadjoint.vehicles import axes
-from coadjoint.vehicles.logs import inputs_from_csv, read_log
+from coadjoint.vehicles.logs import inputs, inputs_from_csv, read_log
 from coadjoint.vehicles.logs.csv_file import read_csv
 from coadjoint.vehicles.logs.records import VehicleRecords
 from coadjoint.vehicles.remus import remus_100, remus_start
@@ -138,9 +138,10 @@ def test_a_mistake_in_a_table_is_told_with_its_place(tmp_path, text, words):
     assert str(path) in str(caught.value)
 
 
-def test_a_table_without_the_wanted_input_or_too_long_is_refused(tmp_path):
+def test_a_table_without_the_wanted_input_or_too_long_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "long.csv"
     path.write_text("time_s,depth_m\n" + "\n".join(f"{k},{np.sin(k)}" for k in range(2000)))
+    monkeypatch.setattr(inputs, "MOST_ROWS", 1000)
     with pytest.raises(ArgumentError, match="2000 rows, but at most 1000"):
         inputs_from_csv(path)
     assert len(inputs_from_csv(path, every=10.0)["depth"].times) == 200

@@ -13,8 +13,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.signals import Held, Linear
 from coadjoint.vehicles.logs.csv_file import CsvFile, read_csv
 
-MOST_ROWS = 1000
-"""The most rows of an input: every row costs a selection at every node, and code that must be compiled."""
+MOST_ROWS = 100_000
+"""The most rows of an input: they are looked up by bisection, and are constants in the code that is compiled."""
 KINDS = {"held": Held, "linear": Linear}
 
 
@@ -32,7 +32,7 @@ def inputs_from_csv(
     `thrusters[1]_N`, `thrusters[2]_N`, … are one input. Units are those at the end of the name, and become SI and rad.
     `between`: what holds between two rows. Rows that repeat the one before are left out; `every` keeps one row in that
     many seconds of those that are left. Raises FileError with line and column for a file that cannot be used,
-    ArgumentError for names that it lacks and for an input of more than 1000 rows.
+    ArgumentError for names that it lacks and for an input of more than 100 000 rows.
     """
     if between not in KINDS:
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
@@ -83,9 +83,9 @@ def _signal(table: CsvFile, name: str, values: np.ndarray, between: str, every: 
     kept = _kept(table.time, values, between, every)
     if len(kept) > MOST_ROWS:
         raise ArgumentError(
-            f"Input `{name}` of {table.path} has {len(kept)} rows, but at most {MOST_ROWS} can be used, because each "
-            "costs time at every node: keep fewer with every=1.0 (s), or run the table piece by piece, each run from "
-            "the end of the one before."
+            f"Input `{name}` of {table.path} has {len(kept)} rows, but at most {MOST_ROWS} can be used, because they "
+            "become a part of the code that is compiled: keep fewer with every=1.0 (s), or run the table piece by "
+            "piece, each run from the end of the one before."
         )
     return KINDS[between](table.time[kept], values[kept])
 
