@@ -24,6 +24,8 @@ def brent(f: Callable[[float], float], a: float, b: float, xtol: float = 1e-15, 
         return before
     if f_here == 0:
         return here
+    if math.isnan(f_before) or math.isnan(f_here):
+        raise ValueError(f"f must be a number at a = {a:g} and b = {b:g}.")
     if _same_sign(f_before, f_here):
         raise ValueError(f"f must have different signs at a = {a:g} and b = {b:g}.")
     across, f_across, last, move = before, f_before, 0.0, 0.0

@@ -81,7 +81,10 @@ def test_a_pendulum_reaches_the_bottom_after_a_quarter_of_its_period():
 def test_a_run_on_q_alone_is_saved_streamed_stepped_and_told(tmp_path):
     start = PENDULUM.state(q=[1.0], pi=[0.3])
     run = co.simulate(PENDULUM, start, dt=H, steps=STEPS)
-    assert "pendulum" in str(co.load(run.save(tmp_path / "run.nc")))
+    saved = co.load(run.save(tmp_path / "run.nc"))
+    assert "pendulum" in str(saved) and co.casimirs(PENDULUM) == {}
+    with pytest.raises(co.ArgumentError, match="events are not in the file"):
+        _ = saved.events
     streamed = co.simulate(PENDULUM, start, dt=H, steps=STEPS, store=tmp_path / "run")
     np.testing.assert_array_equal(streamed.dataset.q, run.dataset.q)
     stepper = co.Stepper(PENDULUM, start, dt=H)

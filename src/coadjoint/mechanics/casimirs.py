@@ -144,6 +144,8 @@ def _corank(fields: np.ndarray) -> int:
 
 def _monomials(size: int, degree: int) -> np.ndarray:
     """The powers of all monomials of degree 1…degree, the later degrees last."""
+    if size == 0:
+        return np.zeros((0, 0), int)
     return np.array([powers for d in range(1, degree + 1) for powers in _of_degree(size, d)]).reshape(-1, size)
 
 

@@ -45,14 +45,14 @@ def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System
     """The record that `written` put into a file. Raises ArgumentError without a system and for another one, and
     FileError where the file lacks the record.
     """
+    if any(name not in found for name in LAST_RECORD):
+        raise FileError(
+            "This file holds no record to go on from: it is of an ensemble, of a run that streamed to its folder, "
+            "which goes on by co.resume(folder, system), or of an older version."
+        )
     if system is None:
         raise ArgumentError(
             "A record to go on from needs the system, which a file does not hold: load it with co.load(path, system)."
-        )
-    if any(name not in found for name in LAST_RECORD):
-        raise FileError(
-            "This file holds no record to go on from: it is of an ensemble, of a streamed run, which goes on by "
-            "co.resume, or of an older version."
         )
     if attributes.get("group") != repr(system.group):
         raise ArgumentError(

@@ -122,6 +122,14 @@ class SavedRun(Recording):
         found = self.dataset.attrs.get("event")
         return None if found is None else float(found)
 
+    @property
+    def events(self) -> dict[str, State]:
+        """Raises ArgumentError: a file holds the dataset of a run, and not the records at its events."""
+        raise ArgumentError(
+            "The records at events are not in the file of a run: take them from the run itself, `run.events[name]`, "
+            "and save what is wanted of them."
+        )
+
     def __str__(self) -> str:
         return str(self.dataset.attrs.get("card", "a run without a certificate"))
 

@@ -46,7 +46,7 @@ def terminal_speed(vehicle: Vehicle) -> float | None:
     Fins, masses and ballast stay as they start.
     """
     push = _surge(vehicle)
-    if not push(0.0) > 0 or push(FASTEST) > 0:
+    if not push(0.0) > 0 or not push(FASTEST) <= 0:
         return None
     return brent(push, 0.0, FASTEST, xtol=1e-12)
 

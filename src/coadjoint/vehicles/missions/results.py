@@ -50,9 +50,9 @@ def left_water(dataset: Any) -> list[str]:
     if not np.any(out):
         return []
     if depth.ndim > 1:
-        return [
-            f"{int(np.sum(np.any(out, axis=-1)))} members leave the water, up to {-np.nanmin(depth):.3g} m above it."
-        ]
+        count = int(np.sum(np.any(out, axis=-1)))
+        whose = "1 member leaves" if count == 1 else f"{count} members leave"
+        return [f"{whose} the water, up to {-np.nanmin(depth):.3g} m above it."]
     when = float(np.asarray(dataset.time.values)[np.argmax(out)])
     return [
         f"The vehicle leaves the water: from t = {when:.6g} s on by more than its length, up to {-np.min(depth):.3g} "

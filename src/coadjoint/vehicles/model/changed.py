@@ -40,7 +40,7 @@ def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> d
             inner = _changed(part_of(owner, key), old, new, here)
             changed |= {(key, *rest): value for rest, value in inner.items()}
         elif not traced(new) and not _same(new, old):
-            if getattr(owner, key, None) is not old or key in FIXED:
+            if not is_dataclass(owner) or getattr(owner, key, None) is not old or key in FIXED:
                 _require_shape(here, new, old)
             changed[key,] = new
     return changed

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.models.quantities import vector
 from coadjoint.vehicles.parts.numbers import Numbers
+
+STRATIFIED = "A water with a density of its own gives both `density` and `pressure_head`, but `{}` has no `{}`."
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,8 @@ class Water(Numbers, ABC):
     @property
     def stratified(self) -> bool:
         """Whether its density is its own, and not that of the vehicle."""
-        return type(self).density is not Water.density
+        own = type(self)
+        return own.density is not Water.density or own.pressure_head is not Water.pressure_head
 
     def start(self) -> dict[str, Any]:
         """What the water remembers at the start, as of a random current; {} if nothing."""
@@ -54,11 +58,11 @@ class Water(Numbers, ABC):
 
     def density(self, depth: Array, own: Any) -> Array:
         """ρ, kg/m³, of water that is `stratified`; where a class has none, it is the vehicle's."""
-        raise NotImplementedError
+        raise ArgumentError(STRATIFIED.format(type(self).__name__, "density"))
 
     def pressure_head(self, depth: Array, own: Any) -> Array:
         """∫₀^depth ρ dz, kg/m², of water that is `stratified`: in buoyancy it is multiplied by g and the volume."""
-        raise NotImplementedError
+        raise ArgumentError(STRATIFIED.format(type(self).__name__, "pressure_head"))
 
 
 @dataclass(frozen=True, eq=False)
