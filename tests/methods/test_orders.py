@@ -83,15 +83,12 @@ def test_velocity_start_costs_the_second_order(problem, rule):
 
 @dataclass(frozen=True)
 class Claimed(co.Variational):
-    """A discrete Lagrangian that claims to be symmetric of order 2."""
+    """A discrete Lagrangian that claims to be symmetric of order 2, and is not asked whether it is."""
 
-    @property
-    def order(self) -> int:
-        return 2
+    symmetric: bool = True
 
-    @property
-    def symmetric(self) -> bool:
-        return True
+    def remember(self, system, state):
+        return state
 
 
 def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():

@@ -281,9 +281,14 @@ class System:
         return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
 
     def motion_at(self, state: State, inputs: Any = None) -> NodeMotion:
-        """The motion at a node, of which inputs and internal states over the step from there may be functions."""
+        """The motion at a node, of which inputs and internal states over the step from there may be functions.
+
+        A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.
+        """
         s = state
         motion = self.motion(s.xi, s.n, s.nu, s.a, s.t, inputs, s.internal)
+        if s.g is None:
+            return motion  # pyright: ignore[reportReturnType]
         q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
         return NodeMotion(*motion, g=s.g, q=q)
 

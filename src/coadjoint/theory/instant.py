@@ -100,7 +100,8 @@ def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Arr
     """The instant of the next step, which starts at (n, a) after one of length h with velocities (ξ, ν).
 
     motion: (ξ, n, ν, a), of shapes (dim G,), (ambient,), (ambient,) and (dim V*,). Inputs that are functions of the
-    motion, and the rule of the internal state, are applied as co.simulate does.
+    motion, and the rule of the internal state, are applied as co.simulate does; they may not read g or q = g·n, of
+    which reduced equations know nothing.
     """
     if at.t is None:
         return at
@@ -108,7 +109,7 @@ def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Arr
     xi, n, nu, a = motion
     nothing = np.zeros(0)
     state = State(
-        t=t + h, g=nothing, n=n, a=a, mu=nothing, pi=nothing, xi=xi, nu=nu, inputs=inputs, internal=internal,
+        t=t + h, g=None, n=n, a=a, mu=nothing, pi=nothing, xi=xi, nu=nu, inputs=inputs, internal=internal,
         internal_time=t, places=system.places,
     )  # fmt: skip
     state = held(system, state)
