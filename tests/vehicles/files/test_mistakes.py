@@ -28,6 +28,7 @@ RUDDER = 'name = "rudder"\nposition = { value = [-0.8, 0, 0]'
 PLANES = 'name = "stern_planes"\nposition = { value = [-0.8, 0, 0]'
 
 REFUSED = {
+    "a part in mm taken for m": (REMUS, RUDDER, RUDDER.replace("-0.8", "-800"), r"`rudder` must be a point of the vehicle"),
     "no TOML": (REMUS, "[body]", "[body", r"not valid TOML"),
     "a section that is none": (REMUS, "[body]", "[bodies]", r"no key `bodies`: did you mean `body`\?"),
     "a missing section": (REMUS, "[added_mass]\nmatrix", "[controllers]\nmatrix", r"no key `controllers`: did you mean `controller`\?"),
@@ -150,7 +151,7 @@ TOLD = {
     "thrust that grows with the advance": (REMUS, "value = [0.4566, -0.4", "value = [0.4566, 0.4", r"grows with its advance"),
     "a lag in ms taken for s": (REMUS, "lag = { value = 0.1,", "lag = { value = 100,", r"milliseconds taken for seconds"),
     "a fin in cm²": (REMUS, "area = { value = 0.0133,", "area = { value = 133,", r"has 133 m² on a vehicle of 1\.6 m"),
-    "a part in mm taken for m": (REMUS, RUDDER, RUDDER.replace("-0.8", "-800"), r"`rudder` is 800 m from the origin"),
+    "a part in cm taken for m": (REMUS, RUDDER, RUDDER.replace("-0.8", "-80"), r"`rudder` is 80 m from the origin"),
     "thrusters that push nowhere ahead": (
         NPS, "directions = { value = [[1, 0, 0]]", "directions = { value = [[0, 0, 1]]", r"span no forward force"),
     "a number without a source": (REMUS, 'value = 1.0, unit = "s", source = "PVS"', 'value = 1.0, unit = "s"',
