@@ -28,21 +28,21 @@ def slocum_of_dave() -> Vehicle:
     parts = (
         shipped.part("damping"),
         Hull("hull", axial_drag=0, axial_area=0, crossflow_drag=1.1, width=0.22, height=0.22, length=1.5),
-        MovingMass("mass", mass=9.5, position=(0, 0, 0), axis=(1, 0, 0), low=-0.25, high=0.25, rate=0.02),
+        MovingMass("slider", mass=9.5, position=(0, 0, 0), axis=(1, 0, 0), low=-0.25, high=0.25, rate=0.02),
         Ballast("tank", position=(0, 0, -0.06), low=-8e-4, high=0.0, rate=2e-5),
     )
     # 69.751 kg float in 0.068 m³: ballast that much lower leaves nothing to carry.
     neutral = float(shipped.mass / shipped.fluid_density - shipped.volume)
     controller = Sawtooth(
         neutral=neutral, volume=2.5e-4, pitch=np.radians(26), shift=0.1, gains=(0.3, 0.01, 0.3), reach=0.2, period=1.0,
-        ballast="tank", moving_mass="mass",
+        ballast="tank", moving_mass="slider",
     )  # fmt: skip
     return replace(shipped, mass=shipped.mass - 9.5, parts=parts, controller=controller)
 
 
 def free_body(added_mass: Any = (0.0,) * 6) -> Craft:
     """A body in free space, or one without weight in water, that moves 9 of its 50 kg about."""
-    shifter = MovingMass("mass", mass=9.0, position=PLACE, axis=AXIS, low=-0.5, high=0.5, rate=0.1)
+    shifter = MovingMass("slider", mass=9.0, position=PLACE, axis=AXIS, low=-0.5, high=0.5, rate=0.1)
     body = {"name": "body", "mass": 41.0, "inertia": (4, 12, 11), "added_mass": added_mass}
     return Craft(Vehicle(**body, gravity=0.0, parts=(shifter,)))
 
@@ -50,7 +50,7 @@ def free_body(added_mass: Any = (0.0,) * 6) -> Craft:
 def recoil(craft: Craft, h: float, omega: Any = (0.3, -0.2, 0.4)) -> Any:
     start = craft.start(velocity=(0.1, 0.05, 0), angular_velocity=omega, position=(1, 2, 3))
     there_and_back = co.Held([0.0, 2.5], [0.4, -0.3])
-    return co.simulate(craft.system, start, dt=h, duration=6.0, inputs={"mass": there_and_back}).dataset
+    return co.simulate(craft.system, start, dt=h, duration=6.0, inputs={"slider": there_and_back}).dataset
 
 
 @pytest.mark.parametrize("added_mass", [(0.0,) * 6, (5.0, 60.0, 70.0, 1.0, 2.0, 3.0)])
@@ -62,7 +62,7 @@ def test_a_mass_that_runs_inside_leaves_momentum_and_moment_of_momentum_as_they_
     for conserved in (momentum, moment):
         assert np.max(np.abs(conserved - conserved[0])) < 1e-12 * np.max(np.abs(conserved))
     # The mass did run, there and back, and the hull with it.
-    assert np.ptp(made.internal_mass_position.values) > 0.3
+    assert np.ptp(made.internal_slider_position.values) > 0.3
     assert np.max(np.abs(np.diff(made.nu.values, axis=0))) > 1e-2
 
 
@@ -71,7 +71,7 @@ def test_the_common_mass_centre_goes_straight_on_to_second_order():
     missed = []
     for h in (0.1, 0.05):
         made = recoil(free_body(), h)
-        x = made.internal_mass_position.values - 0.5 * h * made.internal_mass_speed.values
+        x = made.internal_slider_position.values - 0.5 * h * made.internal_slider_speed.values
         arm = 9 / 50 * (PLACE + x[:, None] * AXIS)
         center = made.q.values + np.einsum("kij,kj->ki", made.R.values, arm)
         momentum = made.R.values[0] @ made.pi.values[0]
@@ -81,16 +81,16 @@ def test_the_common_mass_centre_goes_straight_on_to_second_order():
 
 def test_the_hull_runs_against_a_mass_that_runs_from_rest_and_its_gradient_is_the_closed_forms():
     """(m_b + m) u + m ẋ = 0 along the line through the mass centre, where nothing turns: du/dm = −ẋ m_b/(m_b + m)²."""
-    shifter = MovingMass("mass", mass=9.0, position=(0, 0, 0), axis=(1, 0, 0), low=-1, high=1, rate=0.1)
+    shifter = MovingMass("slider", mass=9.0, position=(0, 0, 0), axis=(1, 0, 0), low=-1, high=1, rate=0.1)
     body: dict[str, Any] = {"name": "body", "mass": 41.0, "inertia": (4, 12, 11), "added_mass": np.zeros(6)}
     craft = Craft(Vehicle(**body, gravity=0.0, parts=(shifter,)))
-    inputs: dict[str, Any] = {"mass": co.Held([0.0], [0.4])}
+    inputs: dict[str, Any] = {"slider": co.Held([0.0], [0.4])}
     made = co.simulate(craft.system, craft.start(), dt=0.05, duration=3.0, inputs=inputs).dataset
-    np.testing.assert_allclose(made.nu[:, 0], -9 / 50 * made.internal_mass_speed, atol=1e-15)
-    assert float(made.internal_mass_speed.max()) == pytest.approx(0.1, rel=1e-9)
+    np.testing.assert_allclose(made.nu[:, 0], -9 / 50 * made.internal_slider_speed, atol=1e-15)
+    assert float(made.internal_slider_speed.max()) == pytest.approx(0.1, rel=1e-9)
 
     def recoils(mass: Any) -> Any:
-        system = craft.system.replace(mass_mass=mass)
+        system = craft.system.replace(slider={"mass": mass})
         return co.trajectory(system, craft.start(), dt=0.05, steps=5, inputs=inputs, backend="native").final.nu[0]
 
     with co.float64():

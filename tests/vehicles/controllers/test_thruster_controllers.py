@@ -103,6 +103,6 @@ def test_a_vehicle_without_thrusters_has_no_hover():
 def test_thrusters_that_cannot_push_as_a_controller_needs_are_told(controller, thrusters, lacking):
     vehicle = rov()
     part = vehicle.part("thrusters")
-    fewer = replace(part, allocation=part.allocation[:, thrusters])
+    fewer = replace(part, allocation=part.allocation[:, thrusters], effectiveness=1.0)
     with pytest.raises(ArgumentError, match=f"give nothing in {lacking}"):
         controller.fitted(rov(parts=tuple(fewer if one is part else one for one in vehicle.parts)))
