@@ -36,7 +36,6 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         before = run.seconds
         if not ended:
             _log.info("%s begins, %d steps by %s.", run.title, run.plan.steps, run.plan.backend)
-        if not ended:
             if isinstance(run, Ensemble) and run.plan.events:
                 EnsembleEvents(run.plan, run.axes, sink, run.crossed, run.ended).drive(
                     run.position, progress, run.title
@@ -50,10 +49,11 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         if not ended:
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
         run.warnings += accuracy_warnings(run)
+        held = isinstance(run.memory, Memory) and bool(run.memory.records)
         if isinstance(run, Ensemble):
-            run.warnings += members_driven(run) if isinstance(run.memory, Memory) and run.memory.records else []
+            run.warnings += members_driven(run) if held else []
         elif run.position.failed:
-            before_it = driven(run) if isinstance(run.memory, Memory) and run.memory.records else []
+            before_it = driven(run) if held else []
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
