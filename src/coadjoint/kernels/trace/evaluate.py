@@ -46,7 +46,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
     closed, structure = jaxpr_of(function, *args)
     expected = jax.tree_util.tree_structure(args)
     shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
-    compiled: list[Callable] = []
+    by_xla: list[Callable] = []
     straight: list[Straight] = []
     runs = 0
 
@@ -65,17 +65,22 @@ def tabulate(function: Callable, *args: Any) -> Callable:
         leaves, given = jax.tree_util.tree_flatten(values)
         if given != expected or [leaf.shape for leaf in leaves] != shapes:
             raise ValueError("A tabulated function must be called with the structure and shapes it was traced for.")
-        if not compiled:
+        if not by_xla:
             try:
                 with np.errstate(all="ignore"):
                     outputs = run(leaves)
                 return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
             except Untraceable:
-                compiled.append(jax.jit(function))
+                by_xla.append(compiled(function))
         with jax.enable_x64(True):
-            return jax.tree_util.tree_map(np.asarray, compiled[0](*values))
+            return jax.tree_util.tree_map(np.asarray, by_xla[0](*values))
 
     return call
+
+
+def compiled(function: Callable) -> Callable:
+    """`function` by XLA, for what has no rule here."""
+    return jax.jit(function)
 
 
 def _numpy(leaf: Any) -> np.ndarray:

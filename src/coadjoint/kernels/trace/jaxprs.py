@@ -189,7 +189,7 @@ _GATHER = "dimension_numbers indices_are_sorted unique_indices mode fill_value s
 _COMBINED = ("-add", "_add", "-sub", "-mul", "_mul", "-min", "_min", "-max", "_max")
 _SCATTER = "dimension_numbers indices_are_sorted unique_indices mode update_jaxpr update_consts"
 CALLS = ("jit", "pjit", "checkpoint", "remat", "remat2", "composite", "closed_call", "core_call", "custom_jvp_call")
-CALLS += ("custom_vjp_call", "custom_vjp_call_jaxpr")
+CALLS += ("custom_vjp_call", "custom_vjp_call_jaxpr", "eval_jaxpr")
 """Primitives that run the one jaxpr that they hold."""
 _PARAMETERS = {
     **dict.fromkeys(CALLS, _CALL),
