@@ -98,3 +98,27 @@ def test_members_move_alike_whether_they_are_watched_or_not():
     alone = co.simulate(fleet, start(VEHICLE), dt=0.02, steps=30, monitors=False)
     same(watched.records.g, alone.records.g, 1e-14)
     assert alone.monitors == {}
+
+
+def test_the_records_of_one_run_are_no_start_of_an_ensemble():
+    """Each of them stands at its own time; members have one."""
+    settings = {"dt": 0.02, "steps": 5, "accuracy": False}
+    run = co.simulate(VEHICLE, start(VEHICLE), **settings)
+    fleet = co.simulate(VEHICLE, start(VEHICLE, xi=co.each(RANDOM.normal(size=(3, 3)))), **settings)
+    for records in (run.records, run.at([0.01, 0.05]), fleet.records):
+        with pytest.raises(co.ArgumentError, match=r"records from t = .* s: take `run.final`"):
+            co.simulate(VEHICLE, records, **settings)
+    with pytest.raises(co.ArgumentError, match=r"6 records from t = 0 s to 0.1 s: take `run.final`"):
+        co.trajectory(VEHICLE, run.records, dt=0.02, steps=2)
+
+
+def test_records_of_members_at_one_node_and_of_several_runs_at_one_time_are_a_start():
+    settings = {"dt": 0.02, "steps": 5, "accuracy": False}
+    fleet = co.simulate(VEHICLE, start(VEHICLE, xi=co.each(RANDOM.normal(size=(3, 3)))), **settings)
+    whole = co.simulate(VEHICLE, fleet.start, dt=0.02, steps=8, accuracy=False)
+    middle = jax.tree.map(lambda rows: rows[:, 3], whole.records)
+    same(co.simulate(VEHICLE, middle, **settings).final, whole.final, 1e-13)
+    same(co.simulate(VEHICLE, fleet.final, dt=0.02, steps=3, accuracy=False).final, whole.final, 1e-13)
+    runs = [co.simulate(VEHICLE, start(VEHICLE, xi=xi), **settings).final for xi in np.eye(3)]
+    together = jax.tree.map(lambda *leaves: np.stack(leaves), *runs)
+    assert len(co.simulate(VEHICLE, together, **settings).codes) == 3

@@ -45,6 +45,18 @@ def count_of(system: System, start: State) -> int | None:
     return begun if varied is None else varied
 
 
+def require_one_time(start: State) -> None:
+    """Raise ArgumentError where what should be states of members are records at several times, as those of one run."""
+    t = np.asarray(start.t)
+    known = t[np.isfinite(t)]
+    if t.ndim and np.ptp(known if known.size else np.zeros(1)) > 0:
+        raise ArgumentError(
+            f"Argument `start` must be one state, or one for each member at one time, but holds {known.size} records "
+            f"from t = {known.min():.6g} s to {known.max():.6g} s: take `run.final`, or of a run the record k, "
+            "jax.tree.map(lambda rows: rows[k], run.records), or give all members one time by start.replace(t=…)."
+        )
+
+
 def first_member(system: System, start: State) -> tuple[System, State]:
     """The system and the start of the first member."""
     system = replace_parameters(system, member_of(system.parameters, 0))

@@ -36,6 +36,7 @@ from coadjoint.simulation.ensemble import (
     count_of,
     first_member,
     member_constants,
+    require_one_time,
     with_own_directions,
 )
 from coadjoint.simulation.ensemble_driver import MembersPosition
@@ -173,6 +174,7 @@ def _prepare_members(
     system, start, method, count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events
 ) -> Ensemble:
     """`prepare` for an ensemble: what is the same for all members is checked on the first."""
+    require_one_time(start)
     if method.variable:
         raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
     system, start = with_inputs(system, start, inputs, method.start == "velocity")

@@ -30,6 +30,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.arguments import require_kinds, step_size, whole
 from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.ensemble import require_one_time
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 
@@ -102,6 +103,8 @@ def trajectory(
     if steps % save_every:
         raise ArgumentError(f"Argument `save_every` must divide steps = {steps}, but is {save_every}.")
     if count_members(system.parameters) is not None or np.ndim(start.t):
+        if not traced(start):
+            require_one_time(start)
         raise ArgumentError("co.each is for co.simulate; map co.trajectory over members with jax.vmap.")
     start, _ = continued(system, start, keep)
     system, start = with_inputs(system, start, inputs, method.start == "velocity")

@@ -81,7 +81,10 @@ CONTROL = {
         matvec(a), b, lambda _, x: jnp.linalg.solve(a, x), lambda _, x: jnp.linalg.solve(a.T, x)
     ),
     "custom_root": lambda a, b: jax.lax.custom_root(
-        lambda x: a @ x - b, b, lambda _, x: jnp.linalg.solve(a, b), lambda g, y: jnp.linalg.solve(jax.jacobian(g)(y), y)
+        lambda x: a @ x - b,
+        b,
+        lambda _, x: jnp.linalg.solve(a, b),
+        lambda g, y: jnp.linalg.solve(jax.jacobian(g)(y), y),
     ),
     "custom_root under grad": lambda a, b: jax.grad(lambda c: CONTROL["custom_root"](a, c).sum())(b),
     "solve": lambda a, b: jnp.linalg.solve(a, b),
