@@ -87,7 +87,7 @@ def test_a_run_starts_from_the_momentum_that_its_start_shows():
     [
         ({"mu": [1, 0, 0.0], "xi": [1, 0, 0.0]}, "by velocities `xi` and `qdot` or by momenta"),
         ({"mu": [1.0, 0.0]}, r"Argument `mu` must have shape \(3,\)"),
-        ({"pi": [1.0]}, r"Argument `pi` must have shape \(0,\)"),
+        ({"pi": [1.0]}, "no additional dynamics: leave out `pi`"),
     ],
 )
 def test_a_start_that_is_given_twice_or_in_another_shape_is_refused(given, sentence):

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each, member_of
-from coadjoint.spaces.numbers import float64
+from coadjoint.spaces.numbers import float64, numeric
 from coadjoint.spaces.space import checked_vector
 
 if TYPE_CHECKING:
@@ -43,6 +43,8 @@ class Checked(NamedTuple):
 def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
     if by_momenta:
         size = system.additional.ambient(system.group)
+        if qdot is not None and size == 0:
+            raise ArgumentError("This system has no additional dynamics: leave out `pi`.")
         pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
         q, qdot = _pair(system, q, None)[0], pi
     else:
@@ -90,6 +92,8 @@ def checked_element(group: LieGroup, g: Element) -> Element:
         shapes = [np.shape(leaf) for leaf in given]
     expected = [leaf.shape for leaf in leaves]
     if shapes != expected:
+        if not all(map(numeric, given)):
+            raise ArgumentError(f"Argument `g` must hold the numbers of an element of {group!r}, but is {shown(g)}.")
         raise ArgumentError(
             f"Argument `g` must be an element of {group!r}, arrays of shape {', '.join(map(str, expected))}, "
             f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."

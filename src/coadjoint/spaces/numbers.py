@@ -45,6 +45,13 @@ def float64(value: Any, name: str) -> Array:
     return array
 
 
+def numeric(value: Any) -> bool:
+    """Whether this is made of numbers, of whatever kind, and not of text, truth values, times or other objects."""
+    if isinstance(value, (tuple, list)):
+        return all(numeric(part) for part in value)
+    return isinstance(value, Tracer) or np.asarray(value).dtype.kind not in "OSUbmM"
+
+
 def is_short(dtype: Any) -> bool:
     """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
     return bool(jnp.issubdtype(dtype, jnp.floating)) and np.dtype(dtype).itemsize < 8

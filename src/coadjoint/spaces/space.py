@@ -16,7 +16,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.spaces.numbers import float64
+from coadjoint.spaces.numbers import float64, numeric
 
 
 class Space:
@@ -171,5 +171,7 @@ def checked_vector(value: Any, size: int, name: str) -> Array:
     except Exception as error:
         raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.") from error
     if shape != (size,):
+        if not numeric(value):
+            raise ArgumentError(f"Argument `{name}` must hold {size} numbers, but is {shown(value)}.")
         raise ArgumentError(f"Argument `{name}` must have shape ({size},), but has shape {shape}.")
     return float64(value, f"Argument `{name}`")
