@@ -115,6 +115,13 @@ def test_a_function_that_is_no_event_is_refused(vehicle, until, sentence):
         co.simulate(system, start, dt=0.1, steps=5, until=until, progress=False)
 
 
+@pytest.mark.parametrize("given", [None, 3.0, "depth"])
+def test_a_named_event_without_a_function_is_refused_and_not_passed_over(vehicle, given):
+    system, start = vehicle
+    with pytest.raises(co.LagrangianError, match=r"The event `a` must be a function of the state, but is "):
+        co.simulate(system, start, dt=0.1, steps=2, events={"a": given}, progress=False)
+
+
 @pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
 def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
     system, start = top

@@ -14,6 +14,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.kernels.trace.jaxprs import Tracer
 from coadjoint.spaces.numbers import float64
 
 EARLY = 1e-9
@@ -81,6 +82,11 @@ class _Table(Signal):
         size = (1 << len(borders).bit_length()) - 1
         return np.concatenate([borders, np.full(size - len(borders), np.inf)]), columns
 
+    def _time(self, t: Any) -> Any:
+        """A time as it is, several as an array; raises ArgumentError for what is no time."""
+        plain = isinstance(t, (float, int)) and not isinstance(t, bool) and t == t
+        return t if plain or isinstance(t, Tracer) else float64(t, f"The time of co.{type(self).__name__}")
+
     def _row(self, t: Any) -> list[Array]:
         """The row of every column that is in force at t."""
         if traced(self.times, self.values):
@@ -118,7 +124,7 @@ class Held(_Table):
         return self.times[1:] - early, [self.values]
 
     def __call__(self, t: Any) -> Array:
-        return self._row(t)[0]
+        return self._row(self._time(t))[0]
 
 
 class Linear(_Table):
@@ -141,6 +147,7 @@ class Linear(_Table):
         return times, [begins, starts, slopes]
 
     def __call__(self, t: Any) -> Array:
+        t = self._time(t)
         begin, start, slope = self._row(t)
         return start + (t - begin) * slope
 

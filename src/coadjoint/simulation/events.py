@@ -67,8 +67,13 @@ def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
         )
     if "until" in given:
         raise ArgumentError("The name `until` in `events` is that of the argument which ends a run: take another.")
-    found = {name: as_event(event, f"The event `{name}`") for name, event in given.items()}
-    return {name: event for name, event in found.items() if event is not None}
+    found: dict[str, Event] = {}
+    for name, function in given.items():
+        event = as_event(function, f"The event `{name}`")
+        if event is None:
+            raise LagrangianError(f"The event `{name}` must be a function of the state, but is None: leave it out.")
+        found[name] = event
+    return found
 
 
 def require_event(event: Event, what: str, state: State) -> None:
