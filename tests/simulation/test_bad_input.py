@@ -190,7 +190,25 @@ def test_a_list_of_traced_numbers_is_a_vector():
     assert "with co.float64():" in sentence_of(lambda: jax.grad(spin)(1.0))
 
 
-def test_an_unknown_parameter_is_named():
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"masss": 1}, "There is no `masss` to replace; there is: mass, rudder."),
+        ({"fin.area": 1}, "There is no `fin.area` to replace; there is: mass, rudder."),
+        ({"rudder.area": 1}, "`rudder.area` is a number within `rudder`: replace it by rudder={'area': …}."),
+        ({"rudder.arm.x": 1}, "`rudder.arm.x` is a number within `rudder`: replace it by rudder={'arm': {'x': …}}."),
+        (
+            {"rudder": {"arm.x": 1}},
+            "`rudder.arm.x` is a number within `rudder`: replace it by rudder={'arm': {'x': …}}.",
+        ),
+        ({"rudder_area": 1}, "no `rudder_area` to replace: it is `rudder.area`, replaced by rudder={'area': …}."),
+        ({"rudder.chord": 1}, "There is no `rudder.chord` to replace; in `rudder` there is: area, arm."),
+        ({"rudder": {"chord": 1}}, "There is no `rudder.chord` to replace; in `rudder` there is: area, arm."),
+    ],
+)
+def test_an_unknown_parameter_is_answered_with_those_there_are(changes, says):
+    parameters = co.Parameters(mass=2.0, rudder={"area": 0.1, "arm": {"x": 1.0}})
+    assert says in sentence_of(lambda: parameters.replace(**changes))
     assert "no `masss` to replace" in sentence_of(lambda: VEHICLE.replace(masss=1.0))
 
 

@@ -62,7 +62,7 @@ def _merged(old: Parameters, values: Mapping[str, Any], prefix: str = "") -> dic
     for name, value in values.items():
         path = f"{prefix}{name}"
         if name not in found:
-            raise ArgumentError(f"There is no `{path}` to replace{_hint(name, old, prefix)}.")
+            raise ArgumentError(_unknown(name, old, prefix))
         inner, several = found[name], isinstance(value, (Mapping, Named))
         if isinstance(inner, Parameters) and not several:
             raise ArgumentError(f"`{path}` is several numbers, {', '.join(inner)}: replace it by a dictionary of some.")
@@ -73,11 +73,22 @@ def _merged(old: Parameters, values: Mapping[str, Any], prefix: str = "") -> dic
     return found
 
 
-def _hint(name: str, old: Parameters, prefix: str) -> str:
-    where = respelled(name.replace(".", "_"), paths(old)).split(".")
-    if len(where) < 2:
-        return f"; there is: {', '.join(old) or 'nothing'}"
-    given = "…"
-    for key in reversed(where[1:]):
-        given = f"{{'{key}': {given}}}"
-    return f": it is `{prefix}{'.'.join(where)}`, replaced by {where[0]}={given}"
+def _unknown(name: str, old: Parameters, prefix: str) -> str:
+    """What to say of a name that is not there: how the number is replaced that it means, or which names there are."""
+    known = paths(old)
+    meant = name if name in known else respelled(name.replace(".", "_"), known)
+    if "." in meant:
+        head, *rest = f"{prefix}{meant}".split(".")
+        given = "…"
+        for key in reversed(rest):
+            given = f"{{'{key}': {given}}}"
+        if meant == name:
+            return f"`{prefix}{name}` is a number within `{head}`: replace it by {head}={given}."
+        return f"There is no `{prefix}{name}` to replace: it is `{prefix}{meant}`, replaced by {head}={given}."
+    inside, place = old, prefix
+    for key in name.split(".")[:-1]:
+        if key not in inside or not isinstance(inside.asdict()[key], Parameters):
+            break
+        inside, place = inside.asdict()[key], f"{place}{key}."
+    where = f"in `{place[:-1]}` there is" if place else "there is"
+    return f"There is no `{prefix}{name}` to replace; {where}: {', '.join(inside) or 'nothing'}."

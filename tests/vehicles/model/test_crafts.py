@@ -305,7 +305,7 @@ def drifting(**inputs: Any):
         (lambda: Craft(remus(), water=CURRENT), r"`water` must be a Water such as UniformWater"),
         (lambda: Craft(remus()).replace(ruder_area=1.0), "There is no `ruder_area` to replace"),
         (lambda: Craft(remus()).replace(rudder_area=1.0), "it is `rudder.area`, replaced by rudder={'area': …}"),
-        (lambda: Craft(remus()).replace(**{"rudder.area": 1.0}), "it is `rudder.area`, replaced by rudder={'area': …}"),
+        (lambda: Craft(remus()).replace(**{"rudder.area": 1.0}), "within `rudder`: replace it by rudder={'area': …}."),
         (lambda: Craft(remus()).replace(rudder=1.0), "`rudder` is several numbers, position, normal, area"),
         (lambda: Craft(remus()).replace(mass={"area": 1.0}), "`mass` is one array of numbers"),
         (lambda: remus(parts=(Damping("mass"),)), "`mass` is taken"),
