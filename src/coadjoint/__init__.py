@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.signals import Signal as Signal
     from coadjoint.mechanics.state import Force as Force
     from coadjoint.mechanics.state import Motion as Motion
+    from coadjoint.mechanics.state import NodeMotion as NodeMotion
     from coadjoint.mechanics.state import State as State
     from coadjoint.mechanics.system import System as System
     from coadjoint.methods import AdjointVariational as AdjointVariational

@@ -128,3 +128,21 @@ def test_an_error_inside_a_space_is_not_told_as_a_missing_field_of_the_state(mon
     monkeypatch.setattr(co.Trivial, "act", act)
     with pytest.raises(AttributeError, match="no_such_function"):
         _ = start.q
+
+
+def test_rules_and_held_inputs_receive_a_node_motion_and_forces_a_motion() -> None:
+    def rule(motion: co.NodeMotion, h: Any, p: Any) -> dict[str, Any]:
+        return {"cable": motion.internal.cable + h * (p.rate if isinstance(motion, co.NodeMotion) else jnp.nan)}
+
+    def pull(motion: co.Motion, p: Any) -> co.Force:
+        return co.Force(torque=-motion.inputs.brake * motion.xi if isinstance(motion, co.Motion) else [jnp.nan, 0])
+
+    def brake(motion: co.NodeMotion) -> Any:
+        return motion.internal.cable if isinstance(motion, co.NodeMotion) else jnp.nan
+
+    system = co.System(
+        co.Translation(2), lambda xi, p: 0.5 * xi @ xi, forces=pull, internal=rule, parameters=co.Parameters(rate=0.1)
+    )
+    start = system.state(xi=[1.0, 0.0], internal={"cable": 0.2}, inputs={"brake": 0.2})
+    run = co.simulate(system, start, dt=0.1, steps=3, inputs={"brake": brake}, accuracy=False)
+    assert float(run.final.internal.cable) == pytest.approx(0.23) and np.all(run.dataset.inputs_brake > 0.19)

@@ -158,8 +158,10 @@ class Motion(NamedTuple):
 class NodeMotion(NamedTuple):
     """What functions may depend on that are held over a step, of inputs and of internal states: `Motion`, g and q.
 
-    g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names as n. Forces, which act within steps, have
-    the body frame only.
+        def rule(motion: co.NodeMotion, h, p):  # advances an internal state, once a step
+
+    xi, n, nu, a, t, inputs, internal: as in `Motion`, at the node where the step starts. g: as in `State`. q: q = g·n
+    in the space frame, (ambient,), or by names as n. Forces, which act within steps, have the body frame only.
     """
 
     xi: Array
