@@ -16,7 +16,8 @@ from coadjoint.errors import ArgumentError
 if TYPE_CHECKING:
     from coadjoint.stability import Stability as Report
     from coadjoint.vehicles.model.vehicle import Vehicle
-    from coadjoint.vehicles.trim.flight import SteadyFlight, Trim
+    from coadjoint.vehicles.trim.flight import SteadyFlight
+    from coadjoint.vehicles.trim.reading import Trim
 
 MOST = 200
 """Speeds in a range, at most."""
@@ -129,7 +130,7 @@ def _without(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:
 def _fly(flight: SteadyFlight, speeds: list[float]) -> tuple[dict[float, tuple[Trim, Report]], dict[float, str]]:
     """Trim and stability at each speed where steady flight was found, and why it was not at the others."""
     from coadjoint.stability import stability
-    from coadjoint.vehicles.trim.flight import trim
+    from coadjoint.vehicles.trim.reading import trim
 
     found, failures, motion = {}, {}, None
     for speed in speeds:
@@ -150,6 +151,8 @@ def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, st
     for part in vehicle.commanded:
         over = ", beyond its limit" if part.name in trimmed.beyond else ""
         rows.append((part.name, _value(trimmed.actuators[part.name], part) + over))
+    if trimmed.beyond:
+        rows.append(("limits", _limits(vehicle, trimmed)))
     for mode in report.modes:
         name, _, does = str(mode).partition(": ")
         rows.append((name, does))
@@ -158,6 +161,25 @@ def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, st
     if report.motion.system.forces is None:
         rows.append(("energy–Casimir", f"{report.energy.verdict}: {report.energy.reason}"))
     return [*rows, ("verdict", report.verdict)]
+
+
+def _limits(vehicle: Vehicle, trimmed: Trim) -> str:
+    """What a motion needs beyond the limits of actuators, in a sentence."""
+    needs = [
+        f"{name} at {_amount(value, vehicle.part(name))}, beyond its limit of {_amount(limit, vehicle.part(name))}"
+        for name, (value, limit) in trimmed.exceeded.items()
+    ]
+    what = "This motion" if isinf(trimmed.radius) else "No turn within all limits was found: this one"
+    return f"{what} needs {' and '.join(needs)}."
+
+
+def _unit(part: Any) -> str:
+    return part.command.unit if part.units is None else part.units.get("position", part.command.unit)
+
+
+def _amount(value: float, part: Any) -> str:
+    unit = _unit(part)
+    return _degrees(value) if unit == "rad" else f"{value:.4g} {unit}"
 
 
 def _motion(trimmed: Trim) -> str:
@@ -215,6 +237,10 @@ def _summary(vehicle: Vehicle, found: Any, failures: dict[float, str], picture: 
                 "radius": None if isinf(trimmed.radius) else trimmed.radius,
                 "actuators": {name: _plain(value) for name, value in trimmed.actuators.items()},
                 "beyond_limits": list(trimmed.beyond),
+                "exceeded": {
+                    name: {"value": value, "limit": limit, "unit": _unit(vehicle.part(name))}
+                    for name, (value, limit) in trimmed.exceeded.items()
+                },
                 **report.summary(),
             }
         )

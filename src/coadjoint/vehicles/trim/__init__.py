@@ -8,7 +8,7 @@ from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.trim.flight import SteadyFlight as SteadyFlight
-    from coadjoint.vehicles.trim.flight import Trim as Trim
-    from coadjoint.vehicles.trim.flight import trim as trim
+    from coadjoint.vehicles.trim.reading import Trim as Trim
+    from coadjoint.vehicles.trim.reading import trim as trim
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,12 +13,13 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.models.quantities import number
-from coadjoint.spaces.named import named
 from coadjoint.stability.steady import Search, SteadyMotion
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.parts.thrusters import Thrusters
+from coadjoint.vehicles.trim.reading import travel, trim
+from coadjoint.vehicles.trim.turning import turns
 
 STEPS = (2, 6, 15)
 """In so many steps held actuators come to their places, so that a hard turn is reached from a straight course."""
@@ -39,6 +39,8 @@ class SteadyFlight:
     horizon, rad; π/2 is vertical ascent. hold: actuators by name that stay at a value. free: those that may move to
     hold the motion, by default all others; where six or more do, first on an even keel. turning: whether it may turn,
     as a held rudder makes it. depth: m.
+    A held actuator comes to its place in steps, from a straight course; a turn to which none leads, or one beyond the
+    limits of the actuators that move, is looked for from a few starts that turn already.
     Raises ArgumentError for names that are no actuators.
     """
 
@@ -67,9 +69,10 @@ class SteadyFlight:
     def at(self, speed: float, near: SteadyMotion | None = None) -> SteadyMotion:
         """The steady motion at a speed through the water, m/s, near one that was found at another speed.
 
-        Raises ArgumentError where none is found.
+        Raises ArgumentError where none is found, and where a held value has another shape than its actuator's command.
         """
         speed = number(speed, "speed", at_least=0.0)
+        self._held(self.craft.start(), 1.0)
         last = self._searches.get(self._last)
         if near is not None and speed > 0 and last is not None:
             with suppress(ArgumentError):
@@ -86,8 +89,37 @@ class SteadyFlight:
         if speed == 0:
             guess = self._guess(0.0, 1.0)
             return self._search("rest", guess).find(guess, 0.0)
+        if not (self.turning and self.hold):
+            return self._ahead(speed, (1,))
+        return self._ahead(speed, STEPS) if self._vertical else self._turn(speed)
+
+    def _turn(self, speed: float) -> SteadyMotion:
+        """The turn that a straight course leads to; where it has none within all limits, another one if there is."""
+        found: list[tuple[SteadyMotion, str]] = []
+        failure = None
+        try:
+            found.append((self._ahead(speed, STEPS), self._last))
+        except ArgumentError as error:
+            failure = error
+        if not any(self._is_within(motion) for motion, _ in found):
+            guess = self._guess(speed, 1.0)
+            search = self._search("path", guess)
+            for other in turns(self._awake(guess, search, speed), search, speed, self.vehicle):
+                found.append((other, "path"))
+                if self._is_within(other):
+                    break
+        if not found:
+            raise failure or AssertionError
+        motion, self._last = next((pair for pair in found if self._is_within(pair[0])), found[0])
+        return motion
+
+    def _is_within(self, motion: SteadyMotion) -> bool:
+        """Whether no actuator that is free has to go beyond its limits."""
+        return set(trim(self.vehicle, motion).beyond) <= set(self.hold)
+
+    def _ahead(self, speed: float, steps: Sequence[int]) -> SteadyMotion:
+        """From a straight course, in the first number of steps that leads to a motion."""
         kinds = ["upright", "path"] if self._holds_attitude else ["path"]
-        steps = STEPS if self.turning and self.hold else (1,)
         *first, last = [(kind, n) for kind in kinds for n in steps]
         for kind, n in first:
             with suppress(ArgumentError):
@@ -121,7 +153,7 @@ class SteadyFlight:
                 rate = search.reduced.slopes(guess).rate
                 values[name] = evaluate(part.allocate, -np.concatenate([rate[6:9], rate[:3]]))
             else:
-                within = _travel(part)
+                within = travel(part)
                 values[name] = rest + AWAKE * ((1.0 if within is None else within[1]) - rest)
         return guess.replace(internal=guess.internal.replace(**values)) if values else guess
 
@@ -137,7 +169,7 @@ class SteadyFlight:
 
     def _sizes(self) -> dict[str, float]:
         """Free actuators with changes that count as one, large beside angles, so that the attitude changes last."""
-        ranges = {path: _travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
+        ranges = {path: travel(self.vehicle.part(path.partition(".")[0])) for path in self.free}
         return {
             path: 1.0 if within is None else EAGER * float(within[1] - within[0]) for path, within in ranges.items()
         }
@@ -214,64 +246,6 @@ def _at_rest(state: State, _: Any) -> Any:
 def _between(rest: Any, wanted: Any, part: float) -> Any:
     if isinstance(wanted, Mapping):
         return type(rest)(**{key: _between(getattr(rest, key), wanted[key], part) for key in wanted})
-    if np.shape(rest) != np.shape(wanted):
+    if np.shape(rest) != np.shape(wanted) and not np.size(rest) == np.size(wanted) == 1:
         raise ArgumentError(f"A held actuator takes shape {np.shape(rest)}, but got {np.shape(wanted)}.")
-    return np.asarray(rest) + part * (np.asarray(wanted) - np.asarray(rest))
-
-
-@dataclass(frozen=True)
-class Trim:
-    """What an engineer reads of a steady motion; SI, rad."""
-
-    speed: float
-    climb: float
-    pitch: float
-    roll: float
-    attack: float
-    """atan2(w, u)."""
-    sideslip: float
-    """asin(v/|v|)."""
-    turn_rate: float
-    """ω·down, rad/s; positive to starboard."""
-    radius: float
-    """Of the circle, m; infinite on a straight course."""
-    actuators: dict[str, Any]
-    beyond: tuple[str, ...]
-    """Actuators that would have to go beyond their limits."""
-
-
-def trim(vehicle: Vehicle, motion: SteadyMotion) -> Trim:
-    """Angles, turn rate and actuators of a steady flight."""
-    state, system = motion.state, motion.system
-    down = system.advected.view(system.group, state.a).down
-    u, v, w = map(float, state.nu)
-    speed = float(np.linalg.norm(state.nu))
-    sink = float(np.clip(state.nu @ down, -speed, speed))
-    turn = float(state.xi @ down)
-    turn = turn if abs(turn) > 1e-9 * max(speed, 1.0) else 0.0
-    actuators = {part.name: getattr(state.internal, part.name) for part in vehicle.commanded}
-    return Trim(
-        speed=speed,
-        climb=float(np.arcsin(-sink / speed)) if speed else 0.0,
-        pitch=float(np.arctan2(-down[0], np.hypot(down[1], down[2]))),
-        roll=float(np.arctan2(down[1], down[2])) if np.hypot(down[1], down[2]) > 1e-9 else 0.0,
-        attack=float(np.arctan2(w, u)) if speed else 0.0,
-        sideslip=float(np.arcsin(v / speed)) if speed else 0.0,
-        turn_rate=turn,
-        radius=float(np.sqrt(max(speed**2 - sink**2, 0.0)) / abs(turn)) if turn else float("inf"),
-        actuators=actuators,
-        beyond=tuple(part.name for part in vehicle.commanded if _is_beyond(part, actuators[part.name])),
-    )
-
-
-def _travel(part: Any) -> tuple[Any, Any] | None:
-    return part.travel(named(part.parameters()))
-
-
-def _is_beyond(part: Any, actual: Any) -> bool:
-    within = _travel(part)
-    if within is None:
-        return False
-    place = actual.position if part.units is not None and "position" in actual else actual
-    slack = 1e-9 * (within[1] - within[0])
-    return bool(np.any((place < within[0] - slack) | (place > within[1] + slack)))
+    return np.asarray(rest) + part * (np.reshape(wanted, np.shape(rest)) - np.asarray(rest))
