@@ -99,6 +99,11 @@ def test_a_turn_that_needs_too_much_is_told_with_the_value_and_the_limit(capsys)
     assert "turning to starboard at 10.1°/s" in shown
 
 
+def test_what_a_vehicle_weighs_beyond_its_buoyancy_is_told_in_words():
+    with pytest.raises(ArgumentError, match=r"is 11 N lighter than the water .* \(positively buoyant\)\.$"):
+        SteadyFlight(PRESTERO).at(0.0)
+
+
 def test_one_number_holds_a_propeller_of_one_thruster():
     flight = SteadyFlight(PRESTERO, hold={"propeller": 50.0})
     with pytest.raises(ArgumentError, match="No steady motion was found"):

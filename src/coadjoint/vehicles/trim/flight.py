@@ -83,7 +83,7 @@ class SteadyFlight:
             extra = loads(self.vehicle).net_weight
             if abs(extra) < 1e-6 * self.vehicle.buoyancy:
                 raise
-            raise ArgumentError(f"{error} Its weight is its buoyancy {extra:+.3g} N.") from error
+            raise ArgumentError(f"{error} {_of_buoyancy(extra)}") from error
 
     def _found(self, speed: float) -> SteadyMotion:
         if speed == 0:
@@ -237,6 +237,12 @@ class SteadyFlight:
         if self._vertical:
             return ("the surge", "the sway", "the heave")
         return ("the speed", "the rate of climb", "the roll rate", "the pitch rate", "the yaw rate")
+
+
+def _of_buoyancy(extra: float) -> str:
+    """A weight less its buoyancy, N, in words."""
+    word, sign = ("heavier", "negatively") if extra > 0 else ("lighter", "positively")
+    return f"The vehicle is {abs(extra):.3g} N {word} than the water that it displaces ({sign} buoyant)."
 
 
 def _at_rest(state: State, _: Any) -> Any:
