@@ -72,3 +72,26 @@ def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
     first.dataset.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
     with pytest.raises(co.FileError, match="holds no record to go on from"):
         _ = co.load(tmp_path / "old.nc", BODY).final
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("run.csv", b"time,xi_0\n0.0,1.0\n", "pandas.read_csv read a table, `read_log` the log of a vehicle"),
+        ("run.toml", b"model = 'heavy_top'\n", "`coadjoint run` runs a run file"),
+        ("stepper", b"PK\x03\x04", "co.load_stepper loads"),
+        ("run.png", b"\x89PNG\r\n", "nor the folder of a streamed run."),
+        ("run.nc", b"", "nor the folder of a streamed run."),
+    ],
+)
+def test_a_file_that_is_no_run_is_answered_with_what_reads_it(tmp_path, name, content, says):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(co.FileError, match="is not a netCDF file of a run") as caught:
+        co.load(tmp_path / name)
+    assert says in str(caught.value) and "\n" not in str(caught.value) and "signature" not in str(caught.value)
+
+
+def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
+    (tmp_path / "half.nc").write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(co.FileError, match=r"half\.nc is damaged or not whole: put back a copy of it\.$"):
+        co.load(tmp_path / "half.nc")

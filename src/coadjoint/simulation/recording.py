@@ -26,6 +26,15 @@ if TYPE_CHECKING:
 NETCDF = ("", ".nc", ".nc4", ".netcdf")
 """Endings of names that stand for netCDF."""
 
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""The first bytes of a netCDF file as `save` writes it."""
+READERS = {
+    ".csv": "numpy.genfromtxt and pandas.read_csv read a table, `read_log` the log of a vehicle",
+    ".toml": "`coadjoint run` runs a run file or a mission, and writes a netCDF file",
+    ".zip": "co.load_stepper loads what stepper.save wrote",
+}
+"""What reads files that are no runs, by their endings."""
+
 
 class Recording:
     """Anything with a `dataset`."""
@@ -170,10 +179,26 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
         with xarray.open_dataset(source, engine="h5netcdf") as opened:
             found = opened.load()
     except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"The file {source} is not a netCDF file of a run: {error}.") from error
+        raise _unreadable(source) from error
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
     return SavedRun(found, system)
+
+
+def _unreadable(source: Path) -> FileError:
+    """What to raise for a file that is not opened as netCDF: what it is instead, and what reads it."""
+    try:
+        with source.open("rb") as opened:
+            first = opened.read(len(HDF5))
+    except OSError as refusal:
+        return FileError(f"The file {source} cannot be read: {refusal.strerror or refusal}.")
+    if first == HDF5:
+        return FileError(f"The file {source} is damaged or not whole: put back a copy of it.")
+    reader = READERS.get(".zip" if first.startswith(b"PK") else source.suffix.lower())
+    return FileError(
+        f'The file {source} is not a netCDF file of a run, such as run.save("run.nc") writes, nor the folder of a '
+        f"streamed run{f': {reader}' if reader else ''}."
+    )
 
 
 def _path(given: Any) -> Path:
