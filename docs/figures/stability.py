@@ -1,4 +1,4 @@
-"""The figure of the page on stability: bottom-heavy ellipsoids, and REMUS 100 with and without its fins; a minute.
+"""The figure of the page on stability: bottom-heavy ellipsoids, and three sets of numbers of REMUS 100; a minute.
 
 Run as: python docs/figures/stability.py; it writes docs/figures/stability.png.
 """
@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint import vehicles
+from coadjoint.errors import ArgumentError
 from coadjoint.models.paper_form import start
 from coadjoint.plotting import style
 from coadjoint.stability import Search, stability
 from coadjoint.vehicles.hydrodynamics import ellipsoid
-from coadjoint.vehicles.trim import SteadyFlight
+from coadjoint.vehicles.trim import SteadyFlight, trim
 
 LEVERS = np.linspace(0.004, 0.04, 7)
 SPEEDS = np.linspace(0.1, 1.1, 9)
@@ -55,23 +56,38 @@ def bottom_heavy(axes, axis: int) -> None:
     axes.set(xlabel="speed (m/s)", title=TITLES[axis], ylim=(0, 44), xlim=(0, 1.15))
 
 
-def growth_rates(axes) -> None:
-    """The largest Re λ of REMUS 100 against speed."""
-    remus = vehicles.load("remus_100")
-    bare = replace(remus, parts=tuple(part for part in remus.parts if part.name not in ("stern_planes", "rudder")))
-    speeds = np.linspace(0.25, 2.5, 10)
-    for vehicle, label, colour in ((bare, "without fins", 1), (remus, "with fins", 0)):
-        flight, motion, rates = SteadyFlight(vehicle), None, []
-        for speed in speeds:
+def growth(vehicle, speeds):
+    """The largest Re λ at every speed, NaN where there is no steady flight, and whether its actuators can hold it."""
+    flight, motion, rates, held = SteadyFlight(vehicle), None, [], []
+    for speed in speeds:
+        try:
             motion = flight.at(float(speed), near=motion)
-            rates.append(stability(motion).growth_rate)
-        axes.plot(speeds, rates, "o-", markersize=3, color=style.COLOURS[colour], label=label)
-    m1, m2, J = remus.mass + 0.8389, remus.mass + 29.4376, 4.0278 + 3.4262
+        except ArgumentError:
+            motion = None
+        rates.append(np.nan if motion is None else stability(motion).growth_rate)
+        held.append(motion is not None and not trim(vehicle, motion).beyond)
+    return np.array(rates), np.array(held)
+
+
+def growth_rates(axes) -> None:
+    """The largest Re λ of each set of numbers of REMUS 100 against speed."""
+    composed, prestero, sgarioto = (vehicles.load(f"remus_100{name}") for name in ("", "_prestero", "_sgarioto"))
+    fins = ("stern_planes", "rudder")
+    bare = replace(composed, parts=tuple(part for part in composed.parts if part.name not in fins))
+    speeds = np.linspace(0.25, 2.5, 10)
+    m1, m2, J = composed.mass + 0.8389, composed.mass + 29.4376, 4.0278 + 3.4262
     munk = np.sqrt((m2 - m1) * m1 / (m2 * J)) * speeds
-    axes.plot(speeds, munk, color="black", linestyle=style.DASHES[1], label="Munk, no drag")
+    axes.plot(speeds, munk, color="black", linestyle=style.DASHES[1], label="composed, bare: Munk")
+    shown = ((bare, "composed, bare"), (sgarioto, "Sgarioto"), (prestero, "Prestero"), (composed, "composed"))
+    for (vehicle, label), k in zip(shown, (1, 2, 3, 0), strict=True):
+        (rates, held), colour = growth(vehicle, speeds), style.COLOURS[k]
+        axes.plot(speeds, rates, color=colour)
+        axes.plot([], [], "o-", markersize=3, color=colour, label=label)
+        for which, face in ((held, colour), (~held, "white")):
+            axes.plot(speeds[which], rates[which], "o", markersize=3, color=colour, markerfacecolor=face)
     axes.axhline(0, color="black", linewidth=0.6)
-    axes.set(xlabel="speed (m/s)", ylabel="largest Re λ (1/s)", title="REMUS 100, straight and level")
-    axes.legend(loc="upper left")
+    axes.set(xlabel="speed (m/s)", ylabel="largest Re λ (1/s)", title="sets of REMUS 100, level", ylim=(-0.6, 5.8))
+    axes.legend(loc="upper left", fontsize=6)
 
 
 def draw() -> None:

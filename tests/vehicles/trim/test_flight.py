@@ -38,7 +38,7 @@ def test_straight_flight_has_the_revolutions_where_thrust_is_drag(straight):
     assert np.sin(found.roll) == pytest.approx(torque / (REMUS.mass * 9.81 * 0.02), rel=1e-9)
 
 
-def test_fins_make_remus_stable_and_without_them_it_is_unstable(straight):
+def test_the_composed_remus_is_stable_by_its_large_fins_and_unstable_without_them(straight):
     assert stability(straight).verdict == "stable"
     bare = stability(BARE_FLIGHT.at(1.5))
     assert bare.verdict == "unstable"
