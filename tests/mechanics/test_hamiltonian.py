@@ -109,6 +109,7 @@ def test_a_hamiltonian_that_is_not_quadratic_moves_as_its_lagrangian(rule):
     for how in ({"hamiltonian": relativistic}, {"lagrangian": relativistic_lagrangian}):
         top, start = relativistic_top(**how)
         run = co.simulate(top, start, dt=0.01, steps=2000, save_every=100, method=RULES[rule](co.Cayley()))
+        assert run.plan.backend == "native"
         assert run.largest("newton_residual") <= 1e-11 and run.relative_change("kelvin_noether") <= 1e-12
         ends.append(run.final)
     assert np.max(np.abs(ends[0].xi)) > 0.5

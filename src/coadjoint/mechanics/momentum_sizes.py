@@ -23,13 +23,17 @@ class Sizes(NamedTuple):
 def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Sizes]:
     """The sizes of (μ, π), one number each, that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at this place.
 
-    μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there.
+    μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there. Of ℋ the momenta are
+    looked for from μ alone and from π alone, by as many iterations as native code writes out.
     """
-    return _momenta(system, state, xi, jnp.zeros_like(nu)), _momenta(system, state, jnp.zeros_like(xi), nu)
+    at_rest, still = jnp.zeros_like(xi), jnp.zeros_like(nu)
+    by_xi = _momenta(system, state, (xi, still), (state.mu, jnp.zeros_like(state.pi)))
+    return by_xi, _momenta(system, state, (at_rest, nu), (jnp.zeros_like(state.mu), state.pi))
 
 
-def _momenta(system: System, state: State, xi: Array, nu: Array) -> Sizes:
-    found = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+def _momenta(system: System, state: State, velocities: tuple[Array, Array], near: tuple[Array, Array]) -> Sizes:
+    xi, nu = velocities
+    found = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal, near)
     sizes = [largest(part) for part in found]
     return Sizes(*(jnp.where(jnp.isfinite(size), size, 0.0) for size in sizes))
 

@@ -227,9 +227,12 @@ def with_own_momenta(system: System, start: State) -> State:
     return evaluate(jax.vmap(begun, in_axes=(axes, 0)), parameters, start)
 
 
-def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None) -> tuple[Any, Any]:
-    """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian."""
+def legendre(system: System, xi, n, nu, a, t=0.0, inputs=None, internal=None, near=None) -> tuple[Any, Any]:
+    """μ = ∂_ξℓ, π = ∂_νℓ on T*Q; zero where the system has only a discrete Lagrangian.
+
+    near: (μ, π) from which the Legendre transform of ℋ is solved, as in `System.reduced_lagrangian`.
+    """
     if not system.continuous:
         return jax.numpy.zeros_like(xi), jax.numpy.zeros_like(nu)
-    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs, internal)
+    mu, pi = jax.grad(system.reduced_lagrangian, argnums=(0, 2))(xi, n, nu, a, t, inputs, internal, near)
     return mu, system.additional.project(system.group, n, pi)
