@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from coadjoint.methods import EnergyMomentum as EnergyMomentum
     from coadjoint.methods import Galerkin as Galerkin
     from coadjoint.methods import GroupVariational as GroupVariational
+    from coadjoint.methods import HamiltonianMidpoint as HamiltonianMidpoint
     from coadjoint.methods import KahanLi6 as KahanLi6
     from coadjoint.methods import KahanLi8 as KahanLi8
     from coadjoint.methods import LeftRectangle as LeftRectangle
@@ -93,7 +94,6 @@ if TYPE_CHECKING:
     from coadjoint.methods import VariableStep as VariableStep
     from coadjoint.methods import Variational as Variational
     from coadjoint.methods import Yoshida4 as Yoshida4
-    from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint as HamiltonianMidpoint
     from coadjoint.simulation.events import Event as Event
     from coadjoint.simulation.recording import load as load
     from coadjoint.simulation.resume import resume as resume

@@ -21,6 +21,7 @@ from coadjoint.audit.systems import PROBLEMS
 from coadjoint.cli import auditing
 from coadjoint.cli.main import main
 from coadjoint.mechanics.continuous import reference
+from coadjoint.simulation.configuration import method_form, method_from
 
 STEPS = 5_000
 TOP = PROBLEMS["heavy top"]
@@ -39,12 +40,17 @@ def not_shown(found) -> set[str]:
 
 def test_every_public_method_is_audited():
     public = {
-        kind
-        for name in coadjoint.methods.__all__
-        if inspect.isclass(kind := getattr(coadjoint.methods, name)) and issubclass(kind, co.Method)
+        kind for name in co.__all__ if inspect.isclass(kind := getattr(co, name)) and issubclass(kind, co.Method)
     } - {co.Method}
+    assert public == {getattr(coadjoint.methods, kind.__name__) for kind in public}
     audited = {type(shipped.make(co.Cayley())) for shipped in SHIPPED}
     assert public == audited, f"not in coadjoint.audit.shipped: {public - audited}"
+
+
+def test_every_audited_method_is_written_with_a_stored_run_and_read_again():
+    for shipped in SHIPPED:
+        method = shipped.make(co.Exponential())
+        assert method_from(json.loads(json.dumps(method_form(method)))) == method, shipped.name
 
 
 def test_what_is_left_out_leaves_every_claim_of_order_to_four_systems():
@@ -68,7 +74,9 @@ def test_order_8_of_a_single_step_shows(name):
     assert found.shown
 
 
-@pytest.mark.parametrize("name", ["LeftRectangle", "Midpoint", "Variational", "Suzuki4(LeftRight)"])
+@pytest.mark.parametrize(
+    "name", ["LeftRectangle", "Midpoint", "HamiltonianMidpoint", "Variational", "Suzuki4(LeftRight)"]
+)
 def test_a_method_shows_what_it_claims(name):
     found = findings(BY_NAME[name], co.Exponential())
     assert not not_shown(found)

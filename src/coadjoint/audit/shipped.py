@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import jax
+import jax.numpy as jnp
+
 from coadjoint.audit.systems import QUICK, Problem
 from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Pade, SecondKind, Squared
 from coadjoint.groups import SE3
@@ -16,6 +19,7 @@ from coadjoint.methods import (
     EnergyMomentum,
     Galerkin,
     GroupVariational,
+    HamiltonianMidpoint,
     KahanLi6,
     KahanLi8,
     LeftRectangle,
@@ -61,6 +65,28 @@ def with_left_rectangle(system: System) -> System:
     )  # fmt: skip
 
 
+def with_hamiltonian(system: System) -> System:
+    """The system by ℋ(p) = ⟨p, z⟩ − ℓ(z) in the place of ℓ(z) = ½ z·Kz + b·z − U, z = (ξ, ν) = K⁻¹(p − b)."""
+    dynamic, dim = system.additional.ambient(system.group) > 0, system.group.dim
+
+    def hamiltonian(mu: Array, *rest):
+        n, pi, *places = rest if dynamic else (None, mu[:0], *rest)
+
+        def lagrangian(z: Array):
+            moving = (n, z[dim:]) if dynamic else ()
+            return system.lagrangian(z[:dim], *moving, *places)  # type: ignore[misc]
+
+        p = jnp.concatenate([mu, pi])
+        rest_momenta, inertia = jax.grad(lagrangian)(jnp.zeros_like(p)), jax.hessian(lagrangian)(jnp.zeros_like(p))
+        z = jnp.linalg.solve(inertia, p - rest_momenta)
+        return p @ z - lagrangian(z)
+
+    return System(
+        system.group, hamiltonian=hamiltonian, additional=system.additional, advected=system.advected,
+        parameters=system.parameters, forces=system.forces,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Shipped:
     """A method under a name, made over a difference map; `adapt` gives a system what the method needs."""
@@ -92,6 +118,7 @@ SHIPPED: tuple[Shipped, ...] = (
     Shipped("Symmetrised(Variational)", lambda tau: Symmetrised(Variational(tau)), with_left_rectangle),
     Shipped("GroupVariational", GroupVariational, with_left_rectangle),
     Shipped("Midpoint", Midpoint),
+    Shipped("HamiltonianMidpoint", HamiltonianMidpoint, with_hamiltonian),
     Shipped("Trapezoidal", Trapezoidal),
     Shipped("Simpson", Simpson),
     Shipped("LeftRight", LeftRight),

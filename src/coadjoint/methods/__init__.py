@@ -5,6 +5,7 @@ from coadjoint.methods.composition import Composition, LeftRight, Symmetrised
 from coadjoint.methods.energy_momentum import EnergyMomentum
 from coadjoint.methods.galerkin import Galerkin
 from coadjoint.methods.group_variational import GroupVariational
+from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method, Step
 from coadjoint.methods.midpoint import Midpoint
@@ -30,6 +31,7 @@ __all__ = [
     "EnergyMomentum",
     "Galerkin",
     "GroupVariational",
+    "HamiltonianMidpoint",
     "KahanLi6",
     "KahanLi8",
     "LeftRectangle",
