@@ -69,3 +69,25 @@ def test_the_members_of_an_ensemble_are_asked_for_symmetry_too():
     start = system.state(xi=co.each(np.array([[0.3, -0.4, 1.0], [0.1, 0.0, 1.0]])), a0=[0.0, 0.0, 1.0])
     with pytest.raises(co.ArgumentError, match="is not symmetric"):
         co.simulate(system, start, dt=0.1, steps=2, method=co.Variational(symmetric=True, start="velocity"))
+
+
+@pytest.mark.parametrize("shares", [[0.5, 0.5, 1.0], [1.0, 0.5, 0.5]], ids=["the last is not", "the first is not"])
+def test_every_member_is_asked_for_symmetry_with_its_own_parameters(shares):
+    """The potential stands at the left node with one share, at the right one with the rest."""
+
+    def discrete(xi, a, p, h):
+        back = co.Cayley().tau(co.SO3(), -h * xi)
+        return h * (0.5 * xi @ (INERTIA * xi) - LEVER @ (p.share * a + (1 - p.share) * back @ a))
+
+    system = co.System(
+        co.SO3(), discrete_lagrangian=discrete, advected=co.Defining(), parameters=co.Parameters(share=0.5)
+    )
+    start, fleet = system.state(mu=[0.3, -0.4, 1.0], a0=[0.0, 0.0, 1.0]), system.replace(share=co.each(shares))
+    method = co.Suzuki4(co.Variational(symmetric=True))
+    said = r"is not symmetric: Λ\(ξ, n, s, a; h\)" + (" of member 2 =" if shares[0] == 0.5 else " =")
+    with pytest.raises(co.ArgumentError, match=said):
+        co.simulate(fleet, start, dt=0.1, steps=2, method=method)
+    with pytest.raises(co.ArgumentError, match=said):
+        co.Stepper(fleet, start, dt=0.1, method=method)
+    same = system.replace(share=co.each([0.5, 0.5, 0.5]))
+    assert not co.simulate(same, start, dt=0.1, steps=2, method=method, accuracy=False).failures

@@ -75,6 +75,13 @@ class Step(ABC):
         """The state with the memory that a run of this step starts with."""
         return state
 
+    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
+        """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
+
+        parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
+        """
+        return
+
     def turn(self, system: System, h: Array, xi: Array) -> Element | None:
         """X with which ν of the rule's own node stands in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
         return None

@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -49,8 +50,9 @@ class Variational(Method, Whole):
     never s. Forces enter at the left node: T⁻ = hT, φ⁻ = hf. μ_{k+1} and π_{k+1} are taken by transport.
 
     symmetric: whether Λ(ξ, n, s, a; h) = −Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h), so that Φ₋ₕ undoes Φ_h, by default False. Then
-    the order is 2 and compositions such as co.Suzuki4 take it; a run checks it and raises ArgumentError where it does
-    not hold, as with forces, which stand at the left node.
+    the order is 2 and compositions such as co.Suzuki4 take it; a run checks it of every member and raises ArgumentError
+    where it does not hold, as with forces, which stand at the left node. Inside jit, grad or vmap, and where a
+    stepper changes parameters, it is not checked.
     """
 
     symmetric: bool = False  # pyright: ignore[reportIncompatibleMethodOverride, reportAssignmentType]
@@ -66,31 +68,30 @@ class Variational(Method, Whole):
 
     def remember(self, system: System, state: State) -> State:
         if self.symmetric and not traced(state, system.parameters):
-            self._require_symmetric(system, state)
+            if system.forces:
+                raise ArgumentError(
+                    "Forces stand at the left node of co.Variational, so that its steps are not symmetric: leave out "
+                    "`symmetric`, or use co.Midpoint() with a Lagrangian."
+                )
+            _require_symmetric(evaluate(partial(self._sides, system), state)[None])
         return state
 
-    def _require_symmetric(self, system: System, state: State) -> None:
-        """Raise ArgumentError unless Λ is its own adjoint at random ξ and ν."""
-        if system.forces:
-            raise ArgumentError(
-                "Forces stand at the left node of co.Variational, so that its steps are not symmetric: leave out "
-                "`symmetric`, or use co.Midpoint() with a Lagrangian."
-            )
+    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
+        def sides(parameters: Any, state: State) -> Array:
+            return self._sides(replace_parameters(system, parameters), state)
+
+        if self.symmetric:
+            _require_symmetric(evaluate(jax.vmap(sides, in_axes=(axes, 0)), parameters, states))
+
+    def _sides(self, system: System, state: State) -> Array:
+        """Λ and its adjoint at three random (ξ, ν), (3, 2)."""
         adjoint: Any = Variational(self.difference_map).adjoint
-        random, h = np.random.default_rng(1788), 0.1
-
-        def values(record: State) -> tuple[Array, Array]:
-            return self._value(system, record, h, record.t), adjoint._value(system, record, h, record.t)
-
+        random, h, rows = np.random.default_rng(1788), 0.1, []
         for _ in range(3):
             xi, nu = random.normal(size=np.shape(state.xi)), random.normal(size=np.shape(state.nu))
-            one, other = evaluate(values, state.replace(xi=xi, nu=nu if system.additional.flat else state.nu))
-            if not np.abs(one - other) <= SYMMETRIC * (np.abs(one) + np.abs(other)):
-                raise ArgumentError(
-                    f"The discrete Lagrangian of this system is not symmetric: Λ(ξ, n, s, a; h) = {one:.6g}, but "
-                    f"−Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h) = {other:.6g} at a random point; leave out `symmetric`, or use "
-                    "co.Symmetrised(co.Variational())."
-                )
+            record = state.replace(xi=xi, nu=nu if system.additional.flat else state.nu)
+            rows.append(jnp.stack([rule._value(system, record, h, record.t) for rule in (self, adjoint)]))
+        return jnp.stack(rows)
 
     @property
     def stages(self) -> tuple[tuple[Step, float], ...]:
@@ -176,3 +177,17 @@ class Variational(Method, Whole):
 
         along_xi, along_h = jax.grad(discrete, argnums=(0, 1))(record.xi, h)
         return along_xi @ record.xi / h - along_h
+
+
+def _require_symmetric(sides: Array) -> None:
+    """Raise ArgumentError unless Λ is its own adjoint; sides: of each member at three points, (members, 3, 2)."""
+    size = np.sum(np.abs(sides), axis=-1)
+    member, point = np.unravel_index(np.argmax(np.abs(sides[..., 0] - sides[..., 1]) - SYMMETRIC * size), size.shape)
+    one, other = sides[member, point]
+    if not np.abs(one - other) <= SYMMETRIC * size[member, point]:
+        where = f" of member {member}" if len(sides) > 1 else ""
+        raise ArgumentError(
+            f"The discrete Lagrangian of this system is not symmetric: Λ(ξ, n, s, a; h){where} = {one:.6g}, but "
+            f"−Λ(ξ, F⁻¹s, F⁻¹n, F⁻¹a; −h) = {other:.6g} at a random point; leave out `symmetric`, or use "
+            "co.Symmetrised(co.Variational())."
+        )

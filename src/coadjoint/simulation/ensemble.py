@@ -86,6 +86,8 @@ def begin_members(system: System, start: State, method: Method, h: float, count:
     if all(axis is None for axis in jax.tree.leaves(axes, is_leaf=lambda x: x is None)) and start_axis is None:
         raise ArgumentError("An ensemble needs co.each on a parameter or on the start.")
     states = evaluate(jax.vmap(begin, in_axes=(axes, start_axis)), parameters, start)
+    for step in dict.fromkeys(step for step, _ in method.stages):
+        step.require_members(system, parameters, axes, states)
     return Members(parameters, axes, states, count)
 
 

@@ -92,7 +92,8 @@ def trajectory(
 
     Returns a `Trajectory`. Called with plain numbers its arrays are NumPy's, and StepError is raised for a step that
     fails. Inside jit, grad or vmap, which need `with co.float64():`, `code` reports failure instead; the derivative of
-    a failed run does not exist, and reverse mode by native code returns NaN for it.
+    a failed run does not exist, and reverse mode by native code returns NaN for it. Numbers are not known
+    there, so that the symmetry of Λ for `co.Variational(symmetric=True)` is not checked: call it with plain ones first.
 
     Raises ArgumentError, GroupError and LagrangianError as `co.simulate` does; StepError as said above.
     """

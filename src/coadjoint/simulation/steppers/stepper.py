@@ -125,6 +125,8 @@ class Stepper(Stepping):
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
         starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
+        for step in dict.fromkeys(step for step, _ in method.stages) if len(starts.t) > 1 else ():
+            step.require_members(system, values, axes, starts)
         fixed, compiled_in = _fixed(constants, parameters, changing)
         face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
         self._watch = watched
