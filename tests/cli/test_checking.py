@@ -9,6 +9,8 @@ import pytest
 
 from coadjoint.cli.catalogue import example
 from coadjoint.cli.main import main
+from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
+from coadjoint.vehicles.missions.mission import load_mission
 
 
 @pytest.mark.parametrize(
@@ -53,3 +55,53 @@ def test_a_check_speaks_of_the_file_before_it_speaks_of_the_folder(tmp_path, mon
     assert main(["run", "top.toml", "--check", "--out", "free", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"valid": True, "warnings": []}
     assert not Path("free").exists()
+
+
+MISSION = """
+[vehicle]
+{vehicle}
+[controller]
+kind = "none"
+{more}
+[initial]
+speed_m_s = 0.5
+[run]
+dt = 0.1
+steps = 2
+[output]
+figures = false
+csv = false
+"""
+HEAVY = "-50.0 %: it sinks unless something holds it."
+
+
+@pytest.mark.parametrize(
+    ("more", "beginning"),
+    [("[parameters]\nmass = {twice}", "With [parameters] its weight is"), ("", "mine.toml: its weight is")],
+)
+def test_a_check_tells_the_warnings_on_a_doubtful_vehicle_that_the_run_tells(
+    more, beginning, tmp_path, monkeypatch, capsys, recwarn
+):
+    monkeypatch.chdir(tmp_path)
+    text, mass = vehicle_text("ellipsoid"), float(load_vehicle("ellipsoid").mass)
+    if more:
+        given = MISSION.format(vehicle='name = "ellipsoid"', more=more.format(twice=2 * mass))
+    else:
+        given = MISSION.format(vehicle='file = "mine.toml"', more="")
+        buoyancy = f'buoyancy = {{ value = {mass * 9.81 / 2}, unit = "N", source = "LAMB" }}'
+        Path("mine.toml").write_text(text.replace("neutral = true", buoyancy))
+    Path("dive.toml").write_text(given)
+    assert main(["run", "dive.toml", "--check", "--json"]) == 0
+    warnings = json.loads(capsys.readouterr().out)["warnings"]
+    assert any(sentence.startswith(beginning) and HEAVY in sentence for sentence in warnings)
+    assert main(["run", "dive.toml"]) == 0
+    assert set(warnings) <= set(json.loads(Path("dive/summary.json").read_text())["warnings"])
+    assert not [one for one in recwarn if issubclass(one.category, UserWarning)]
+
+
+def test_a_mission_from_python_warns_of_its_parameters(tmp_path):
+    file = tmp_path / "dive.toml"
+    twice = 2 * float(load_vehicle("ellipsoid").mass)
+    file.write_text(MISSION.format(vehicle='name = "ellipsoid"', more=f"[parameters]\nmass = {twice}"))
+    with pytest.warns(UserWarning, match=r"With \[parameters\] its weight is"):
+        _ = load_mission(file).setup

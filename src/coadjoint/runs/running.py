@@ -42,7 +42,8 @@ def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
     What is mistaken in the file comes before what is in the way in the folder, where nothing is left behind.
     """
     _ = file.companions
-    warnings = prepared(file, file.set_up()).warnings
+    made = file.set_up()
+    warnings = [*prepared(file, made).warnings, *made.warnings]
     try:
         _require_folder(file, folder, overwrite)
         require_writable(folder, file.text, overwrite)
@@ -179,6 +180,7 @@ def write(file: Runnable, folder: Path, made: Setup, run: Run, failure: str | No
     begin_results(folder)
     figures: list[str] = []
     summary: dict[str, Any] = {}
+    run.warnings += made.warnings
     if run.count:
         run.dataset.attrs.update(made.told)
         run.warnings += file.warnings(run)

@@ -12,10 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Setup:
-    """A system, its start, the inputs and the event of its run; `told` goes into the attributes of the dataset."""
+    """A system, its start, the inputs and the event of its run; `told` goes into the attributes of the dataset.
+
+    warnings: what is doubtful about what the file states, one sentence each.
+    """
 
     system: System
     start: State
     inputs: Any = None
     until: Any = None
     told: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)

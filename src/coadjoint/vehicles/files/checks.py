@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from coadjoint.vehicles.files.check_parts import part_warnings
+from coadjoint.vehicles.model.changed import rebuilt
 from coadjoint.vehicles.model.loads import loads
-from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.model.vehicle import BODY, Vehicle
 
 MODES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SLENDER = 3.0
@@ -26,6 +29,18 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
         _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, part_warnings,
     )  # fmt: skip
     return tuple(sentence for rule in rules for sentence in rule(vehicle))
+
+
+def doubts_of_changes(craft: Any) -> list[str]:
+    """Sentences on what is doubtful about a craft's vehicle by its parameters, and not by its own numbers."""
+    vehicle, found = craft.vehicle, craft.parameters.asdict()
+    body = {name: getattr(vehicle, name) for name in BODY}
+    changed = rebuilt(vehicle, body, {name: found[name] for name in body})
+    parts = [
+        rebuilt(part, part.parameters(), found[part.name]) if part.name in found else part for part in vehicle.parts
+    ]
+    before = check(vehicle)
+    return [sentence for sentence in check(replace(changed, parts=tuple(parts))) if sentence not in before]
 
 
 def _balance(vehicle: Vehicle) -> Iterator[str]:

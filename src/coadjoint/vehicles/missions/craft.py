@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
@@ -30,10 +31,11 @@ def set_up(file: MissionFile) -> Setup:
     """The system, its start, its inputs and the end of a mission; raises ArgumentError and FileError."""
     from coadjoint.models.quantities import vector
     from coadjoint.vehicles import axes as border
+    from coadjoint.vehicles.files.checks import doubts_of_changes
     from coadjoint.vehicles.missions.measures import measures, parameters_in_si
     from coadjoint.vehicles.model.craft import Craft
 
-    vehicle = _vehicle(file)
+    vehicle, doubts = _vehicle(file)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
     place = border.space_vector(vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun["axes"])
@@ -43,6 +45,8 @@ def set_up(file: MissionFile) -> Setup:
     craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)))
     kinds = measures(craft)
     craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
+    if file.parameters:
+        doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]
     start = craft.start(**begun)
     require_room(file, start)
     system = craft.system
@@ -54,7 +58,7 @@ def set_up(file: MissionFile) -> Setup:
     arrived = legs.arrival(craft.controller) if len(points) else None
     told = {"vehicle_length": float(vehicle.length or 1.0)}
     told |= {"way_points": points.ravel().tolist()} if len(points) else {}
-    return Setup(system, start, inputs or None, legs.until(file, arrived), told)
+    return Setup(system, start, inputs or None, legs.until(file, arrived), told, doubts)
 
 
 def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: dict[str, str]) -> dict[str, Any]:
@@ -68,10 +72,17 @@ def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: d
     return inputs
 
 
-def _vehicle(file: MissionFile) -> Any:
+def _vehicle(file: MissionFile) -> tuple[Any, list[str]]:
+    """The vehicle, and what is doubtful about one of the user's own."""
     from coadjoint.vehicles.files.registry import load_vehicle
 
-    return load_vehicle(file.located(file.vehicle.file) if file.vehicle.file else file.vehicle.name)
+    if not file.vehicle.file:
+        return load_vehicle(file.vehicle.name), []
+    path = file.located(file.vehicle.file)
+    with warnings.catch_warnings():  # they are told with the run
+        warnings.simplefilter("ignore", UserWarning)
+        vehicle = load_vehicle(path)
+    return vehicle, [f"{path.name}: {sentence}" for sentence in vehicle.warnings]
 
 
 def _controller(file: MissionFile, vehicle: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -30,8 +31,14 @@ class Mission:
 
     @cached_property
     def setup(self) -> Setup:
-        """The system, its start, its inputs and the event that ends it; raises ArgumentError and FileError."""
-        return self.file.set_up()
+        """The system, its start, its inputs and the event that ends it; warns of what is doubtful.
+
+        Raises ArgumentError and FileError.
+        """
+        made = self.file.set_up()
+        for sentence in made.warnings:
+            warnings.warn(sentence, stacklevel=3)
+        return made
 
     def run(self, *, progress: bool | None = None) -> Run | Ensemble:
         """The run of the mission, with way points and the vehicle's length among its attributes.
@@ -43,7 +50,7 @@ class Mission:
 
         run = simulate(self.file, self.setup, progress)
         run.dataset.attrs.update(self.setup.told)
-        run.warnings += self.file.warnings(run)
+        run.warnings += [*self.setup.warnings, *self.file.warnings(run)]
         return run
 
     def write(

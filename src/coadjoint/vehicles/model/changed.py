@@ -31,6 +31,11 @@ def require_possible(owner: Any, nominal: Mapping[str, Any], found: Mapping[str,
             raise ArgumentError(f"Of {which}: {error}" if which else str(error)) from error
 
 
+def rebuilt(owner: Any, nominal: Mapping[str, Any], found: Mapping[str, Any]) -> Any:
+    """The owner of numbers with those that were found, none of which varies over members; arguments as above."""
+    return _rebuilt(owner, _by_owner(_changed(owner, nominal, found, "")))
+
+
 def _changed(owner: Any, nominal: Mapping[str, Any], found: Any, path: str) -> dict[tuple[str, ...], Any]:
     """What is no longer as it was, by its path; raises ArgumentError for other shapes."""
     changed: dict[tuple[str, ...], Any] = {}
