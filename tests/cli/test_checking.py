@@ -9,6 +9,9 @@ import pytest
 
 from coadjoint.cli.catalogue import example
 from coadjoint.cli.main import main
+from coadjoint.plotting.plots import available
+from coadjoint.runs.running import prepared
+from coadjoint.simulation.dataset import outline
 from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
 from coadjoint.vehicles.missions.mission import load_mission
 
@@ -105,3 +108,30 @@ def test_a_mission_from_python_warns_of_its_parameters(tmp_path):
     file.write_text(MISSION.format(vehicle='name = "ellipsoid"', more=f"[parameters]\nmass = {twice}"))
     with pytest.warns(UserWarning, match=r"With \[parameters\] its weight is"):
         _ = load_mission(file).setup
+
+
+def test_a_figure_that_an_ensemble_will_not_have_is_refused_before_it_runs(tmp_path, monkeypatch, capsys):
+    """Members in waters of their own have no `current` in their dataset, though each of them alone has."""
+    monkeypatch.chdir(tmp_path)
+    water = "[water]\nvelocity_m_s = [0.0, 0.1, 0.0]\n[perturb]\nwater.velocity_m_s = [0.1, 0.1, 0.0]"
+    text = MISSION.format(vehicle='name = "bluerov2_heavy_blue"', more=water)
+    Path("dive.toml").write_text(text.replace("[run]", "[run]\nmembers = 2"))
+    figures = ["--set", 'output.figures=["current"]']
+    for more in (["--check"], []):
+        assert main(["run", "dive.toml", *figures, *more]) == 2
+        assert "has nothing to draw for `current`" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["dive.toml"]
+    alone = ["--set", "run.members=1", "--set", "perturb="]
+    assert main(["run", "dive.toml", *figures, *alone, "--check"]) == 0
+
+
+@pytest.mark.parametrize("varied", [False, True])
+def test_the_outline_of_an_ensemble_has_the_figures_of_its_dataset(varied, tmp_path):
+    file = tmp_path / "dive.toml"
+    perturbed = "water.velocity_m_s = [0.1, 0.1, 0.0]" if varied else 'mass = "2 %"'
+    water = f"[water]\nvelocity_m_s = [0.0, 0.1, 0.0]\n[perturb]\n{perturbed}"
+    text = MISSION.format(vehicle='name = "bluerov2_heavy_blue"', more=water)
+    file.write_text(text.replace("[run]", "[run]\nmembers = 2"))
+    mission = load_mission(file)
+    foreseen = available(outline(prepared(mission.file, mission.setup)), films=True)
+    assert foreseen == available(mission.run().dataset, films=True) and ("current" in foreseen) is not varied

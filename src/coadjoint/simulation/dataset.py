@@ -11,7 +11,6 @@ import xarray
 
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
@@ -70,13 +69,15 @@ def dataset(run: Run) -> xarray.Dataset:
 
 
 def outline(run: Run | Ensemble) -> xarray.Dataset:
-    """The variables that a run will have, of its first record, with monitors of 0; of an ensemble those of a member."""
-    constants, state = run.one
+    """The variables that a run will have, of its first record, with monitors of 0; of an ensemble those of a member.
+
+    They are of the parameters of all members, as its dataset is: what is reported of one of them may be unknown of all.
+    """
+    _, state = run.one
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
     observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}
-    system = replace_parameters(run.system, constants.system)
     records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
-    return xarray.Dataset(variables(system, records, observed), attrs={"system": run.system.name})
+    return xarray.Dataset(variables(run.system, records, observed), attrs={"system": run.system.name})
 
 
 def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
