@@ -175,6 +175,9 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
     assert np.allclose(*(set_up(file).inputs["heading"].values for file in (turns, left)))
 
 
+TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
+
+
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
@@ -189,6 +192,10 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
         ({"mission": {"depth_m": 3, "depth_km": 3}}, "gives `depth` twice"),
         ({"mission": {"depht_m": 3, "heading": 0, "speed": 1}}, "did you mean `depth`"),
         ({"mission": {"depth_s": 3, "heading": 0, "speed": 1}}, "measures m, but `depth_s` is in s"),
+        ({"mission": {"depth": 3, "heading": 0, "speed": 1, "bottom_s": 40}}, "`bottom` measures m, but `bottom_s` is"),
+        ({"mission": {**TO_A_POINT, "acceptance_radius_s": 4}}, "measures m, but `acceptance_radius_s` is in s"),
+        ({"mission": {**TO_A_POINT, "look_ahead_kg": 4}}, "measures m, but `look_ahead_kg` is in kg"),
+        ({"mission": {"way_points_s": [[90, 2, 3]], "speed": 1}}, "measures m, but `way_points_s` is in s"),
         ({"mission": {"depth_m": "deep", "heading": 0, "speed": 1}}, "must hold numbers"),
         ({"mission": {"time_s": [0, 1], "depth_m": [3, 4, 5], "heading": 0, "speed": 1}}, "each of 2 times"),
         ({"mission": {"depth_m": [3, 4], "heading": 0, "speed": 1}}, "needs `time_s`"),

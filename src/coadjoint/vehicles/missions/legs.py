@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 OTHERS = ("time", "between", "file", "ends", "bottom", "clearance", "way_points", "acceptance", "look_ahead")
 """The keys of [mission] that are no set points."""
+MEASURED = {"time": "s", **dict.fromkeys(("bottom", "clearance", "way_points", "acceptance", "look_ahead"), "m")}
+"""What those of them that are numbers measure."""
 SCALARS = ("depth", "altitude", "heading", "pitch", "roll", "speed")
 """Set points of one number."""
 ENDS = ("surface", "bottom", "last way point")
@@ -67,10 +69,11 @@ def inputs(file: MissionFile, units: Mapping[str, str]) -> dict[str, Any]:
 
 def _require_units(file: MissionFile, units: Mapping[str, str]) -> None:
     """Raise ArgumentError where the unit of a key is not one of what it measures."""
+    wanted = {**units, **MEASURED}
     for key in file.mission:
         name, unit = (key, "") if key in OTHERS else split_name(key)
-        if unit and name in units:
-            require_unit("[mission]", key, name, unit, units[name])
+        if unit and name.removesuffix("_radius") in wanted:
+            require_unit("[mission]", key, name, unit, wanted[name.removesuffix("_radius")])
 
 
 def require_unit(where: str, key: str, name: str, unit: str, wanted: str) -> None:
