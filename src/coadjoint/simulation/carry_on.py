@@ -11,7 +11,7 @@ from coadjoint.mechanics.internal import failure
 from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler
-from coadjoint.simulation.driver import Driver, Memory, Sink
+from coadjoint.simulation.driver import Driver, Sink
 from coadjoint.simulation.energy_warnings import driven, energy_warnings, members_driven
 from coadjoint.simulation.ensemble import (
     Ensemble,
@@ -49,11 +49,10 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         if not ended:
             run.set_up_seconds = time.perf_counter() - began - (run.seconds - before) - sink.seconds
         run.warnings += accuracy_warnings(run)
-        held = isinstance(run.memory, Memory) and bool(run.memory.records)
         if isinstance(run, Ensemble):
-            run.warnings += members_driven(run) if held else []
+            run.warnings += members_driven(run) if run.count else []
         elif run.position.failed:
-            before_it = driven(run) if held else []
+            before_it = driven(run) if run.count else []
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)

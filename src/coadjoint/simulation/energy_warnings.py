@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,6 +24,8 @@ GAINED = 1e-3
 
 LISTED = 10
 """How many members a warning lists."""
+BLOCK = 1 << 20
+"""Values of a monitor that are read at once, of as many members as have them."""
 
 
 def energy_known(run: Run) -> bool:
@@ -56,79 +57,135 @@ def _changed(run: Run) -> list[str]:
 
 
 class _Gain(NamedTuple):
-    """Energy that passive forces have put in between records: whose, how much, and from when on, s."""
+    """Energy that passive forces have put in: whose, how much at least, and from when on, s.
+
+    `first` is None where records show nothing of it.
+    """
 
     names: str
     energy: float
-    first: float
+    first: float | None
+
+
+class _Watched(NamedTuple):
+    """What is known of one run: monitors at the saved nodes, (minimum, maximum) over every step, times of the nodes."""
+
+    rows: Mapping[str, np.ndarray]
+    extrema: Mapping[str, tuple[float, float]]
+    times: np.ndarray
 
 
 def driven(run: Run) -> list[str]:
-    """A sentence where passive forces have put energy in between two records, also of a run whose step failed."""
-    gain = _gain(run.system, run.system.parameters, run.monitors, lambda: _times(run))
+    """A sentence where passive forces have put energy in, also of a run whose step failed."""
+    rows = _rows(run, _asked(run))
+    extrema = {name: (float(run.extrema[name][0]), float(run.extrema[name][1])) for name in rows}
+    gain = _gain(run.system, run.system.parameters, _Watched(rows, extrema, _times(run))) if rows else None
     return [f"{_told(run.system, gain)}."] if gain else []
-
-
-def _times(run: Run) -> np.ndarray:
-    """The times of the saved nodes, s; of a run on disk its dataset is read, and read again with all warnings."""
-    if isinstance(run.memory, Memory):
-        return np.asarray(run.records.t)
-    found = run.dataset["time"].values
-    run.__dict__.pop("dataset", None)
-    return found
 
 
 def members_driven(ensemble: Ensemble) -> list[str]:
     """A sentence where passive forces have put energy into members: that of the most, and the others by number."""
-    if not any(hasattr(force, "passive") for _, force in ensemble.system.forces or ()):
+    asked = _asked(ensemble)
+    if not asked:
         return []
-    t, parameters = np.asarray(ensemble.records.t), ensemble.system.parameters
-    gains: dict[int, _Gain] = {}
-    for member in range(len(t)):
-        good = np.isfinite(t[member])
-        rows = {name: values[member][good] for name, values in ensemble.monitors.items()}
-        if gain := _gain(ensemble.system, member_of(parameters, member), rows, partial(_of, t[member][good])):
-            gains[member] = gain
+    times, parameters, extrema = _times(ensemble), ensemble.system.parameters, ensemble.extrema
+    count, gains = ensemble.members.count, dict[int, _Gain]()
+    block = max(BLOCK // len(times), 1)
+    for first in range(0, count, block):
+        rows = _rows(ensemble, asked, slice(first, first + block))
+        for member in range(first, min(first + block, count)):
+            own = {name: values[member - first] for name, values in rows.items()}
+            good = np.all([np.isfinite(values) for values in own.values()], axis=0)
+            between = {name: (extrema[name][0][member], extrema[name][1][member]) for name in own}
+            watched = _Watched({name: values[good] for name, values in own.items()}, between, times[good])
+            if gain := _gain(ensemble.system, member_of(parameters, member), watched):
+                gains[member] = gain
     if not gains:
         return []
     most = max(gains, key=lambda member: gains[member].energy)
     others = [str(member) for member in gains if member != most]
     shown = ", ".join(others[:LISTED]) + (", …" if len(others) > LISTED else "")
-    also = f"; so in {len(others)} more of {len(t)} members: {shown}" if others else ""
+    also = f"; so in {len(others)} more of {count} members: {shown}" if others else ""
     return [f"In member {most} {_told(ensemble.system, gains[most])}{also}."]
 
 
-def _of(times: np.ndarray) -> np.ndarray:
-    return times
+def _asked(run: Run | Ensemble) -> list[str]:
+    """The monitors that tell of passive forces; none where there are none, or where their work is not observed."""
+    names = [f"work_{name}" for name, force in run.system.forces or () if hasattr(force, "passive")]
+    if not names or any(name not in run.ends for name in names):
+        return []
+    return [*names, *(name for name in ("energy", "energy_budget") if name in run.ends)]
+
+
+def _rows(run: Run | Ensemble, names: Sequence[str], members: slice | None = None) -> dict[str, np.ndarray]:
+    """Monitors at the saved nodes, (nodes,) or (members, nodes), from memory or from the disk."""
+    at = slice(None) if members is None else members
+    if isinstance(run.memory, Memory):
+        return {name: run.monitors[name][at] for name in names}
+    found = {name: run.dataset[name][at].values for name in names}
+    run.__dict__.pop("dataset", None)  # It is read again with all warnings.
+    return found
+
+
+def _times(run: Run | Ensemble) -> np.ndarray:
+    """The times of the saved nodes, s, (nodes,), without what failed; of a run with variable steps those it took."""
+    if isinstance(run.memory, Memory) and np.ndim(run.records.t) == 1:
+        return np.asarray(run.records.t)
+    steps = run.steps_saved
+    if isinstance(run.memory, Memory) or not run.method.variable:
+        found = run.plan.h * steps + np.ravel(run.start.t)[0]
+    else:
+        found = run.dataset["time"].values
+    if not isinstance(run.memory, Memory):
+        run.__dict__.pop("dataset", None)
+    return found
 
 
 def _told(system: System, gain: _Gain) -> str:
     energy = f"{gain.energy:.4g} {dict(system.units).get('energy', '')}".strip()
-    return (
-        f"{gain.names}, which should only brake, put in {energy}, from t = {gain.first:.4g} s on: their coefficients "
-        "do not hold for such motions"
-    )
+    when = "between two saved nodes" if gain.first is None else f"from t = {gain.first:.4g} s on"
+    why = "their coefficients do not hold for such motions"
+    return f"{gain.names}, which should only brake, put in {energy}, {when}: {why}"
 
 
-def _gain(
-    system: System, parameters: Any, monitors: Mapping[str, np.ndarray], times: Callable[[], np.ndarray]
-) -> _Gain | None:
-    """What passive forces have put in; `times` of the nodes are asked for where they did.
+def _gain(system: System, parameters: Any, watched: _Watched) -> _Gain | None:
+    """What passive forces have put in.
 
     A force is one if it has an attribute `passive`, a function of the parameters that is true of those of the run. The
     work of all of them together is looked at, since the lift of one may do work on the drag of another.
     """
-    forces = system.forces or ()
-    names = [name for name, force in forces if getattr(force, "passive", _active)(parameters)]
-    if not names or any(f"work_{name}" not in monitors for name in names):
+    names = [name for name, force in system.forces or () if getattr(force, "passive", _active)(parameters)]
+    if not names or len(watched.times) == 0:
         return None
-    work = np.sum([monitors[f"work_{name}"] for name in names], axis=0)
+    rows, whose = watched.rows, ", ".join(f"`{name}`" for name in names)
+    work = np.sum([rows[f"work_{name}"] for name in names], axis=0)
     gained = np.cumsum(np.maximum(np.diff(work), 0.0))
-    least = GAINED * max(float(np.ptp(work)), float(np.ptp(monitors["energy"])) if "energy" in monitors else 0.0)
-    if len(gained) == 0 or not gained[-1] > least:
-        return None
-    whose = ", ".join(f"`{name}`" for name in names)
-    return _Gain(whose, float(gained[-1]), float(times()[int(np.argmax(gained > least))]))
+    energy = float(np.ptp(rows["energy"])) if "energy" in rows else 0.0
+    least = GAINED * max(float(np.ptp(work)), energy)
+    between = _between(system, names, work, watched.extrema)
+    if len(gained) and gained[-1] > least:
+        first = float(watched.times[int(np.argmax(gained > least))])
+        return _Gain(whose, max(float(gained[-1]), between), first)
+    return _Gain(whose, between, None) if between else None
+
+
+def _between(system: System, names: list[str], work: np.ndarray, extrema: Mapping[str, tuple[float, float]]) -> float:
+    """What passive forces have put in by the extrema of their work over every step, at least; 0 where that is little.
+
+    work: of all of them together at the nodes, (nodes,). The extrema of W are those of the one passive force, or, where
+    nothing else changes the energy E, follow from those of E and of the budget E − W: W ≥ E − max(E − W) at the step
+    where E is largest, W ≤ E − min(E − W) where it is smallest. Elsewhere they are not known.
+    """
+    if len(names) == 1:
+        low, high = extrema[f"work_{names[0]}"]
+    elif set(names) == set(energy_lines(system)) and {"energy", "energy_budget"} <= set(extrema):
+        budget = extrema["energy_budget"]
+        low, high = extrema["energy"][0] - budget[0], extrema["energy"][1] - budget[1]
+    else:
+        return 0.0
+    span = extrema["energy"][1] - extrema["energy"][0] if "energy" in extrema else 0.0
+    found = max(high - work[0], work[-1] - low)
+    return float(found) if found > GAINED * max(high - low, float(np.ptp(work)), span) else 0.0
 
 
 def _active(p: object) -> bool:
