@@ -49,7 +49,10 @@ def numeric(value: Any) -> bool:
     """Whether this is made of numbers, of whatever kind, and not of text, truth values, times or other objects."""
     if isinstance(value, (tuple, list)):
         return all(numeric(part) for part in value)
-    return isinstance(value, Tracer) or np.asarray(value).dtype.kind not in "OSUbmM"
+    try:
+        return isinstance(value, Tracer) or np.asarray(value).dtype.kind not in "OSUbmM"
+    except Exception:  # Of an object that cannot be converted.
+        return False
 
 
 def is_short(dtype: Any) -> bool:
