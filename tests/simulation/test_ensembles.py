@@ -106,9 +106,9 @@ def test_the_records_of_one_run_are_no_start_of_an_ensemble():
     run = co.simulate(VEHICLE, start(VEHICLE), **settings)
     fleet = co.simulate(VEHICLE, start(VEHICLE, xi=co.each(RANDOM.normal(size=(3, 3)))), **settings)
     for records in (run.records, run.at([0.01, 0.05]), fleet.records):
-        with pytest.raises(co.ArgumentError, match=r"records from t = .* s: take `run.final`"):
+        with pytest.raises(co.ArgumentError, match=r"records from t = .* s: of one run take `run.final`"):
             co.simulate(VEHICLE, records, **settings)
-    with pytest.raises(co.ArgumentError, match=r"6 records from t = 0 s to 0.1 s: take `run.final`"):
+    with pytest.raises(co.ArgumentError, match=r"6 records from t = 0 s to 0.1 s: of one run take"):
         co.trajectory(VEHICLE, run.records, dt=0.02, steps=2)
 
 
@@ -122,3 +122,18 @@ def test_records_of_members_at_one_node_and_of_several_runs_at_one_time_are_a_st
     runs = [co.simulate(VEHICLE, start(VEHICLE, xi=xi), **settings).final for xi in np.eye(3)]
     together = jax.tree.map(lambda *leaves: np.stack(leaves), *runs)
     assert len(co.simulate(VEHICLE, together, **settings).codes) == 3
+    finer = co.simulate(VEHICLE, start(VEHICLE), dt=0.01, duration=0.3, accuracy=False).final
+    coarser = co.simulate(VEHICLE, start(VEHICLE), dt=0.1, duration=0.3, accuracy=False).final
+    assert finer.t != coarser.t, "the same time but for how it was added up"
+    together = jax.tree.map(lambda *leaves: np.stack(leaves), finer, coarser)
+    assert len(co.simulate(VEHICLE, together, **settings).codes) == 2
+
+
+def test_members_that_ended_at_several_times_go_on_from_one_time():
+    many = start(VEHICLE, xi=co.each(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])))
+    ended = co.simulate(VEHICLE, many, dt=0.02, steps=50, until=lambda s: s.g[0, 0] - 0.9, accuracy=False).final
+    assert ended.t[0] != ended.t[1]
+    with pytest.raises(co.ArgumentError, match=r"get one time by start\.replace\(t=np\.zeros\(2\)\)\.$"):
+        co.simulate(VEHICLE, ended, dt=0.02, steps=5)
+    on = co.simulate(VEHICLE, ended.replace(t=np.zeros(2)), dt=0.02, steps=5, accuracy=False)
+    np.testing.assert_allclose(on.final.t, 0.1)

@@ -93,5 +93,7 @@ def test_a_file_that_is_no_run_is_answered_with_what_reads_it(tmp_path, name, co
 
 def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
     (tmp_path / "half.nc").write_bytes(file.read_bytes()[:3000])
-    with pytest.raises(co.FileError, match=r"half\.nc is damaged or not whole: put back a copy of it\.$"):
+    with pytest.raises(
+        co.FileError, match=r"half\.nc cannot be read as netCDF: it is damaged, not whole, or still being written\.$"
+    ):
         co.load(tmp_path / "half.nc")

@@ -332,6 +332,8 @@ def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
         (lambda: co.Held([0, 1], [1, 2])("a"), "The time of co.Held must be a number or an array of numbers"),
         (lambda: co.Linear([0, 1], [1, 2])(None), "The time of co.Linear must be a number"),
         (lambda: co.Linear([0, 1], [1, 2])([0.5, "b"]), "The time of co.Linear must be a number"),
+        (lambda: co.Linear([0, 1], [1, 2])(np.inf), "The time of co.Linear must be finite"),
+        (lambda: co.Held([0, 1], [1, 2])(10**400), "The time of co.Held must be a number of at most"),
         (lambda: co.Held([0, 1], [1, 2])(np.nan), "The time of co.Held must be finite"),
         (lambda: co.Signal(3.0), "takes a function of time"),
         (

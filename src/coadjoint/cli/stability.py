@@ -71,7 +71,7 @@ class Stability:
         if self.json:
             print(json_text.dumps(_summary(vehicle, found, failures, picture), indent=2, ensure_ascii=False))
         elif len(speeds) == 1:
-            terminal.fields(_card(vehicle, *found[speeds[0]]))
+            terminal.fields(_card(flight, *found[speeds[0]]))
         else:
             _table(vehicle, found)
         if not self.json:
@@ -143,7 +143,8 @@ def _fly(flight: SteadyFlight, speeds: list[float]) -> tuple[dict[float, tuple[T
     return found, failures
 
 
-def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, str]]:
+def _card(flight: SteadyFlight, trimmed: Trim, report: Report) -> list[tuple[str, str]]:
+    vehicle = flight.vehicle
     rows = [("vehicle", vehicle.name), ("motion", _motion(trimmed))]
     rows += [("attitude", f"pitch {_degrees(trimmed.pitch)}, roll {_degrees(trimmed.roll)}")]
     if trimmed.speed:
@@ -152,7 +153,7 @@ def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, st
         over = ", beyond its limit" if part.name in trimmed.beyond else ""
         rows.append((part.name, _value(trimmed.actuators[part.name], part) + over))
     if trimmed.beyond:
-        rows.append(("limits", _limits(vehicle, trimmed)))
+        rows.append(("limits", _limits(flight, trimmed)))
     for mode in report.modes:
         name, _, does = str(mode).partition(": ")
         rows.append((name, does))
@@ -163,14 +164,16 @@ def _card(vehicle: Vehicle, trimmed: Trim, report: Report) -> list[tuple[str, st
     return [*rows, ("verdict", report.verdict)]
 
 
-def _limits(vehicle: Vehicle, trimmed: Trim) -> str:
-    """What a motion needs beyond the limits of actuators, in a sentence."""
-    needs = [
-        f"{name} at {_amount(value, vehicle.part(name))}, beyond its limit of {_amount(limit, vehicle.part(name))}"
-        for name, (value, limit) in trimmed.exceeded.items()
-    ]
-    what = "This motion" if isinf(trimmed.radius) else "No turn within all limits was found: this one"
-    return f"{what} needs {' and '.join(needs)}."
+def _limits(flight: SteadyFlight, trimmed: Trim) -> str:
+    """What a motion needs, or holds, beyond the limits of actuators, in sentences."""
+    needs, held = [], []
+    for name, (value, limit) in trimmed.exceeded.items():
+        part = flight.vehicle.part(name)
+        beyond = f"at {_amount(value, part)}, beyond its limit of {_amount(limit, part)}"
+        (held if name in flight.hold else needs).append(f"{name} {beyond}")
+    what = "No turn within all limits was found: this one" if flight.looks_for_turns else "This motion"
+    sentences = [f"{what} needs {' and '.join(needs)}."] if needs else []
+    return " ".join([*sentences, *(f"{name.replace(' at ', ' is held at ', 1)}." for name in held)])
 
 
 def _unit(part: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import jax
@@ -84,7 +85,7 @@ class _Table(Signal):
 
     def _time(self, t: Any) -> Any:
         """A time as it is, several as an array; raises ArgumentError for what is no time."""
-        plain = isinstance(t, (float, int)) and not isinstance(t, bool) and t == t
+        plain = isinstance(t, float) and abs(t) < inf
         return t if plain or isinstance(t, Tracer) else float64(t, f"The time of co.{type(self).__name__}")
 
     def _row(self, t: Any) -> list[Array]:

@@ -43,7 +43,7 @@ class Checked(NamedTuple):
 def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bool = False) -> Checked:
     if by_momenta:
         size = system.additional.ambient(system.group)
-        if qdot is not None and size == 0:
+        if qdot is not None and size == 0 and np.shape(qdot) != (0,):
             raise ArgumentError("This system has no additional dynamics: leave out `pi`.")
         pi = np.zeros(size) if qdot is None else checked_vector(qdot, size, "pi")
         q, qdot = _pair(system, q, None)[0], pi

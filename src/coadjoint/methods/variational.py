@@ -184,6 +184,11 @@ def _require_symmetric(sides: Array) -> None:
     size = np.sum(np.abs(sides), axis=-1)
     member, point = np.unravel_index(np.argmax(np.abs(sides[..., 0] - sides[..., 1]) - SYMMETRIC * size), size.shape)
     one, other = sides[member, point]
+    if not np.isfinite(size[member, point]):
+        raise ArgumentError(
+            "The discrete Lagrangian of this system is not finite at a random point, so that its symmetry cannot be "
+            "checked: leave out `symmetric`, or use co.Symmetrised(co.Variational())."
+        )
     if not np.abs(one - other) <= SYMMETRIC * size[member, point]:
         where = f" of member {member}" if len(sides) > 1 else ""
         raise ArgumentError(

@@ -37,6 +37,10 @@ MEMORY_LIMIT = 8e9
 """Bytes of records beyond which an ensemble must stream to disk, or save fewer nodes."""
 
 
+ROUND_OFF = 1e-14
+"""By how much, relative, times of members may differ that are the same but for how they were added up."""
+
+
 def count_of(system: System, start: State) -> int | None:
     """How many members a simulation has; None for a single one. Raises ArgumentError for counts that differ."""
     varied, begun = count_members(system.parameters), len(start.t) if np.ndim(start.t) else None
@@ -49,11 +53,12 @@ def require_one_time(start: State) -> None:
     """Raise ArgumentError where what should be states of members are records at several times, as those of one run."""
     t = np.asarray(start.t)
     known = t[np.isfinite(t)]
-    if t.ndim and np.ptp(known if known.size else np.zeros(1)) > 0:
+    if t.ndim and known.size and np.ptp(known) > ROUND_OFF * np.max(np.abs(known)):
         raise ArgumentError(
             f"Argument `start` must be one state, or one for each member at one time, but holds {known.size} records "
-            f"from t = {known.min():.6g} s to {known.max():.6g} s: take `run.final`, or of a run the record k, "
-            "jax.tree.map(lambda rows: rows[k], run.records), or give all members one time by start.replace(t=…)."
+            f"from t = {known.min():.6g} s to {known.max():.6g} s: of one run take `run.final`, or its record k, "
+            "jax.tree.map(lambda rows: rows[k], run.records); members that ended at several times get one time by "
+            f"start.replace(t=np.zeros({t.size}))."
         )
 
 

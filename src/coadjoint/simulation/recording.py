@@ -193,7 +193,9 @@ def _unreadable(source: Path) -> FileError:
     except OSError as refusal:
         return FileError(f"The file {source} cannot be read: {refusal.strerror or refusal}.")
     if first == HDF5:
-        return FileError(f"The file {source} is damaged or not whole: put back a copy of it.")
+        return FileError(
+            f"The file {source} cannot be read as netCDF: it is damaged, not whole, or still being written."
+        )
     reader = READERS.get(".zip" if first.startswith(b"PK") else source.suffix.lower())
     return FileError(
         f'The file {source} is not a netCDF file of a run, such as run.save("run.nc") writes, nor the folder of a '

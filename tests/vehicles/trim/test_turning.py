@@ -99,6 +99,12 @@ def test_a_turn_that_needs_too_much_is_told_with_the_value_and_the_limit(capsys)
     assert "turning to starboard at 10.1°/s" in shown
 
 
+def test_an_actuator_that_is_held_beyond_its_limit_is_told_as_held(capsys):
+    assert main(["stability", "remus_100_sgarioto", "--rudder", "30"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "rudder is held at 30.00°, beyond its limit of 15.00°." in shown and "No turn" not in shown
+
+
 def test_what_a_vehicle_weighs_beyond_its_buoyancy_is_told_in_words():
     with pytest.raises(ArgumentError, match=r"is 11 N lighter than the water .* \(positively buoyant\)\.$"):
         SteadyFlight(PRESTERO).at(0.0)

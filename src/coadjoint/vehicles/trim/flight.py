@@ -76,7 +76,9 @@ class SteadyFlight:
         last = self._searches.get(self._last)
         if near is not None and speed > 0 and last is not None:
             with suppress(ArgumentError):
-                return last.find(near.state, speed)
+                found = last.find(near.state, speed)
+                if not self.looks_for_turns or self._is_within(found):
+                    return found
         try:
             return self._found(speed)
         except ArgumentError as error:
@@ -91,7 +93,12 @@ class SteadyFlight:
             return self._search("rest", guess).find(guess, 0.0)
         if not (self.turning and self.hold):
             return self._ahead(speed, (1,))
-        return self._ahead(speed, STEPS) if self._vertical else self._turn(speed)
+        return self._turn(speed) if self.looks_for_turns else self._ahead(speed, STEPS)
+
+    @property
+    def looks_for_turns(self) -> bool:
+        """Whether turns are looked for where the straight course leads to none within the limits."""
+        return bool(self.turning and self.hold) and not self._vertical
 
     def _turn(self, speed: float) -> SteadyMotion:
         """The turn that a straight course leads to; where it has none within all limits, another one if there is."""
