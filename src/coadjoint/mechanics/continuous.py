@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Point, node
@@ -114,6 +115,7 @@ def reference(system: System, start: State, times: ArrayLike, tolerance: float =
         slope = vector_field(replace_parameters(system, parameters), assemble(t, unflatten(y)))
         return _flatten((slope.g, slope.n, slope.a, slope.xi, slope.nu), jnp)[0]
 
+    require_own_xla()
     with jax.enable_x64(True):
         compiled = jax.jit(rate)
         rows = _integrate(

@@ -16,6 +16,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
@@ -162,7 +163,10 @@ def _run(
     backend: Backend, program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, inside: bool
 ) -> Trajectory:
     if backend == "xla":
-        return (_scan if inside else _compiled)(program, constants, start, h, blocks)
+        if inside:
+            return _scan(program, constants, start, h, blocks)
+        require_own_xla()
+        return _compiled(program, constants, start, h, blocks)
     if not inside:
         chunk = native.run(program, constants, start, float(h), blocks[0], blocks[1], monitors=False)
         return Trajectory(chunk.records, chunk.final, np.int64(chunk.code), np.int64(chunk.iterations))

@@ -13,6 +13,7 @@ from jax import lax
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.trace.forked import require_own_xla
 
 CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
@@ -158,6 +159,7 @@ def run(
     program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
     """records·save_every steps of `program` from `state`, keeping every save_every-th record; records ≤ CAPACITY."""
+    require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
         end = _loop(program, parameters, state, *numbers, capacity=CAPACITY, monitored=monitors)
@@ -210,6 +212,7 @@ def run_ensemble(
     records ≤ ENSEMBLE_CAPACITY.
     """
     spread = _spread((parameters, state), axes)
+    require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
         end = _loops(program, *spread, *numbers, capacity=ENSEMBLE_CAPACITY, monitored=monitors)

@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.trace.control import CONTROL
+from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.kernels.trace.interpreter import Interpreter
 from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of
 from coadjoint.kernels.trace.numeric import NUMERIC
@@ -72,6 +73,7 @@ def tabulate(function: Callable, *args: Any) -> Callable:
                 return jax.tree_util.tree_unflatten(structure, [np.array(o) for o in outputs])
             except Untraceable:
                 by_xla.append(compiled(function))
+        require_own_xla()
         with jax.enable_x64(True):
             return jax.tree_util.tree_map(np.asarray, by_xla[0](*values))
 

@@ -15,6 +15,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax._src import xla_bridge
 from jax.core import ShapedArray
 from jax.core import Tracer as Tracer
 from jax.extend import core
@@ -52,6 +53,12 @@ def depends(function: Callable, *args: Any) -> list[bool]:
     """For each leaf of the arguments whether the function, as it is traced, uses it for its result."""
     closed, _ = jaxpr_of(function, *args)
     return list(partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1])
+
+
+def xla_has_begun() -> bool:
+    """Whether XLA has started its threads in this process; False where this JAX does not tell."""
+    told = getattr(xla_bridge, "backends_are_initialized", None)
+    return told is not None and told()
 
 
 def is_jaxpr(value: Any) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.program import Code, Program, Told
 from coadjoint.kernels.run import xla
+from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.simulation.steppers.buffers import Buffers
 
 
@@ -31,6 +32,7 @@ class XlaEngine:
         """Commands in, `steps` steps, observations out; XLA has threads of its own."""
         parameters = np.broadcast_to(buffers.parameters[..., 0], (groups, buffers.parameters.shape[1]))
         rows = (parameters, buffers.state[..., 0], buffers.status[..., 0], buffers.commands)
+        require_own_xla()
         with jax.enable_x64(True):
             found = jax.tree.map(np.asarray, self._advance(*rows, buffers.h[0], steps))
         buffers.state[..., 0], buffers.status[..., 0], buffers.observations[...] = found
