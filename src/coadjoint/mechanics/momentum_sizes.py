@@ -24,7 +24,8 @@ def alone(system: System, state: State, xi: Array, nu: Array) -> tuple[Sizes, Si
     """The sizes of (μ, π), one number each, that ξ alone, at (ξ, 0), and ν alone, at (0, ν), would give at this place.
 
     μ = ∂_ξℓ may be small where what ξ and ν give cancels. 0 where ℓ is not differentiable there. Of ℋ the momenta are
-    looked for from μ alone and from π alone, by as many iterations as native code writes out.
+    looked for from μ alone and from π alone, by as many iterations as native code writes out; 0 where these do not
+    find them, so that a residual is relative to μ and π as they are.
     """
     at_rest, still = jnp.zeros_like(xi), jnp.zeros_like(nu)
     by_xi = _momenta(system, state, (xi, still), (state.mu, jnp.zeros_like(state.pi)))
