@@ -52,69 +52,73 @@ def velocities(system: System, state: State) -> Velocities:
 
     Of a Hamiltonian they are (∂_μℋ, ∂_πℋ) (P6, P7). Where ℓ is quadratic in the velocities one linear solve gives
     them. Elsewhere Newton's iteration starts from the state's own (ξ, ν); of each increment that part is taken which
-    leaves the smallest residual. Two plain iterations end it, so that what is found has the derivatives of the
-    solution, too.
+    leaves the smallest residual. Two plain iterations end it. They alone are differentiated: from the solution the
+    first gives its first derivatives, and both together its first three.
     """
-    group, Q, _ = system.places
     if system.hamiltonian is not None:
         return _by_hamiltonian(system, state)
+    problem = _Problem(system, state)
+    z = jnp.concatenate([state.xi, system.additional.coordinates(system.group, state.n, state.nu)])
+    if _affine(problem.mismatch, z):
+        return Velocities(*problem.unpack(_newton(problem.mismatch, z)), None)
+    values = _Problem(*jax.lax.stop_gradient((system, state)))
+    begun = values.sizes(z := jax.lax.stop_gradient(z))
+    trips = min(max(TRIPS // len(z) ** 2, 2), 12) if TRIPS else 0
+    improve = partial(_improved, values)
+    z = jax.lax.fori_loop(
+        0, trips, lambda _, z: jax.lax.cond(values.residual(z, begun) > NEAR, improve, lambda z: z, z), z
+    )
+    left = values.residual(z, begun)
+    z = jax.lax.fori_loop(0, PLAIN_TRIPS, lambda _, z: jnp.where(left <= NEAR, _newton(problem.mismatch, z), z), z)
+    return Velocities(*problem.unpack(z), values.residual(jax.lax.stop_gradient(z), begun))
 
-    def unpack(z: Array) -> tuple[Array, Array]:
-        return z[: group.dim], Q.tangent(group, state.n, z[group.dim :])
 
-    def mismatch(z: Array) -> Array:
-        xi, nu = unpack(z)
-        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+class _Problem(NamedTuple):
+    """∂ℓ = (μ, π) at the place of a state, for z = (ξ, coordinates of ν), (dim G + dim Q,)."""
+
+    system: System
+    state: State
+
+    def unpack(self, z: Array) -> tuple[Array, Array]:
+        group, Q, _ = self.system.places
+        return z[: group.dim], Q.tangent(group, self.state.n, z[group.dim :])
+
+    def mismatch(self, z: Array) -> Array:
+        (group, Q, _), state, (xi, nu) = self.system.places, self.state, self.unpack(z)
+        mu, pi = legendre(self.system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
         return jnp.concatenate([mu - state.mu, Q.coordinates(group, state.n, pi - state.pi)])
 
-    z = jnp.concatenate([state.xi, Q.coordinates(group, state.n, state.nu)])
-    if _affine(mismatch, z):
-        return Velocities(*unpack(z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))), None)
-
-    def sizes(z: Array) -> Sizes:
-        by_xi, by_nu = alone(system, state, *unpack(z))
+    def sizes(self, z: Array) -> Sizes:
+        """The size of μ and of π, or where what ξ and ν give cancels, what either alone would give."""
+        by_xi, by_nu = alone(self.system, self.state, *self.unpack(z))
         mu, pi = jnp.maximum(by_xi.mu, by_nu.mu), jnp.maximum(by_xi.pi, by_nu.pi)
-        return Sizes(jnp.maximum(largest(state.mu), mu), jnp.maximum(largest(state.pi), pi))
+        return Sizes(jnp.maximum(largest(self.state.mu), mu), jnp.maximum(largest(self.state.pi), pi))
 
-    first = sizes(z)
+    def errors(self, z: Array) -> Sizes:
+        rows, dim = self.mismatch(z), self.system.group.dim
+        return Sizes(largest(rows[:dim]), largest(rows[dim:]))
 
-    def errors(z: Array) -> Sizes:
-        rows = mismatch(z)
-        return Sizes(largest(rows[: group.dim]), largest(rows[group.dim :]))
-
-    def residual(z: Array) -> Array:
-        """Round-off of what the iteration started from is no more than that, also where it ends at zero."""
-        parts = zip(errors(z), sizes(z), first, strict=True)
-        return jnp.maximum(*(above(error, size, size + begun) for error, size, begun in parts))
-
-    trips = min(max(TRIPS // len(z) ** 2, 2), 12) if TRIPS else 0
-    improve = partial(_improved, mismatch, errors, sizes)
-    z = jax.lax.fori_loop(0, trips, lambda _, z: jax.lax.cond(residual(z) > NEAR, improve, lambda z: z, z), z)
-    left = residual(z)
-    z = jax.lax.fori_loop(0, PLAIN_TRIPS, lambda _, z: jnp.where(left <= NEAR, _newton(mismatch, z), z), z)
-    return Velocities(*unpack(z), residual(z))
+    def residual(self, z: Array, begun: Sizes) -> Array:
+        """The relative residual; round-off of what the iteration began with is no more than that, also at zero."""
+        parts = zip(self.errors(z), self.sizes(z), begun, strict=True)
+        return jnp.maximum(*(above(error, size, size + first) for error, size, first in parts))
 
 
 def _newton(mismatch: Callable[[Array], Array], z: Array) -> Array:
     return z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
 
 
-def _improved(
-    mismatch: Callable[[Array], Array],
-    errors: Callable[[Array], Sizes],
-    sizes: Callable[[Array], Sizes],
-    z: Array,
-) -> Array:
+def _improved(problem: _Problem, z: Array) -> Array:
     """The best of z − fδ over the fractions f of Newton's increment δ, or z where none is better.
 
     Errors are relative to the sizes at z: relative to their own, what is far away would look near.
     """
-    scale = sizes(z)
+    scale = problem.sizes(z)
 
     def error(z: Array) -> Array:
-        return jnp.maximum(*(relative(part, size) for part, size in zip(errors(z), scale, strict=True)))
+        return jnp.maximum(*(relative(part, size) for part, size in zip(problem.errors(z), scale, strict=True)))
 
-    increment = jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
+    increment = jnp.linalg.solve(jax.jacfwd(problem.mismatch)(z), problem.mismatch(z))
     best, least = z, error(z)
     for fraction in FRACTIONS:
         there = z - fraction * increment
