@@ -47,15 +47,14 @@ def carry(system: co.System, step: Step, state: co.State, h, d1: Tangents, d2: T
 
     at = (state.g, state.n, state.a, state.mu, state.pi)
 
-    def through(d: Tangents) -> Tangents:
+    def through(d: Tangents):
         dg = jax.jvp(lambda f: group.compose(state.g, f), (group.identity(),), (group.tangent(d.eta),))[1]
         dn, da = d.w - Q.infinitesimal(group, d.eta, state.n), -V.infinitesimal(group, d.eta, state.a)
-        (g, n, _, _), (dg, dn, dmu, dpi), _ = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi), has_aux=True)
+        (g, n, _, _), (dg, dn, dmu, dpi), moved = jax.jvp(map_, at, (dg, dn, da, d.mu, d.pi), has_aux=True)
         eta = group.vee(jnp.linalg.solve(g, dg))
-        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi)
+        return Tangents(eta, dn + Q.infinitesimal(group, eta, n), dmu, dpi), moved
 
-    ends = jax.vmap(through)(jax.tree.map(lambda x, y: jnp.stack([x, y]), d1, d2))
-    _, moved = map_(*at)
+    ends, moved = jax.vmap(through, out_axes=(0, None))(jax.tree.map(lambda x, y: jnp.stack([x, y]), d1, d2))
     first, last = (jax.tree.map(lambda x, i=i: x[i], ends) for i in (0, 1))
     before = two_form(system, state, d1, d2)
     after = two_form(system, moved.after, first, last)
