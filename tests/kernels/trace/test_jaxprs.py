@@ -14,7 +14,7 @@ from vehicle import PAPER, LeftRectangle, VehicleProgram, start
 import coadjoint
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.run import backend
-from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace import jaxprs, structured
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import UnknownVersion
@@ -193,6 +193,6 @@ def test_a_body_with_another_number_of_values_is_told(monkeypatch):
         return jaxprs.Variables(found.constants, found.inputs[1:], found.outputs)
 
     (equation,) = jaxprs.equations(jaxprs.jaxpr_of(CONTROL["scan in reverse"], A, B)[0])
-    monkeypatch.setattr(jaxprs, "variables", fewer)
+    monkeypatch.setattr(structured, "variables", fewer)
     with pytest.raises(UnknownVersion, match=r"`scan` cannot be traced: JAX .* values where its body has"):
-        jaxprs.scan(equation)
+        structured.scan(equation)

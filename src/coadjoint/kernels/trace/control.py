@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace import jaxprs, structured
 from coadjoint.kernels.trace.interpreter import Array, Interpreter, Rule, symbolic
 from coadjoint.kernels.trace.jaxprs import Atom, Equation
+from coadjoint.kernels.trace.parameters import CALLS
 from coadjoint.kernels.untraceable import Untraceable
 
 MAX_TRIPS = 2_000
@@ -14,7 +15,7 @@ MAX_TRIPS = 2_000
 
 
 def _call(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
-    return interpreter.run(jaxprs.body(equation), inputs)
+    return interpreter.run(structured.body(equation), inputs)
 
 
 def _cond(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
@@ -28,7 +29,7 @@ def _cond(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> 
 
 
 def _scan(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
-    loop = jaxprs.scan(equation)
+    loop = structured.scan(equation)
     end = loop.constants + loop.carried
     constants, carry, slices = inputs[: loop.constants], inputs[loop.constants : end], inputs[end:]
     _check_trips("scan", loop.length, inputs)
@@ -50,7 +51,7 @@ def _stack(interpreter: Interpreter, rows: list[Array], variable: Atom) -> Array
 
 
 def _while(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
-    loop = jaxprs.while_loop(equation)
+    loop = structured.while_loop(equation)
     end = loop.of_test + loop.of_body
     of_test, of_body, carry = inputs[: loop.of_test], inputs[loop.of_test : end], inputs[end:]
     trips = 0
@@ -86,7 +87,7 @@ def _platform(interpreter: Interpreter, equation: Equation, inputs: list[Array])
 
 def _linear_solve(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
     """On numbers the solve that JAX carries along; on expressions our own elimination of the operator."""
-    system = jaxprs.linear_solve(equation)
+    system = structured.linear_solve(equation)
     of_operator, right = inputs[: system.of_operator], inputs[system.constants :]
     if not any(map(symbolic, [*of_operator, *right])):
         return interpreter.run(system.solve, [*inputs[system.of_solve], *right])
@@ -97,13 +98,13 @@ def _linear_solve(interpreter: Interpreter, equation: Equation, inputs: list[Arr
 def _custom_jvp(interpreter: Interpreter, equation: Equation, inputs: list[Array]) -> list[Array]:
     """The function itself; a determinant, which JAX writes in many ways, is known as one."""
     table = interpreter.expressions if any(map(symbolic, inputs)) else interpreter.numeric
-    if "det" in table and jaxprs.is_determinant(equation):
+    if "det" in table and structured.is_determinant(equation):
         return [np.asarray(table["det"]({}, inputs[0]))]
     return _call(interpreter, equation, inputs)
 
 
 CONTROL: dict[str, Rule] = {
-    **dict.fromkeys(jaxprs.CALLS, _call),
+    **dict.fromkeys(CALLS, _call),
     "custom_jvp_call": _custom_jvp,
     "cond": _cond,
     "scan": _scan,

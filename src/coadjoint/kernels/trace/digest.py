@@ -13,6 +13,7 @@ import numpy as np
 
 from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace import jaxprs
+from coadjoint.kernels.trace.parameters import NAMES_ONLY
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 TRACED_OUTSIDE = (
@@ -61,7 +62,7 @@ class _Feed:
         elif isinstance(value, Mapping):
             self.word("mapping", len(value))
             for key in sorted(value, key=str):
-                if key not in jaxprs.NAMES_ONLY:
+                if key not in NAMES_ONLY:
                     self.word(key)
                     self.value(value[key])
         elif isinstance(value, (tuple, list)):

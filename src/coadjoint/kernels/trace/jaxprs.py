@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -21,6 +21,7 @@ from jax.core import Tracer as Tracer
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir, partial_eval
 
+from coadjoint.kernels.trace.parameters import unknown_parameters
 from coadjoint.kernels.untraceable import UnknownVersion
 
 Atom = Any
@@ -140,7 +141,7 @@ class EquationParameters(dict[str, Any]):
         self.primitive = primitive
 
     def __missing__(self, name: str) -> Any:
-        raise _unknown(self.primitive, f"no parameter `{name}`, which coadjoint reads")
+        raise unknown(self.primitive, f"no parameter `{name}`, which coadjoint reads")
 
     def fields(self, name: str) -> _Fields:
         """A parameter that has fields, as the dimension numbers of a gather."""
@@ -158,10 +159,11 @@ class _Fields:
             return getattr(self._value, field)
         except AttributeError:
             primitive, name = self._place
-            raise _unknown(primitive, f"a `{name}` without `{field}`, which coadjoint reads") from None
+            raise unknown(primitive, f"a `{name}` without `{field}`, which coadjoint reads") from None
 
 
-def _unknown(primitive: str, what: str) -> UnknownVersion:
+def unknown(primitive: str, what: str) -> UnknownVersion:
+    """That this JAX gives a primitive what is not known here."""
     return UnknownVersion(primitive, f"JAX {jax.__version__} gives it {what}")
 
 
@@ -179,164 +181,10 @@ class Equation:
 
     def require_known(self) -> None:
         """Raise UnknownVersion if a parameter that is not known here may change what the primitive means."""
-        for name in _unknown_names(self.name, tuple(self.parameters)):
+        for name in unknown_parameters(self.name, tuple(self.parameters)):
             value = self.parameters[name]
             if not (value is None or value is False or value == ()):
-                raise _unknown(self.name, f"a parameter `{name}`, which coadjoint does not know")
-
-
-_ANYWHERE = "accuracy sharding out_sharding out_dtype precision preferred_element_type"
-"""Parameters that say where or how precisely a primitive is computed, which for float64 on one CPU changes nothing."""
-_CALL = (
-    "jaxpr call_jaxpr fun_jaxpr name debug_info ctx_mesh inline keep_unused donated_invars in_shardings out_shardings "
-    "in_layouts out_layouts compiler_options_kvs prevent_cse differentiated policy attributes version num_consts "
-    "symbolic_zeros out_trees jvp_jaxpr_fun jvp_jaxpr_thunk fwd_jaxpr_thunk bwd"
-)
-_GATHER = "dimension_numbers indices_are_sorted unique_indices mode fill_value slice_sizes"
-_COMBINED = ("-add", "_add", "-sub", "-mul", "_mul", "-min", "_min", "-max", "_max")
-_SCATTER = "dimension_numbers indices_are_sorted unique_indices mode update_jaxpr update_consts"
-CALLS = ("jit", "pjit", "checkpoint", "remat", "remat2", "composite", "closed_call", "core_call", "custom_jvp_call")
-CALLS += ("custom_vjp_call", "custom_vjp_call_jaxpr", "eval_jaxpr")
-"""Primitives that run the one jaxpr that they hold."""
-_PARAMETERS = {
-    **dict.fromkeys(CALLS, _CALL),
-    **dict.fromkeys(("argmax", "argmin"), "axes index_dtype"),
-    **dict.fromkeys(("cummax", "cummin", "cumprod", "cumsum"), "axis reverse"),
-    **dict.fromkeys((f"reduce_{name}" for name in ("and", "max", "min", "or", "prod", "sum")), "axes"),
-    **dict.fromkeys(("scatter", *(f"scatter{end}" for end in _COMBINED)), _SCATTER),
-    **dict.fromkeys(("stack", "unstack"), "axis"),
-    "broadcast_in_dim": "shape broadcast_dimensions",
-    "cholesky": "symmetrize_input",
-    "concatenate": "dimension",
-    "cond": "branches branches_platforms",
-    "convert_element_type": "new_dtype weak_type",
-    "custom_linear_solve": "const_lengths jaxprs",
-    "device_put": "devices srcs copy_semantics",
-    "dot_general": "dimension_numbers",
-    "dynamic_slice": "slice_sizes",
-    "empty": "shape dtype",
-    "expand_dims": "dimensions",
-    "gather": _GATHER,
-    "integer_pow": "y",
-    "iota": "shape dtype dimension",
-    "lu": "pivot",
-    "polynomial": "unroll",
-    "pad": "padding_config",
-    "platform_index": "platforms",
-    "reshape": "new_sizes dimensions",
-    "rev": "dimensions",
-    "round": "rounding_method",
-    "scan": "jaxpr length reverse unroll num_consts num_carry ft_in ft_out linear _split_transpose",
-    "slice": "start_indices limit_indices strides",
-    "sort": "dimension is_stable num_keys",
-    "split": "axis sizes",
-    "squeeze": "dimensions",
-    "tile": "reps",
-    "transpose": "permutation",
-    "triangular_solve": "left_side lower transpose_a conjugate_a unit_diagonal",
-    "while": "cond_jaxpr body_jaxpr cond_nconsts body_nconsts",
-}
-"""The parameters whose meaning is known: the rules read them, or they change no value."""
-
-
-@cache
-def _unknown_names(primitive: str, names: tuple[str, ...]) -> list[str]:
-    known = {*_ANYWHERE.split(), *_PARAMETERS.get(primitive, "").split()}
-    return [name for name in names if name not in known]
-
-
-def body(equation: Equation) -> Any:
-    """The jaxpr that a call, or a scan, runs: the only one that it holds."""
-    found = inner_jaxprs(equation.parameters)
-    if len(found) != 1:
-        raise _unknown(equation.name, f"{len(found)} jaxprs, of which coadjoint reads one")
-    return found[0]
-
-
-@dataclass(frozen=True, slots=True)
-class Scan:
-    """A body from constants, carried values and a row of each slice to carried values and rows of results."""
-
-    body: Any
-    constants: int
-    carried: int
-    length: int
-    reverse: bool
-
-
-def scan(equation: Equation) -> Scan:
-    """What a scan does; the body takes slices, and gives results, of one axis less than the equation does."""
-    inside = body(equation)
-    slices = _longer(equation, equation.inputs, variables(inside).inputs)
-    results = _longer(equation, equation.outputs, variables(inside).outputs)
-    carried = len(equation.outputs) - results
-    before = len(equation.inputs) - slices - carried
-    return Scan(inside, before, carried, equation.parameters["length"], equation.parameters["reverse"])
-
-
-def _longer(equation: Equation, outside: Sequence[Atom], inside: Sequence[Atom]) -> int:
-    """How many atoms, all of them at the end, have one axis more outside than inside."""
-    if len(outside) != len(inside):
-        raise _unknown(equation.name, f"{len(outside)} values where its body has {len(inside)}")
-    more = [len(shape(a)) - len(shape(b)) for a, b in zip(outside, inside, strict=True)]
-    if more != sorted(more) or not {0, 1}.issuperset(more):
-        raise _unknown(equation.name, "inputs or outputs in an order that coadjoint does not know")
-    return sum(more)
-
-
-@dataclass(frozen=True, slots=True)
-class While:
-    """A test and a body, each with constants of its own before the carried values."""
-
-    test: Any
-    body: Any
-    of_test: int
-    of_body: int
-
-
-def while_loop(equation: Equation) -> While:
-    """What a while does: inputs are the constants of the test, those of the body, and what is carried."""
-    test, inside = equation.parameters["cond_jaxpr"], equation.parameters["body_jaxpr"]
-    carried = len(equation.outputs)
-    of_test, of_body = (len(variables(part).inputs) - carried for part in (test, inside))
-    if of_test + of_body + carried != len(equation.inputs):
-        raise _unknown(equation.name, f"{len(equation.inputs)} inputs, other than its test and body take")
-    return While(test, inside, of_test, of_body)
-
-
-@dataclass(frozen=True, slots=True)
-class LinearSolve:
-    """A linear operator and a program that solves it, and how many constants come before the right sides."""
-
-    operator: Any
-    of_operator: int
-    solve: Any
-    of_solve: slice
-    constants: int
-
-
-def linear_solve(equation: Equation) -> LinearSolve:
-    """What a custom_linear_solve does: constants of operator, transpose, solve and its transpose, then right sides."""
-    lengths, jaxprs = equation.parameters.fields("const_lengths"), equation.parameters.fields("jaxprs")
-    start = lengths.matvec + lengths.vecmat
-    after = start + lengths.solve
-    constants = after + lengths.transpose_solve
-    return LinearSolve(jaxprs.matvec, lengths.matvec, jaxprs.solve, slice(start, after), constants)
-
-
-def is_determinant(equation: Equation) -> bool:
-    """Whether a call with a derivative of its own is JAX's determinant, of whatever size and by whatever formula."""
-    source = getattr(getattr(opened(body(equation)), "debug_info", None), "func_src_info", None) or ""
-    name, _, place = source.partition(" at ")
-    return name.startswith("_det") and place.startswith(_DETERMINANTS)
-
-
-_DETERMINANTS = f"{jax.__path__[0]}/_src/numpy/linalg.py"
-
-NAMES_ONLY = frozenset(
-    ("name", "jvp_jaxpr_fun", "jvp_jaxpr_thunk", "fwd_jaxpr_thunk", "bwd", "debug_info", "ctx_mesh", "out_trees")
-)
-"""Parameters that say how a function is called or where it came from, not what it does."""
+                raise unknown(self.name, f"a parameter `{name}`, which coadjoint does not know")
 
 
 def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[Any]]:

@@ -14,9 +14,11 @@ import numpy as np
 from coadjoint.kernels.trace import jaxprs
 from coadjoint.kernels.trace.interpreter import Array, Interpreter, typed
 from coadjoint.kernels.trace.jaxprs import Equation
+from coadjoint.kernels.trace.parameters import CALLS
+from coadjoint.kernels.trace.structured import body
 from coadjoint.kernels.untraceable import Untraceable
 
-WRITTEN_OUT = frozenset(jaxprs.CALLS) - {"custom_jvp_call"}
+WRITTEN_OUT = frozenset(CALLS) - {"custom_jvp_call"}
 """Calls that always run their one jaxpr."""
 
 
@@ -76,7 +78,7 @@ class Straight:
             given = tuple(map(place, equation.inputs))
             if equation.name in WRITTEN_OUT:
                 equation.require_known()
-                outputs = self._write(jaxprs.body(equation), given)
+                outputs = self._write(body(equation), given)
             else:
                 outputs = self._operation(equation, given)
             places.update(zip(equation.outputs, outputs, strict=True))
