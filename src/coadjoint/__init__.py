@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from coadjoint.errors import CoadjointError as CoadjointError
     from coadjoint.errors import FileError as FileError
     from coadjoint.errors import GroupError as GroupError
+    from coadjoint.errors import Interrupted as Interrupted
     from coadjoint.errors import LagrangianError as LagrangianError
     from coadjoint.errors import StepError as StepError
     from coadjoint.groups import SE2 as SE2

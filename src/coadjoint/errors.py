@@ -54,3 +54,16 @@ class StepError(CoadjointError, ArithmeticError):
         super().__init__(sentence + kept)
         self.sentence = sentence
         self.run = run
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, or another interrupt, came during a computation: what had been computed until then is in `run`.
+
+    `run`: a `Run`, an `Ensemble` or a `Trajectory` of the steps that were done; the sentence tells how to go on.
+    A KeyboardInterrupt, so that `except Exception` does not catch it.
+    """
+
+    def __init__(self, sentence: str, run: Any = None):
+        super().__init__(sentence)
+        self.sentence = sentence
+        self.run = run

@@ -187,7 +187,12 @@ def test_help_comes_at_once_and_without_jax():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path):
+@pytest.mark.parametrize(
+    ("number", "status", "word"),
+    [(signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")],
+    ids=["Ctrl-C", "SIGTERM"],
+)
+def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path, number, status, word):
     file = write(tmp_path, TOP)
     process = subprocess.Popen(
         [*MAIN, "run", str(file), "--set", "run.steps=2000000000", "--set", "run.save_every=1000000"],
@@ -200,12 +205,35 @@ def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path):
     while not (tmp_path / "top" / "unfinished").exists() and time.monotonic() < until:
         time.sleep(0.05)
     time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert err.startswith("Interrupted; `coadjoint resume top`")
+    assert process.returncode == status
+    assert err.startswith(f"{word}; `coadjoint resume top`")
     assert err.count("\n") == 1
     assert {entry.name for entry in (tmp_path / "top").iterdir()} == {"run.toml", "top.py", "unfinished"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_sigterm_ends_a_command_in_a_sentence_and_its_handler_goes_with_it(capsys, monkeypatch):
+    def stopped(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5.0)
+
+    monkeypatch.setattr(commands.Models, "__call__", stopped)
+    assert main(["models"]) == 143
+    assert capsys.readouterr().err == "Terminated.\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_who_handles_sigterm_keeps_the_handler(capsys, monkeypatch):
+    came: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: came.append(number))
+    try:
+        monkeypatch.setattr(commands.Models, "__call__", lambda self: os.kill(os.getpid(), signal.SIGTERM) or 0)
+        assert main(["models"]) == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert came == [signal.SIGTERM]
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path):

@@ -13,10 +13,11 @@ from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
 from coadjoint.cli.stability import Stability
+from coadjoint.cli.stopping import stoppable
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.errors import CoadjointError, StepError
 
-USAGE, INTERRUPTED = 2, 130
+USAGE, INTERRUPTED, SIGNALLED = 2, 130, 128
 
 Command = (
     Annotated[commands.Reproduce, tyro.conf.subcommand("reproduce")]
@@ -37,40 +38,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return the exit status.
 
     0: done. 1: a step failed; what was computed is kept. 2: what was asked for cannot be done, in one sentence on
-    stderr. 130: interrupted. With COADJOINT_TRACEBACK set, unexpected errors show where they arose.
+    stderr. 130: interrupted by Ctrl-C; 143: by SIGTERM. With COADJOINT_TRACEBACK set, unexpected errors show where
+    they arose.
     """
-    description = "Variational integrators on Lie groups from a reduced Lagrangian."
-    given = sys.argv[1:] if arguments is None else list(arguments)
+    with stoppable() as came:
+        try:
+            return _run(sys.argv[1:] if arguments is None else list(arguments))
+        except KeyboardInterrupt as stop:
+            folder = [f"; `coadjoint resume {part}` goes on with the run" for part in stop.args if _is_folder(part)]
+            terminal.complain(f"{'Terminated' if came else 'Interrupted'}{''.join(folder)}.")
+            return SIGNALLED + came[-1] if came else INTERRUPTED
+        except BrokenPipeError:
+            # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return commands.OK
+        except CoadjointError as error:
+            terminal.complain(str(error))
+            return commands.FAILED if isinstance(error, StepError) else USAGE
+        except Exception as error:
+            if os.environ.get("COADJOINT_TRACEBACK"):
+                raise
+            terminal.complain(unexpected(error))
+            return commands.FAILED
+
+
+def _is_folder(part: object) -> bool:
+    return isinstance(part, os.PathLike)
+
+
+def _run(given: list[str]) -> int:
     if given == ["--version"]:
         terminal.line(versions())
         return commands.OK
     command = tyro.cli(
         Command,  # pyright: ignore[reportArgumentType]
         prog="coadjoint",
-        description=description,
+        description="Variational integrators on Lie groups from a reduced Lagrangian.",
         args=given or ["--help"],
         config=(tyro.conf.FlagCreatePairsOff,),
     )
-    try:
-        status = command()
-        sys.stdout.flush()
-        return status
-    except KeyboardInterrupt as stop:
-        hint = f"; `coadjoint resume {stop.args[0]}` goes on with the run." if stop.args else "."
-        terminal.complain(f"Interrupted{hint}")
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return commands.OK
-    except CoadjointError as error:
-        terminal.complain(str(error))
-        return commands.FAILED if isinstance(error, StepError) else USAGE
-    except Exception as error:
-        if os.environ.get("COADJOINT_TRACEBACK"):
-            raise
-        terminal.complain(unexpected(error))
-        return commands.FAILED
+    status = command()
+    sys.stdout.flush()
+    return status
 
 
 def run() -> None:

@@ -132,6 +132,12 @@ def _change(c: dict[str, Any], name: str, relative: bool) -> str:
     return f"{shown}; largest {kind} change {c[f'{name}_error_max']:.2e}, at the end {c[f'{name}_error_final']:.2e}"
 
 
+def _members_steps(ensemble: Ensemble) -> str:
+    plan, position = ensemble.plan, ensemble.position
+    done = plan.steps if position.complete else position.steps
+    return f"{done:,} steps of {plan.h:g} s each" + ("" if done == plan.steps else f", stopped before {plan.steps:,}")
+
+
 def ensemble_card(ensemble: Ensemble) -> str:
     """The certificate of an ensemble as text."""
     count, plan = ensemble.members.count, ensemble.plan
@@ -139,7 +145,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     lines = [
         ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
         ("method", f"{ensemble.method.title}, {order(ensemble.method)}"),
-        ("steps", f"{plan.steps:,} steps of {plan.h:g} s each"),
+        ("steps", _members_steps(ensemble)),
         ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),
         ("finished", f"{count - len(failed):,} of {count:,}"),
         *accuracy_line(ensemble.accuracy),

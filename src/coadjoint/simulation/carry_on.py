@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from coadjoint.errors import StepError
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
@@ -16,10 +17,11 @@ from coadjoint.simulation.energy_warnings import driven, energy_warnings, member
 from coadjoint.simulation.ensemble import (
     Ensemble,
 )
-from coadjoint.simulation.ensemble_driver import drive
+from coadjoint.simulation.ensemble_driver import EnsembleDriver
 from coadjoint.simulation.ensemble_events import EnsembleEvents
 from coadjoint.simulation.event_driver import EventDriver
 from coadjoint.simulation.events import not_finite
+from coadjoint.simulation.interrupts import interrupted
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import fixed_steps
 
@@ -31,19 +33,12 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     ended = run.position.ended
     judging = accuracy and run.accuracy is None
     sink = Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run)) if judging else run.memory
-    before_it: list[str] = []
+    loop, before_it = driver(run, sink, progress), list[str]()
     try:
         before = run.seconds
         if not ended:
             _log.info("%s begins, %d steps by %s.", run.title, run.plan.steps, run.plan.backend)
-            if isinstance(run, Ensemble) and run.plan.events:
-                EnsembleEvents(run.plan, run.axes, sink, run.crossed, run.ended).drive(
-                    run.position, progress, run.title
-                )
-            elif isinstance(run, Ensemble):
-                drive(run.plan, run.axes, run.position, sink, progress, run.title)
-            else:
-                driver(run, sink, progress).drive(run.position)
+            loop.drive(run.position)
         if isinstance(sink, Sampler):
             run.accuracy = judged(run, sink)
         if not ended:
@@ -59,6 +54,10 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
         if not ended:
             sink.finish(run.position)
             _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)
+    except KeyboardInterrupt:
+        if ended or not (run.position.steps or run.count):
+            raise
+        raise interrupted(run, loop, sink) from None
     finally:
         sink.release()
     if not isinstance(run, Ensemble) and run.position.failed:
@@ -66,11 +65,16 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     return run
 
 
-def driver(run: Run, sink: Sink, progress: bool | None) -> Driver:
+def driver(run: Run | Ensemble, sink: Sink, progress: bool | None) -> Any:
     """What drives a run, its records into a sink."""
-    if run.plan.events:
-        return EventDriver(run.plan, sink, progress, run.title, run.crossed)
-    return Driver(run.plan, sink, progress, run.title)
+    plan, how = run.plan, (progress, run.title)
+    if isinstance(run, Ensemble):
+        if plan.events:
+            return EnsembleEvents(plan, run.axes, sink, *how, run.crossed, run.ended)
+        return EnsembleDriver(plan, run.axes, sink, *how)
+    if plan.events:
+        return EventDriver(plan, sink, *how, run.crossed)
+    return Driver(plan, sink, *how)
 
 
 def _sentence(run: Run) -> str:

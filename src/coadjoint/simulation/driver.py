@@ -62,19 +62,28 @@ class Position:
         return self.code is not Code.CONVERGED
 
     def advance(self, chunk: Chunk) -> None:
-        """Move to the end of a chunk."""
-        self.state, self.steps, self.code = chunk.final, self.steps + chunk.steps, chunk.code
-        self.iterations += chunk.iterations
-        self.iterations_max = max(self.iterations_max, chunk.iterations_max)
-        self.watch(chunk)
+        """Move to the end of a chunk, at once: an interrupt finds it before the chunk or behind it."""
+        vars(self).update(
+            state=chunk.final,
+            steps=self.steps + chunk.steps,
+            code=chunk.code,
+            iterations=self.iterations + chunk.iterations,
+            iterations_max=max(self.iterations_max, chunk.iterations_max),
+            extrema=self._widened(chunk),
+        )
 
     def watch(self, chunk: Chunk) -> None:
         """Widen the extrema by those of a chunk."""
-        if chunk.steps == 0:
-            return
-        for name, (low, high) in chunk.extrema.items():
-            before = self.extrema.get(name, (low, high))
-            self.extrema[name] = np.minimum(before[0], low), np.maximum(before[1], high)
+        self.extrema = self._widened(chunk)
+
+    def _widened(self, chunk: Chunk) -> Extrema:
+        return widened(self.extrema, chunk.extrema) if chunk.steps else self.extrema
+
+
+def widened(before: Extrema, now: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Extrema:
+    """Extrema over two stretches of a run."""
+    both = {name: (before.get(name, limits), limits) for name, limits in now.items()}
+    return {**before, **{name: (np.minimum(a[0], b[0]), np.maximum(a[1], b[1])) for name, (a, b) in both.items()}}
 
 
 class Sink(Protocol):
@@ -136,6 +145,8 @@ class Driver:
 
     def __init__(self, plan: Plan, sink: Sink, progress: bool | None, title: str):
         self.plan, self.sink, self.progress, self.title = plan, sink, progress, title
+        self.taking = False
+        """Whether a sink is taking up records: an interrupt then finds it between the one and the other."""
 
     def _run(self, state: State, records: int, every: int) -> Chunk:
         plan = self.plan
@@ -169,22 +180,34 @@ class Driver:
         began = time.perf_counter()
         chunk = self._run(position.state, records, length)
         position.seconds += time.perf_counter() - began
-        kept = chunk.monitors if phase == 0 else {}
+        self.taking = True
         if phase == 0 and chunk.steps:
             rows = -(-chunk.steps // length)
-            self.sink.append(position.steps + length * np.arange(rows), chunk.records, kept)
+            self.sink.append(position.steps + length * np.arange(rows), chunk.records, chunk.monitors)
         position.advance(chunk)
         self.sink.checkpoint(position)
+        self.taking = False
 
     def _close(self, position: Position) -> None:
         """One solve more gives the last node the velocities of the step that starts there."""
         chunk = self._last(position)
+        self.taking = True
         position.code = chunk.code
+        if not chunk.code:
+            self.append_last(position, chunk)
+            position.complete = True
+        self.sink.checkpoint(position)
+        self.taking = False
+
+    def append_last(self, position: Position, chunk: Chunk | None = None) -> None:
+        """Append the node where a run stands, with the velocities of the step that would start there."""
+        chunk = self._last(position) if chunk is None else chunk
         if not chunk.code:
             self.sink.append(np.array([position.steps]), chunk.records, chunk.monitors)
             position.watch(chunk)
-            position.complete = True
-        self.sink.checkpoint(position)
+
+    def undo(self, position: Position) -> None:
+        """Forget what was found beyond the position."""
 
     def _last(self, position: Position) -> Chunk:
         return self._run(position.state, 1, 1)
@@ -208,6 +231,13 @@ class Memory:
         self.steps.append(steps)
         self.records.append(records)
         self.monitors.append(monitors)
+
+    def cut(self, step: int) -> None:
+        """Forget what came from a step on, and what an interrupt has left by halves."""
+        good = min(len(self.steps), len(self.records), len(self.monitors))
+        good = sum(bool(steps[0] < step) for steps in self.steps[:good])
+        for rows in (self.steps, self.records, self.monitors):
+            del rows[good:]
 
     def checkpoint(self, position: Any) -> None:
         pass

@@ -14,7 +14,7 @@ from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
-from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink
+from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink, widened
 from coadjoint.simulation.progress import Progress
 
 
@@ -23,7 +23,7 @@ class MembersPosition:
     """Where an ensemble stands: as `Position`, with an axis of members in all but `steps`, the grid's.
 
     A member that failed keeps the state before its bad step, with how far it came in `steps_done` and why it stopped
-    in `codes`. `steps` is always a saved node.
+    in `codes`.
     """
 
     state: State
@@ -52,50 +52,92 @@ class MembersPosition:
     def advance(self, chunk: EnsembleChunk, steps: int) -> None:
         """Move by `steps` steps to the end of a chunk; a member that failed stays where it was."""
         good = self.codes == 0
-        self.steps_done = self.steps_done + np.where(good, chunk.steps, 0)
-        self.iterations = self.iterations + np.where(good, chunk.iterations, 0)
-        self.iterations_max = np.maximum(self.iterations_max, chunk.iterations_max)
-        self.state, self.steps = chunk.final, self.steps + steps
-        self.watch(chunk)
+        vars(self).update(
+            state=chunk.final,
+            steps=self.steps + steps,
+            steps_done=self.steps_done + np.where(good, chunk.steps, 0),
+            iterations=self.iterations + np.where(good, chunk.iterations, 0),
+            iterations_max=np.maximum(self.iterations_max, chunk.iterations_max),
+            codes=np.where(good, chunk.code, self.codes),
+            extrema=widened(self.extrema, chunk.extrema),
+        )
 
     def watch(self, chunk: EnsembleChunk) -> None:
         """Take over the failures of a chunk, and widen the extrema by its own."""
-        self.codes = np.where(self.codes == 0, chunk.code, self.codes)
-        for name, (low, high) in chunk.extrema.items():
-            before = self.extrema.get(name, (low, high))
-            self.extrema[name] = np.minimum(before[0], low), np.maximum(before[1], high)
+        codes, extrema = np.where(self.codes == 0, chunk.code, self.codes), widened(self.extrema, chunk.extrema)
+        vars(self).update(codes=codes, extrema=extrema)
 
 
-def drive(plan: Plan, axes: Any, position: MembersPosition, sink: Sink, progress: bool | None, title: str) -> None:
-    """Move all members to the end of the plan, each to its own first bad step."""
+class EnsembleDriver:
+    """Runs all members from a position to the end of the plan, each to its own first bad step."""
 
-    def run(records: int, every: int) -> EnsembleChunk:
-        arguments = (plan.program, plan.constants, position.state, plan.h, records, every, plan.monitors)
-        return kernels.run_ensemble(plan.backend, *arguments, axes=(axes, True))
+    def __init__(self, plan: Plan, axes: Any, sink: Sink, progress: bool | None, title: str):
+        self.plan, self.axes, self.sink, self.progress, self.title = plan, axes, sink, progress, title
+        self.taking = False
+        """Whether a sink is taking up records."""
 
-    records = 1
-    run(1, 1)  # compiling is set-up
-    with Progress(plan.steps, progress, title) as bar:
-        bar.advance(position.steps, 0.0)
-        while position.steps < plan.steps:
-            every = min(plan.save_every, plan.steps - position.steps)
-            records = min(records, (plan.steps - position.steps) // every)
-            began = time.perf_counter()
-            chunk = run(records, every)
-            spent = time.perf_counter() - began
-            position.seconds += spent
-            sink.append(position.steps + every * np.arange(records), *nodes_first(chunk))
-            position.advance(chunk, records * every)
-            sink.checkpoint(position)
-            bar.advance(records * every, position.seconds)
-            wished = records * min(PATIENCE / max(spent, 1e-6), 8.0)
-            records = int(np.clip(wished, 1, min(sink.length, xla.ENSEMBLE_CAPACITY)))
-    # One solve more gives the last node the velocities of the step that starts there.
-    last = run(1, 1)
-    sink.append(np.array([plan.steps]), *nodes_first(last))
-    position.watch(last)
-    position.complete = True
-    sink.checkpoint(position)
+    def _run(self, state: State, records: int, every: int) -> EnsembleChunk:
+        arguments = (self.plan.program, self.plan.constants, state, self.plan.h, records, every, self.plan.watches)
+        return kernels.run_ensemble(self.plan.backend, *arguments, axes=(self.axes, True))
+
+    def drive(self, position: MembersPosition) -> None:
+        """Move all members to the end of the plan."""
+        self._run(position.state, 1, 1)  # compiling is set-up
+        speed = 0.0
+        with Progress(self.plan.steps, self.progress, self.title) as bar:
+            bar.advance(position.steps, 0.0)
+            while self._goes_on(position):
+                before = position.steps, position.seconds
+                self._stretch(position, speed)
+                done, spent = position.steps - before[0], position.seconds - before[1]
+                speed = min(done / max(spent, 1e-6), 8 * speed or np.inf)
+                bar.advance(done, position.seconds)
+        chunk = self._last(position)
+        self.taking = True
+        self.append_last(position, chunk)
+        position.complete = True
+        self.sink.checkpoint(position)
+        self.taking = False
+
+    def _goes_on(self, position: MembersPosition) -> bool:
+        return position.steps < self.plan.steps
+
+    def _stretch(self, position: MembersPosition, speed: float) -> None:
+        """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""
+        every, phase = self.plan.save_every, position.steps % self.plan.save_every
+        left = self.plan.steps - position.steps
+        wished = max(int(speed * PATIENCE), 1)
+        if phase == 0 and min(wished, left) >= every:
+            records, length = min(wished // every, left // every, self._capacity), every
+        else:
+            records, length = 1, min(wished, left, every - phase)
+        began = time.perf_counter()
+        chunk = self._run(position.state, records, length)
+        position.seconds += time.perf_counter() - began
+        self.taking = True
+        if phase == 0:
+            self.sink.append(position.steps + length * np.arange(records), *nodes_first(chunk))
+        position.advance(chunk, records * length)
+        self.sink.checkpoint(position)
+        self.taking = False
+
+    @property
+    def _capacity(self) -> int:
+        """The most nodes of a chunk."""
+        return min(self.sink.length, xla.ENSEMBLE_CAPACITY)
+
+    def _last(self, position: MembersPosition) -> EnsembleChunk:
+        """One solve more gives the last node the velocities of the step that starts there."""
+        return self._run(position.state, 1, 1)
+
+    def append_last(self, position: MembersPosition, chunk: EnsembleChunk | None = None) -> None:
+        """Append the node where all members stand."""
+        chunk = self._last(position) if chunk is None else chunk
+        self.sink.append(np.array([position.steps]), *nodes_first(chunk))
+        position.watch(chunk)
+
+    def undo(self, position: MembersPosition) -> None:
+        """Forget what was found beyond the position."""
 
 
 def nodes_first(chunk: EnsembleChunk) -> tuple[State, Mapping[str, np.ndarray]]:

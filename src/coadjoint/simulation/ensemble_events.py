@@ -10,60 +10,63 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.chunk import EnsembleChunk
-from coadjoint.kernels.run import backend as kernels
-from coadjoint.kernels.run import xla
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS
 from coadjoint.simulation.crossings import AHEAD, from_zero
 from coadjoint.simulation.driver import PATIENCE, Plan, Sink
 from coadjoint.simulation.ensemble import member_constants
-from coadjoint.simulation.ensemble_driver import MembersPosition, nodes_first
-from coadjoint.simulation.event_driver import Found, found_in
-from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.ensemble_driver import EnsembleDriver, MembersPosition, nodes_first
+from coadjoint.simulation.event_driver import Found, found_in, up_to
 
 Crossed = dict[str, list[list[State]]]
 
 
-class EnsembleEvents:
+class EnsembleEvents(EnsembleDriver):
     """Runs all members, each until its first event ends it, if one may; collects the records at all others.
 
     A member that has ended keeps its place in the arrays: its records are NaN from there on, its state at the event is
     in `ended`, its time in the position.
     """
 
-    def __init__(self, plan: Plan, axes: Any, sink: Sink, crossed: Crossed, ended: dict[int, State]):
-        self.plan, self.axes, self.sink, self.crossed, self.ended = plan, axes, sink, crossed, ended
+    def __init__(
+        self, plan: Plan, axes: Any, sink: Sink, progress: bool | None, title: str, crossed: Crossed,
+        ended: dict[int, State],
+    ):  # fmt: skip
+        super().__init__(plan, axes, sink, progress, title)
+        self.crossed, self.ended = crossed, ended
 
-    def drive(self, position: MembersPosition, progress: bool | None, title: str) -> None:
-        """Move all members to the end of the plan, each to its event or its first bad step."""
-        plan, length = self.plan, 1
+    def drive(self, position: MembersPosition) -> None:
         self.times = position.event = np.full(len(position.codes), np.nan)
-        self._run(position.state, 1)  # compiling is set-up
-        with Progress(plan.steps, progress, title) as bar:
-            while position.steps < plan.steps and len(self.ended) < len(position.codes):
-                length = min(length, plan.steps - position.steps)
-                began = time.perf_counter()
-                chunk = self._watched(position, self._run(position.state, length))
-                spent = time.perf_counter() - began
-                position.seconds += spent
-                self._take(position, chunk, length)
-                bar.advance(length, position.seconds)
-                wished = length * min(PATIENCE / max(spent, 1e-6), 8.0)
-                length = int(np.clip(wished, 1, min(self.sink.length, xla.ENSEMBLE_CAPACITY)))
-        # One solve more gives the last node the velocities of the step that starts there.
-        last = self._without(self._run(position.state, 1), dict.fromkeys(self.ended, 0))
-        self.sink.append(np.array([position.steps]), *nodes_first(last))
-        position.watch(last)
-        position.complete = True
-        self.sink.checkpoint(position)
+        super().drive(position)
 
-    def _run(self, state: State, length: int) -> EnsembleChunk:
-        arguments = (self.plan.program, self.plan.constants, state, self.plan.h, length, 1, self.plan.watches)
-        return kernels.run_ensemble(self.plan.backend, *arguments, axes=(self.axes, True))
+    def _goes_on(self, position: MembersPosition) -> bool:
+        return super()._goes_on(position) and len(self.ended) < len(position.codes)
+
+    def _stretch(self, position: MembersPosition, speed: float) -> None:
+        """Run for about PATIENCE seconds, node by node."""
+        wished = max(int(speed * PATIENCE), 1)
+        length = min(wished, self.plan.steps - position.steps, self._capacity)
+        began = time.perf_counter()
+        chunk = self._watched(position, self._run(position.state, length, 1))
+        position.seconds += time.perf_counter() - began
+        self.taking = True
+        self._take(position, chunk, length)
+        self.taking = False
+
+    def _last(self, position: MembersPosition) -> EnsembleChunk:
+        return self._without(super()._last(position), dict.fromkeys(self.ended, 0))
+
+    def undo(self, position: MembersPosition) -> None:
+        for index, here in enumerate(position.state.t):
+            for states in self.crossed.values():
+                states[index] = up_to(states[index], float(here), self.plan)
+            if index in self.ended and not up_to([self.ended[index]], float(here), self.plan):
+                self.times[index] = np.nan
+                del self.ended[index]
 
     def _watched(self, position: MembersPosition, chunk: EnsembleChunk) -> EnsembleChunk:
         """The chunk up to the events that end members, which are taken up with all others."""
-        ahead = self._run(chunk.final, AHEAD)
+        ahead = self._run(chunk.final, AHEAD, 1)
         rows_kept: dict[int, int] = dict.fromkeys(self.ended, 0)
         for index in np.flatnonzero((position.codes == 0) & np.isnan(self.times)):
             rows = chunk.monitors[EVENTS][index, : chunk.rows[index]]

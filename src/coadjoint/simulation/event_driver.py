@@ -44,11 +44,13 @@ class EventDriver(Driver):
         if end is not None:
             chunk = self._run(position.state, end.interval, 1) if end.interval else None
         position.seconds += time.perf_counter() - began
+        self.taking = True
         if chunk is not None:
             self._take(position, chunk)
         if end is not None:
             self._end(position, end.theta)
         self.sink.checkpoint(position)
+        self.taking = False
 
     def _values(self, position: Position, chunk: Chunk) -> np.ndarray:
         """The events at the nodes of a chunk and some ahead, (nodes, events): of those ahead, a few steps are tried."""
@@ -89,6 +91,10 @@ class EventDriver(Driver):
         position.advance(chunk)
         position.event = float(position.state.t)
 
+    def undo(self, position: Position) -> None:
+        for name, states in self.crossed.items():
+            self.crossed[name] = up_to(states, float(position.state.t), self.plan)
+
     def _last(self, position: Position) -> Chunk:
         return unwatched(super()._last(position), self.plan)
 
@@ -102,6 +108,11 @@ def found_in(plan: Plan, records: State, values: np.ndarray, index: int) -> Iter
         for theta, rises in crossings(v, int(interval), lambda theta, step=step: float(step(theta)[1][index])):
             if event.counts(rises):
                 yield Found(int(interval), theta, step(theta)[0])
+
+
+def up_to(states: list[State], time: float, plan: Plan) -> list[State]:
+    """Those of the records that a run has come to at a time."""
+    return [state for state in states if (float(state.t) - time) * np.sign(plan.h) <= 0]
 
 
 def unwatched(chunk: Chunk, plan: Plan) -> Chunk:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, Interrupted, shown
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
@@ -139,5 +139,10 @@ def simulate(
     if full:
         twice = (h / 2, 2 * steps, 2 * save_every, False)
         finer: Any = prepare(system, start, method, *twice, kelvin_noether, inputs, backend)
-        with_trajectory_error(done, carry_on(finer, progress, began, False))  # type: ignore[arg-type]
+        try:
+            with_trajectory_error(done, carry_on(finer, progress, began, False))  # type: ignore[arg-type]
+        except KeyboardInterrupt:
+            raise Interrupted(
+                "Interrupted in the second run, with dt/2, that judges the first: this one is whole, in `.run`.", done
+            ) from None
     return done

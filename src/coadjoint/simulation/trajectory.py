@@ -10,13 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, StepError
+from coadjoint.errors import ArgumentError, Interrupted, StepError
+from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import Backend
+from coadjoint.kernels.run.pieces import Cut
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
@@ -162,14 +163,14 @@ def _choose(program: StepProgram, constants: Constants, state: State, backend: B
 def _run(
     backend: Backend, program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, inside: bool
 ) -> Trajectory:
-    if backend == "xla":
-        if inside:
-            return _scan(program, constants, start, h, blocks)
-        require_own_xla()
-        return _compiled(program, constants, start, h, blocks)
+    if backend == "xla" and inside:
+        return _scan(program, constants, start, h, blocks)
     if not inside:
-        chunk = native.run(program, constants, start, float(h), blocks[0], blocks[1], monitors=False)
-        return Trajectory(chunk.records, chunk.final, np.int64(chunk.code), np.int64(chunk.iterations))
+        run = xla.run_long if backend == "xla" else partial(native.run, monitors=False)
+        try:
+            return _of_chunk(run(program, constants, start, float(h), *blocks))
+        except Cut as cut:
+            raise _interrupted(cut.result, blocks) from None
 
     def by_xla(arguments):
         path = _scan(program, arguments[0], arguments[1], arguments[2], blocks)
@@ -178,6 +179,22 @@ def _run(
     found = native_trajectory(program, (constants, start, h), blocks, by_xla)
     records, final, code, iterations = found
     return Trajectory(records, final, code.astype(int), iterations.astype(int))
+
+
+def _of_chunk(chunk: Chunk) -> Trajectory:
+    return Trajectory(chunk.records, chunk.final, np.int64(chunk.code), np.int64(chunk.iterations))
+
+
+def _interrupted(chunk: Any, blocks: Blocks) -> KeyboardInterrupt:
+    """What to raise for a trajectory that was interrupted: with the steps that were done, if there are any."""
+    if not chunk.steps:
+        return KeyboardInterrupt()
+    done, steps = chunk.steps, blocks[0] * blocks[1]
+    return Interrupted(
+        f"Interrupted at step {done:,} of {steps:,} (t = {float(chunk.final.t):.6g} s); the trajectory up to there "
+        f"is in `.run` of this exception (`error`), and `error.run.final` is a start for the other {steps - done:,}.",
+        _of_chunk(chunk),
+    )
 
 
 def _scan(program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks) -> Trajectory:
@@ -198,6 +215,3 @@ def _scan(program: StepProgram, constants: Constants, start: State, h: Any, bloc
     step = one if blocks[1] == 1 else block
     (final, code, iterations), records = jax.lax.scan(step, (start, jnp.asarray(0), jnp.asarray(0)), None, blocks[0])
     return Trajectory(records, final, code, iterations)
-
-
-_compiled = partial(jax.jit, static_argnums=(0, 4))(_scan)

@@ -22,6 +22,7 @@ from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
 from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.run.machine import Machine, machine
+from coadjoint.kernels.run.pieces import Clock, PieceLength
 
 KEPT = 16
 """How many programs stay in memory with their tangents."""
@@ -38,6 +39,7 @@ class Driven(NamedTuple):
     taped: int
     """How many numbers of a row are the tape; the rest is the record."""
     width: int
+    pace: PieceLength
 
 
 class Path(NamedTuple):
@@ -85,7 +87,7 @@ def driven(program: Program, parameters: Any, state: Any, active: Sequence[int])
     rows = tape(planned)
     forward = native.load(replace(planned, record=[*rows, *planned.record]), lanes())
     code = machine(tangents.assemble(tangents.tangent(planned, active), lanes()))
-    made = Driven(forward, code, code.function(tangents.NAME, *_SIGNATURE), len(rows), lanes())
+    made = Driven(forward, code, code.function(tangents.NAME, *_SIGNATURE), len(rows), lanes(), PieceLength())
     with _lock:
         _known[key] = made
         while len(_known) > KEPT:
@@ -144,17 +146,15 @@ def push(code: Driven, p: np.ndarray, h: float, path: Path, p_dot: np.ndarray, s
     directions = np.repeat(p_dot[:, :, None], width, axis=2)
     state_dot = _groups(start_dot.reshape(path.runs, -1), width)
     record_dot = np.empty((groups, steps, columns, row - code.taped, width))
+    given = numbers.ctypes.data, length.ctypes.data
     for group in range(groups):
-        code.tangent(
-            numbers.ctypes.data,
-            length.ctypes.data,
-            path.rows.ctypes.data + group * path.rows.strides[0],
-            steps,
-            directions.ctypes.data,
-            columns,
-            state_dot.ctypes.data + group * state_dot.strides[0],
-            record_dot.ctypes.data + group * record_dot.strides[0],
-        )
+        along, done, clock = state_dot[group].ctypes.data, 0, Clock(code.pace)
+        while done < steps:
+            count = min(code.pace.steps, steps - done)
+            taped, out = path.rows[group, done:].ctypes.data, record_dot[group, done:].ctypes.data
+            code.tangent(*given, taped, count, directions.ctypes.data, columns, along, out)
+            done += count
+            clock.lap(count)
     return _members(record_dot, path.runs)
 
 

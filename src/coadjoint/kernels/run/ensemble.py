@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 from typing import Any
 
 import jax
@@ -89,16 +90,22 @@ def _launch(kernel: Kernel, inputs: tuple, result: Result, records: int, save_ev
     outputs = (result.records, result.monitors, result.extrema, result.status)
     after = [(array.ctypes.data, array.strides[0]) for array in outputs]
     groups = len(result.status)
-    share = max(1, groups // (4 * threads))
+    share, stop = max(1, groups // (4 * threads)), Event()
 
     def run(first: int) -> None:
         for group in range(first, min(first + share, groups)):
+            if stop.is_set():
+                return
             pointers = [start + group * stride for start, stride in before]
             written = [start + group * stride for start, stride in after]
             kernel.function(*pointers, records, save_every, *written)
 
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(0, groups, share)))
+        try:
+            list(pool.map(run, range(0, groups, share)))
+        finally:
+            # After an interrupt, threads end with the group that they are at.
+            stop.set()
 
 
 def members_of(tree: Any, axes: Any) -> tuple[Layout, np.ndarray]:

@@ -16,6 +16,7 @@ from coadjoint.kernels.emit.stepping import NAME, assemble
 from coadjoint.kernels.packing import Layout, layout, pack
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.machine import Machine, machine
+from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 
 KEPT = 128
 """How many kernels stay in memory."""
@@ -31,6 +32,7 @@ class Kernel(NamedTuple):
     record: Layout
     monitor_shapes: dict[str, tuple[int, ...]]
     certificates: tuple[str, ...]
+    pace: PieceLength
 
     @property
     def monitor_size(self) -> int:
@@ -87,6 +89,7 @@ def load(planned: StepPlan, width: int) -> Kernel:
         record=_record_layout(planned),
         monitor_shapes=planned.monitor_shapes,
         certificates=tuple(planned.certificates),
+        pace=PieceLength(),
     )
 
 
@@ -106,12 +109,20 @@ def run(
     """
     (shape_p, p), (shape_s, s) = pack(parameters), pack(state)
     kernel = kernel_for(program, parameters, state, (shape_p, shape_s, specialised(p), monitors, 1))
-    result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
+    try:
+        result = launch(kernel, p[:, None], np.full(1, float(h)), s[:, None], records, save_every)
+    except Cut as cut:
+        raise Cut(_chunk(kernel, shape_s, cut.result, records, save_every)) from None
+    return _chunk(kernel, shape_s, result, records, save_every)
+
+
+def _chunk(kernel: Kernel, state: Layout, result: Any, records: int, save_every: int) -> Chunk:
+    """A single run that the machine wrote."""
     steps, code, iterations, iterations_max = map(int, result.status[:, 0])
     valid = min(-(-steps // save_every), records)
     return Chunk(
         records=kernel.record.views(result.records[:valid, :, 0]),
-        final=shape_s.unpack(result.state[:, 0]),
+        final=state.unpack(result.state[:, 0]),
         steps=steps,
         code=Code(code),
         iterations=iterations,
@@ -122,7 +133,10 @@ def run(
 
 
 def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records: int, save_every: int) -> Result:
-    """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes)."""
+    """Call the machine on parameters (size, lanes), h (lanes,) and state (size, lanes).
+
+    Raises Cut with the steps that were done where Python is interrupted meanwhile.
+    """
     lanes = h.shape[0]
     watched = kernel.monitor_size + len(kernel.certificates)
     result = Result(
@@ -132,11 +146,45 @@ def launch(kernel: Kernel, p: np.ndarray, h: np.ndarray, s: np.ndarray, records:
         extrema=np.tile(np.array([np.inf, -np.inf])[None, :, None], (watched, 1, lanes)),
         status=np.zeros((4, lanes), np.int64),
     )
-    p, h = np.ascontiguousarray(p, np.float64), np.ascontiguousarray(h, np.float64)
-    outputs = (result.records, result.monitors, result.extrema, result.status)
-    pointers = [array.ctypes.data for array in (p, h, result.state)]
-    kernel.function(*pointers, records, save_every, *(array.ctypes.data for array in outputs))
+    inputs = np.ascontiguousarray(p, np.float64), np.ascontiguousarray(h, np.float64)
+    if records * save_every <= kernel.pace.steps:
+        _call(kernel, inputs, result, records, save_every)
+        return result
+    done, clock = 0, Clock(kernel.pace)
+    try:
+        while done < records * save_every and not np.all(result.status[1]):
+            steps, ahead = _piece(kernel, inputs, result, done, save_every)
+            # What is behind an interrupt is taken over whole or not at all.
+            result, done = ahead, done + steps
+            clock.lap(steps)
+    except KeyboardInterrupt:
+        raise Cut(result) from None
     return result
+
+
+def _piece(kernel: Kernel, inputs: tuple, result: Result, done: int, save_every: int) -> tuple[int, Result]:
+    """Some steps after those that are done: whole blocks of save_every, or a part of one; how many, and the result."""
+    row, phase = divmod(done, save_every)
+    wished, room = kernel.pace.steps, len(result.records) - row
+    blocks, length = min(wished // save_every, room), save_every
+    if phase or not blocks:
+        blocks, length = 1, min(wished, save_every - phase)
+    here = slice(row, row + blocks)
+    kept = (np.empty((1, *a.shape[1:])) if phase else a[here] for a in (result.records, result.monitors))
+    records, monitors = kept
+    part = Result(result.state.copy(), records, monitors, result.extrema, np.zeros_like(result.status))
+    _call(kernel, inputs, part, blocks, length)
+    before, now = result.status, part.status
+    # A lane that has failed tries its bad step again at each piece, and fails again.
+    code, most = np.where(before[1] == 0, now[1], before[1]), np.maximum(before[3], now[3])
+    status = np.stack([before[0] + now[0], code, before[2] + now[2], most])
+    return blocks * length, result._replace(state=part.state, status=status)
+
+
+def _call(kernel: Kernel, inputs: tuple, result: Result, records: int, save_every: int) -> None:
+    outputs = (result.records, result.monitors, result.extrema, result.status)
+    pointers = [array.ctypes.data for array in (*inputs, result.state)]
+    kernel.function(*pointers, records, save_every, *(array.ctypes.data for array in outputs))
 
 
 def named_monitors(kernel: Kernel, rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from jax import lax
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 from coadjoint.kernels.trace.forked import require_own_xla
 
 CAPACITY = 1024
@@ -175,6 +177,42 @@ def run(
         iterations_max=int(end.iterations_max),
         monitors={name: rows[:valid].copy() for name, rows in end.monitors.items()},
         extrema={name: (end.lowest[name], end.highest[name]) for name in end.lowest},
+    )
+
+
+def run_long(program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int) -> Chunk:
+    """`run` without monitors for any number of records, in pieces between which Python sees signals.
+
+    Raises Cut with the steps that were done where it is interrupted.
+    """
+    clock, steps, found = Clock(PieceLength()), 0, None
+    try:
+        while found is None or (found.steps < records * save_every and not found.code):
+            row, phase = divmod(steps, save_every)
+            wished = clock.pace.steps
+            blocks, length = min(wished // save_every, records - row, CAPACITY), save_every
+            if phase or not blocks:
+                blocks, length = 1, min(wished, save_every - phase)
+            part = run(program, parameters, state, h, blocks, length, False)
+            found = part if found is None else _joined(found, part, keep=not phase)
+            state, steps = found.final, found.steps
+            clock.lap(blocks * length)
+    except KeyboardInterrupt:
+        if found is None:
+            raise
+        raise Cut(found) from None
+    return found
+
+
+def _joined(before: Chunk, now: Chunk, keep: bool) -> Chunk:
+    """Two stretches of a run, one after the other; keep: whether the records of the second one are records of both."""
+    rows = jax.tree.map(lambda a, b: np.concatenate([a, b]) if keep else a, before.records, now.records)
+    return replace(
+        now,
+        records=rows,
+        steps=before.steps + now.steps,
+        iterations=before.iterations + now.iterations,
+        iterations_max=max(before.iterations_max, now.iterations_max),
     )
 
 

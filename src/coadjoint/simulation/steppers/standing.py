@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.program import Code, Told
+from coadjoint.kernels.run.pieces import PieceLength
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.numbers import real, seeds
@@ -34,7 +35,7 @@ class Standing:
     def _stand(self, face: Face, engine: Engine, buffers: Buffers, origin: np.ndarray, threads: int, kin: str) -> None:
         """kin: what clones and saved steppers have in common with the one they are of."""
         self.face, self._engine, self.threads, self._kin = face, engine, threads, kin
-        self._turn, self._origin = Turn(), origin
+        self._pace, self._turn, self._origin = PieceLength(), Turn(), origin
         """The state that `reset` goes back to, (groups, size, lanes)."""
         self._take_memory(buffers)
 

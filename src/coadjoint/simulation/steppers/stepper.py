@@ -230,7 +230,7 @@ class Stepper(Stepping):
             self._look()
             return
         self._buffers.status[0, :2, 0] = 1, Code.CONVERGED
-        self._judge(self._engine.advance(self._buffers, self._address, self._groups, n - 1, 1), n - 1)
+        self._judge(self._in_pieces(n - 1), n - 1)
 
     @property
     def state(self) -> State:

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, Interrupted, shown
+from coadjoint.kernels.run.pieces import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.steppers.buffers import by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
@@ -40,12 +41,35 @@ class Stepping(Standing):
         try:
             if command is not None:
                 self._take(command)
-            flags = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
+            if n <= FIRST or n <= self._pace.steps:
+                flags = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
+            else:
+                flags = self._in_pieces(n)
             if flags:
                 self._judge(flags, n)
             return self._copied() if copy else self.observation
         finally:
             lock.release()
+
+    def _in_pieces(self, n: int) -> int:
+        """n steps, all members together, in pieces between which Python sees signals."""
+        memory, clock = self._buffers, Clock(self._pace)
+        mark = 0, memory.state.copy(), memory.status.copy()
+        try:
+            while True:
+                steps = min(self._pace.steps, n - mark[0])
+                flags = self._engine.advance(memory, self._address, self._groups, steps, self.threads)
+                mark = mark[0] + steps, memory.state.copy(), memory.status.copy()
+                clock.lap(steps)
+                if mark[0] >= n or np.all(memory.status[:, 1] != 0):
+                    return flags
+        except KeyboardInterrupt:
+            # Threads may have come to several nodes.
+            done, memory.state[...], memory.status[...] = mark
+            self._look()
+            raise Interrupted(
+                f"Interrupted after {done:,} of {n:,} steps: the stepper stands there, and step(n={n - done}) goes on."
+            ) from None
 
     def _take(self, command: Any) -> None:
         """Put commands into their memory, all of them or none."""
