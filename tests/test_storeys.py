@@ -29,7 +29,7 @@ STOREYS = (
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "model", "trim", "controllers", "files", "remus", "logs", "figures"),
-    *("missions", "extension"),
+    *("serving", "missions", "extension"),
 )
 """From the ground up, too."""
 ROOMS_OF_KERNELS = (

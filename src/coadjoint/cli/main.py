@@ -12,6 +12,7 @@ import tyro
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
+from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
 from coadjoint.cli.stopping import stoppable
 from coadjoint.cli.versions import unexpected, versions
@@ -31,6 +32,7 @@ Command = (
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Stability, tyro.conf.subcommand("stability")]
     | Annotated[Identify, tyro.conf.subcommand("identify")]
+    | Annotated[Serve, tyro.conf.subcommand("serve")]
 )
 
 

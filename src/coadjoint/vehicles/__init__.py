@@ -6,7 +6,8 @@
     run = co.vehicles.load_mission("square.toml").run()
 
 The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
-`logs`, `figures`, `missions`. Axes are north, east, down and forward, starboard, down; see `axes`.
+`logs`, `figures`, `missions`, `serving` (for other programs, over UDP). Axes are north, east, down and forward,
+starboard, down; see `axes`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import model as model
     from coadjoint.vehicles import parts as parts
     from coadjoint.vehicles import remus as remus
+    from coadjoint.vehicles import serving as serving
     from coadjoint.vehicles import trim as trim
     from coadjoint.vehicles import water as water
     from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401

@@ -1,0 +1,168 @@
+"""The command `coadjoint serve`: a vehicle for another program, one period at a time, over UDP."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite, radians
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.model.craft import Craft
+    from coadjoint.vehicles.serving.ardupilot import Lockstep
+    from coadjoint.vehicles.serving.loop import Loop
+    from coadjoint.vehicles.serving.plain import Service
+
+
+RATE = 400.0
+"""Of ArduSub's loop, Hz; another rate of its packets makes the craft anew, which is compiled by then."""
+
+
+@dataclass(frozen=True)
+class Serve:
+    """Serve a vehicle over UDP: `coadjoint serve bluerov2_heavy_blue --ardupilot`, or plain JSON without it."""
+
+    vehicle: tyro.conf.Positional[str]
+    """A vehicle that is shipped, or the TOML file of one's own."""
+    ardupilot: bool = False
+    """Speak ArduPilot's JSON interface, as ArduSub does with `--model JSON:127.0.0.1`."""
+    frame: str = "vectored_6dof"
+    """The frame of ArduSub: bluerov1, vectored, vectored_6dof."""
+    rate: float | None = None
+    """Steps a second; by default 20, or with ArduPilot the rate of its first packet."""
+    depth: float = 1.0
+    """Where it starts, m below the surface."""
+    speed: float = 0.0
+    """How fast it starts ahead through the water, m/s."""
+    heading: float = 0.0
+    """Where it heads at the start, degrees from north to east."""
+    current: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The velocity of the water north, east and down, m/s."""
+    imu: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the inertial unit sits: forward, starboard, down, m."""
+    controller: bool = False
+    """Serve it with the controller of its file: commands are its set points."""
+    paced: bool = False
+    """Answer at the pace of real time, and tell how late answers were."""
+    host: str = "127.0.0.1"
+    """The address to listen at; 0.0.0.0 for all."""
+    port: int | None = None
+    """The port, by default 9002 for ArduPilot and 9010 otherwise."""
+    answers: int | None = None
+    """Stop after so many answers; by default never."""
+    idle: float | None = None
+    """Stop when nothing has come for so many seconds; by default never."""
+    json: bool = False
+    """Print the figures at the end as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.vehicles.serving.loop import Loop
+
+        self._require()
+        answering, port, told = self._for_ardupilot() if self.ardupilot else self._plain()
+        loop = Loop(answering, self.host, port if self.port is None else self.port, self.paced)
+        if not self.json:
+            for sentence in told:
+                terminal.line(sentence)
+            terminal.line(f"Listening at {loop.address[0]}:{loop.address[1]}; Ctrl-C ends it.")
+        try:
+            loop.run(self.answers, self.idle)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            found = _figures(loop)
+            terminal.line(json_text.dumps(found)) if self.json else terminal.fields(_rows(found))
+        return 0
+
+    def _require(self) -> None:
+        numbers = {"depth": self.depth, "speed": self.speed, "heading": self.heading}
+        for name, value in numbers.items():
+            if not isfinite(value):
+                raise ArgumentError(f"--{name} must be finite, but is {value:g}.")
+        if self.rate is not None and not 1 <= self.rate <= 100_000:
+            raise ArgumentError(f"--rate must be from 1 to 100000 steps a second, but is {self.rate:g}.")
+        if self.ardupilot and self.controller:
+            raise ArgumentError("ArduPilot is the controller: leave --controller out.")
+
+    def _craft(self) -> tuple[Craft, Callable[[], Any]]:
+        from coadjoint.vehicles.files.registry import load_vehicle
+        from coadjoint.vehicles.model.craft import Craft
+        from coadjoint.vehicles.water.water import UniformWater
+
+        vehicle = load_vehicle(self.vehicle)
+        if self.controller and vehicle.controller is None:
+            raise ArgumentError(f"{vehicle.name} has no controller in its file: leave --controller out.")
+        controller = vehicle.controller if self.controller else None
+        craft = Craft(vehicle, controller=controller, water=UniformWater(self.current) if any(self.current) else None)
+        begin = partial(
+            craft.start, position=(0.0, 0.0, self.depth), speed=self.speed, euler_zyx=(radians(self.heading), 0.0, 0.0)
+        )
+        return craft, begin
+
+    def _for_ardupilot(self) -> tuple[Lockstep, int, list[str]]:
+        from coadjoint.vehicles.serving.ardupilot import PORT, Lockstep
+        from coadjoint.vehicles.serving.frames import motors, thrusters_of
+        from coadjoint.vehicles.serving.served import Served
+
+        craft, begin = self._craft()
+        thrusters = thrusters_of(craft.vehicle)
+        found = motors(self.frame, thrusters)
+
+        ready = Served(craft, begin(), 1.0 / (self.rate or RATE), self.imu)
+
+        def start(rate: int) -> Served:
+            asked = self.rate or _rate(rate)
+            return ready if asked == (self.rate or RATE) else Served(craft, begin(), 1.0 / asked, self.imu)
+
+        names = ", ".join(f"{'-' if motor.sign < 0 else ''}{motor.thruster + 1}" for motor in found)
+        told = [f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."]
+        return Lockstep(start, thrusters, found), PORT, told
+
+    def _plain(self) -> tuple[Service, int, list[str]]:
+        from coadjoint.vehicles.serving.plain import PORT, Service
+        from coadjoint.vehicles.serving.served import Served
+
+        craft, begin = self._craft()
+        rate = 20.0 if self.rate is None else self.rate
+        served = Served(craft, begin(), 1.0 / rate, self.imu)
+        names = ", ".join(served.commands) or "none"
+        told = [f"{craft.vehicle.name} in steps of 1/{rate:g} s; its commands are {names}."]
+        return Service(served, craft.start), PORT, told
+
+
+def _rate(rate: int) -> int:
+    if rate < 1:
+        raise ArgumentError(f"ArduPilot's packets have a frame rate of {rate} Hz: give --rate.")
+    return rate
+
+
+def _figures(loop: Loop) -> dict[str, Any]:
+    answering: Any = loop.answering
+    found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused}
+    found |= (
+        {name: answering.counts[name] for name in ("frames", "duplicates", "lost", "restarts")}
+        if hasattr(answering, "counts")
+        else {}
+    )
+    found |= {"simulated_s": answering.t, "seconds": loop.seconds}
+    if loop.paced and loop.answers:
+        late = loop.lateness
+        found["lateness_s"] = {"median": late.share(0.5), "p99": late.share(0.99), "largest": late.largest}
+    return found
+
+
+def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
+    counted = ("answers", "refused", "frames", "duplicates", "lost", "restarts")
+    rows = [(name, str(found[name])) for name in counted if name in found]
+    rows.append(("simulated", f"{found['simulated_s']:.6g} s in {found['seconds']:.3g} s"))
+    if "lateness_s" in found:
+        late = [f"{name} {1e3 * value:.3g} ms" for name, value in found["lateness_s"].items()]
+        rows.append(("lateness", ", ".join(late)))
+    return rows

@@ -1,0 +1,21 @@
+"""Vehicles for programs of others: one period at a time over UDP, for ArduSub's flight software or as plain JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.serving.ardupilot import Lockstep as Lockstep
+    from coadjoint.vehicles.serving.frames import FRAMES as FRAMES
+    from coadjoint.vehicles.serving.frames import Motor as Motor
+    from coadjoint.vehicles.serving.frames import motors as motors
+    from coadjoint.vehicles.serving.inertial import Inertial as Inertial
+    from coadjoint.vehicles.serving.inertial import inertial as inertial
+    from coadjoint.vehicles.serving.loop import Loop as Loop
+    from coadjoint.vehicles.serving.plain import Service as Service
+    from coadjoint.vehicles.serving.served import Reading as Reading
+    from coadjoint.vehicles.serving.served import Served as Served
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,120 @@
+"""A datagram in, an answer out: the loop over UDP, with its pace and its figures."""
+
+from __future__ import annotations
+
+import socket
+import time
+from typing import Protocol
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.log import logger
+
+_log = logger(__name__)
+
+LARGEST = 65_536
+WAITING = 0.2
+"""How long one wait for a datagram is, s, after which an interrupt is seen."""
+
+_EDGES = np.logspace(-7, 2, 901)
+"""Between bins of lateness, s: 900 of them, each 2.3 % wide."""
+
+
+class Answering(Protocol):
+    """What answers datagrams."""
+
+    def answer(self, data: bytes) -> bytes: ...
+
+    @property
+    def t(self) -> float: ...
+
+
+class Lateness:
+    """How late answers were, s, against the pace of real time: a histogram, and the largest."""
+
+    def __init__(self) -> None:
+        self._bins = np.zeros(len(_EDGES) + 1, np.int64)
+        self.largest = 0.0
+
+    def add(self, seconds: float) -> None:
+        """One answer that was so late."""
+        self._bins[np.searchsorted(_EDGES, seconds)] += 1
+        self.largest = max(self.largest, seconds)
+
+    def share(self, part: float) -> float:
+        """The lateness, s, that this part of all answers did not exceed, to 2.3 %; NaN of none."""
+        done = np.cumsum(self._bins)
+        if not done[-1]:
+            return float("nan")
+        return float(min(_EDGES[min(int(np.searchsorted(done, part * done[-1])), len(_EDGES) - 1)], self.largest))
+
+
+class Loop:
+    """Answers datagrams on a UDP port, each to where it came from.
+
+    paced: answers no sooner than the craft's time has passed on the clock since the first answer; `lateness` tells how
+    well. Raises ArgumentError where the port cannot be had.
+    """
+
+    def __init__(self, answering: Answering, host: str, port: int, paced: bool = False):
+        self.answering, self.paced = answering, paced
+        self.answers = 0
+        self.refused = 0
+        self.lateness = Lateness()
+        self.seconds = 0.0
+        self._began: float | None = None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise ArgumentError(f"Port {port} of {host} cannot be listened to: {error}. Take another --port.") from None
+        self._socket.settimeout(WAITING)
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that are listened to."""
+        return self._socket.getsockname()
+
+    def run(self, answers: int | None = None, idle: float | None = None) -> None:
+        """Answer until interrupted, until so many `answers`, or until nothing has come for `idle` seconds."""
+        heard = time.monotonic()
+        try:
+            while answers is None or self.answers < answers:
+                try:
+                    data, sender = self._socket.recvfrom(LARGEST)
+                except TimeoutError:
+                    if idle is not None and time.monotonic() - heard > idle:
+                        return
+                    continue
+                heard = time.monotonic()
+                self._answer(data, sender)
+        finally:
+            self._socket.close()
+
+    def _answer(self, data: bytes, sender: tuple[str, int]) -> None:
+        before = self.answering.t
+        try:
+            answer = self.answering.answer(data)
+        except ArgumentError as error:
+            self.refused += 1
+            if self.refused == 1:
+                _log.warning("%s", error)
+            return
+        self._pace(before)
+        self._socket.sendto(answer, sender)
+        self.answers += 1
+
+    def _pace(self, before: float) -> None:
+        """Wait until the craft's time; the clock begins anew at the first answer and when the craft goes back."""
+        now, t = time.monotonic(), self.answering.t
+        if self._began is None or t < before:
+            self._began = now - t
+        self.seconds = now - self._began
+        if not self.paced:
+            return
+        due = self._began + t
+        while (left := due - time.monotonic()) > 0:
+            time.sleep(left)
+        self.lateness.add(time.monotonic() - due)
