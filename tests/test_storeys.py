@@ -10,6 +10,8 @@ STOREYS = (
     *(
         "errors",
         "log",
+        "disk",
+        "manifest",
         "lazy",
         "paths",
         "extensions",

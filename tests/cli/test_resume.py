@@ -50,7 +50,7 @@ def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
 def test_an_unfinished_run_is_not_begun_again_unasked(killed, capsys):
     assert main(["run", str(killed / "run.toml"), "--out", "cut"]) == 2
     assert "go on with `coadjoint resume cut`" in capsys.readouterr().err
-    assert (killed / "unfinished" / "checkpoint.npz").exists()
+    assert (killed / "unfinished" / "manifest.json").exists()
     assert main(["run", str(killed / "run.toml"), "--out", "cut", "--overwrite"]) == 0
     assert not (killed / "unfinished").exists()
 

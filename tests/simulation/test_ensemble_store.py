@@ -163,7 +163,7 @@ def test_another_member_is_another_ensemble(tmp_path):
 def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
     system, begun = fleet()
     co.simulate(system, begun, **RUN, store=tmp_path / "run")
-    file = tmp_path / "run" / "records.zarr" / "xi" / "c" / "1" / "2" / "0"
+    file = tmp_path / "run" / "records.zarr" / "xi" / "c.1.2.0"
     file.unlink()
     for opened in (lambda: co.load(tmp_path / "run"), lambda: co.resume(tmp_path / "run", system)):
         with pytest.raises(co.FileError, match="missing") as error:

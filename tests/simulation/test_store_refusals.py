@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -11,12 +12,15 @@ from pathlib import Path
 import interrupted
 import numpy as np
 import pytest
-import zarr.storage._local as local
+from test_store import stopped_after
 
 import coadjoint as co
+from coadjoint import disk
+from coadjoint.manifest import MANIFEST, Manifest
+from coadjoint.simulation import store as streaming
 from coadjoint.simulation.lock import Lock
 
-RUN = {"dt": 0.01, "steps": 20_000, "save_every": 2, "progress": False}
+RUN = {"dt": 0.01, "steps": 2_000, "save_every": 2, "progress": False}
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,16 @@ def folder(tmp_path, vehicle):
     """The folder of a run that ended."""
     co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
     return tmp_path / "run"
+
+
+@pytest.fixture
+def cut(tmp_path, vehicle, monkeypatch):
+    """The folder of a run that was interrupted."""
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(streaming, "PERIOD", 0.0)
+        stopped_after(patched, 2)
+        co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "cut")
+    return tmp_path / "cut"
 
 
 @pytest.fixture
@@ -56,14 +70,68 @@ def spoil(folder: Path, before: dict[str, str], file: Path, data: bytes | None) 
 
 
 def chunk(folder: Path, name: str, index: int) -> Path:
-    place = folder / "records.zarr" / name / "c" / str(index)
-    return next(file for file in (place, *place.rglob("*")) if file.is_file())
+    return next((folder / "records.zarr" / name).glob(f"c.{index}*"))
 
 
-def test_a_folder_with_a_run_takes_no_other(unchanged, vehicle):
+def test_the_same_call_again_returns_a_finished_run(unchanged, vehicle):
     folder, _ = unchanged
-    with pytest.raises(co.FileError, match="holds a run already: continue it"):
+    run = co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
+    assert run.good_steps == RUN["steps"]
+    assert str(run) == str(co.load(folder))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"dt": 0.02}, "dt is 0.01 there and 0.02 here"),
+        ({"save_every": 4}, "save_every is 2 there and 4 here"),
+        ({"accuracy": False}, "accuracy is True there and False here"),
+        ({"method": co.Trapezoidal()}, r"the method differs \(lagrangian, Midpoint.* there, lagrangian, Trapezoidal"),
+    ],
+)
+def test_a_folder_with_a_run_takes_no_other(unchanged, vehicle, changes, told):
+    folder, _ = unchanged
+    with pytest.raises(co.ArgumentError, match=f"holds another run: {told}.*; choose another folder for `store`"):
+        co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, **changes}, store=folder)
+
+
+def test_the_same_call_again_goes_on_with_an_interrupted_run(cut, vehicle, whole):
+    with pytest.raises(co.ArgumentError, match="holds another run: the parameters differ"):
+        co.simulate(interrupted.system(mass=1.0), interrupted.start(vehicle), **RUN, store=cut)
+    begun = len(co.load(cut).dataset.time)
+    run = co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=cut)
+    assert 0 < begun < run.count
+    np.testing.assert_array_equal(run.dataset.xi, whole.dataset.xi)
+    assert not (cut / "lock").exists()
+
+
+def test_a_folder_that_is_deleted_under_a_run_is_told(tmp_path, vehicle, monkeypatch):
+    folder = tmp_path / "run"
+    append = streaming.Store.append
+
+    def deleted(self, *given):
+        shutil.rmtree(folder, ignore_errors=True)
+        append(self, *given)
+
+    monkeypatch.setattr(streaming.Store, "append", deleted)
+    with pytest.raises(co.FileError, match=r"its folder .* was deleted or moved while it ran"):
         co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
+    assert not folder.exists()
+
+
+def test_a_folder_of_the_old_format_is_told(unchanged, vehicle):
+    folder, before = unchanged
+    (folder / MANIFEST).unlink()
+    (folder / "checkpoint.npz").write_bytes(b"")
+    before.clear()
+    before.update(contents(folder))
+    for opened in (
+        lambda: co.load(folder),
+        lambda: co.resume(folder, vehicle),
+        lambda: co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder),
+    ):
+        with pytest.raises(co.FileError, match="format 1 of stored runs, by an older version"):
+            opened()
 
 
 def test_a_folder_with_something_else_takes_no_run(tmp_path, vehicle):
@@ -124,8 +192,6 @@ def test_a_constant_inside_a_lagrangian_belongs_to_the_fingerprint(tmp_path, veh
 
 
 def test_a_fingerprint_is_the_same_in_every_process(folder):
-    from coadjoint.simulation.reading import read_configuration
-
     script = f"""
 import sys
 sys.path.insert(0, {str(Path(interrupted.__file__).parent)!r})
@@ -135,8 +201,8 @@ print(co.resume({str(folder)!r}, interrupted.system()).good_steps)
     for seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": seed}
         found = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
-        assert found.stdout.strip() == "20000", found.stderr
-    assert set(read_configuration(folder)[0]["fingerprint"]) == {
+        assert found.stdout.strip() == "2000", found.stderr
+    assert set(Manifest.read(folder).facts["fingerprint"]) == {
         "equations", "parameters", "start", "monitors", "grid",
     }  # fmt: skip
 
@@ -169,11 +235,11 @@ def test_a_chunk_with_a_wrong_bit_is_told_when_it_is_read(unchanged):
 
 def test_a_damaged_or_missing_checkpoint_is_told(unchanged, vehicle):
     folder, before = unchanged
-    file = folder / "checkpoint.npz"
+    file = next(folder.glob("checkpoint-*.npz"))
     data = file.read_bytes()
     broken = bytearray(data)
     broken[len(data) // 2] ^= 1
-    cases = ((data[:-30], "damaged"), (b"", "damaged"), (bytes(broken), "damaged"), (None, "lost its checkpoint"))
+    cases = ((data[:-30], "truncated"), (b"", "truncated"), (bytes(broken), "damaged"), (None, "missing"))
     for spoiled, told in cases:
         spoil(folder, before, file, spoiled)
         for opened in (lambda: co.resume(folder, vehicle), lambda: co.load(folder)):
@@ -181,51 +247,74 @@ def test_a_damaged_or_missing_checkpoint_is_told(unchanged, vehicle):
                 opened()
 
 
-def test_a_checkpoint_of_another_configuration_is_told(unchanged, vehicle, tmp_path):
+def test_a_checkpoint_of_another_run_is_told(unchanged, vehicle, tmp_path):
     folder, before = unchanged
     co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, "dt": 0.02}, store=tmp_path / "other")
-    spoil(folder, before, folder / "checkpoint.npz", (tmp_path / "other" / "checkpoint.npz").read_bytes())
+    (here,), (there,) = (place.glob("checkpoint-*.npz") for place in (folder, tmp_path / "other"))
+    spoil(folder, before, here, there.read_bytes())
     for opened in (lambda: co.resume(folder, vehicle), lambda: co.load(folder)):
-        with pytest.raises(co.FileError, match="checkpoint of another configuration"):
+        with pytest.raises(co.FileError, match=r"checkpoint-.*npz of the run is (damaged|truncated)"):
             opened()
 
 
-def test_two_processes_do_not_share_a_folder(unchanged, vehicle):
-    folder, _ = unchanged
+def test_a_chunk_in_the_place_of_another_is_told(tmp_path, vehicle, monkeypatch):
+    monkeypatch.setattr("coadjoint.simulation.store.BLOCK_ROWS", 205)
+    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
+    first, second = (chunk(tmp_path / "run", "mu", index) for index in (0, 1))
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(co.FileError, match="is damaged: put back a copy"):
+        co.load(tmp_path / "run").dataset.mu.values  # noqa: B018
+
+
+@pytest.mark.parametrize("data", [None, b'"float32"'])
+def test_a_missing_or_changed_description_of_an_array_is_told(cut, vehicle, data):
+    file = cut / "records.zarr" / "xi" / "zarr.json"
+    file.write_bytes(file.read_bytes().replace(b'"float64"', data)) if data else file.unlink()
+    for opened in (lambda: co.load(cut), lambda: co.resume(cut, vehicle)):
+        with pytest.raises(co.FileError, match=f"{file} of the run is (missing|damaged)"):
+            opened()
+
+
+def test_two_processes_do_not_share_a_folder(cut, vehicle):
+    before = contents(cut)
     script = f"""
 import sys
 from pathlib import Path
 from coadjoint.simulation.lock import Lock
-lock = Lock(Path({str(folder)!r}))
+lock = Lock(Path({str(cut)!r}))
 print("held", flush=True)
 sys.stdin.read()
 """
     process = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         assert process.stdout.readline() == b"held\n"
-        with pytest.raises(co.FileError, match="in use by another process"):
-            co.resume(folder, vehicle)
-        assert len(co.load(folder).dataset.time) == 10_001
+        for going_on in (
+            lambda: co.resume(cut, vehicle),
+            lambda: co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=cut),
+        ):
+            with pytest.raises(co.FileError, match="in use by another process"):
+                going_on()
+        assert 0 < len(co.load(cut).dataset.time) < 1001
     finally:
         process.kill()
         process.communicate()
-    assert co.resume(folder, vehicle).good_steps == 20_000
-    Lock(folder).release()
+    assert {name: found for name, found in contents(cut).items() if not name.endswith("lock")} == before
+    assert co.resume(cut, vehicle).good_steps == 2_000
+    Lock(cut).release()
+    assert not (cut / "lock").exists()
 
 
 @pytest.mark.parametrize("writes", [0, 40, 63, 90])
 def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, vehicle, whole, monkeypatch, writes):
-    monkeypatch.setattr("coadjoint.simulation.store.BLOCK_ROWS", 2048)
-    put, left = local._put, iter(range(writes))
+    monkeypatch.setattr("coadjoint.simulation.store.BLOCK_ROWS", 205)
+    left = iter(range(writes))
 
-    def full(path, value, exclusive=False):
-        if "/c/" in str(path) and next(left, None) is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
+    def full(operation, path):
+        if operation == "write" and path.name.startswith(".c.") and next(left, None) is None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return put(path, value, exclusive)
 
     with monkeypatch.context() as patched:
-        patched.setattr(local, "_put", full)
+        patched.setattr(disk, "before", full)
         with pytest.raises(co.FileError, match="could not be written: No space left on device; its first"):
             co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
     run = co.resume(tmp_path / "run", vehicle)
@@ -260,29 +349,32 @@ def open_place():
         yield Path(place)
 
 
-def test_a_folder_that_may_not_be_written_is_told(open_place, vehicle):
-    folder = open_place / "run"
-    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
+def test_a_folder_that_may_not_be_written_is_told_and_a_finished_run_in_it_is_read(open_place, vehicle, cut):
+    done, unfinished = open_place / "done", open_place / "cut"
+    co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=done)
+    shutil.move(cut, unfinished)
     script = f"""
 import os, sys
 sys.path.insert(0, {str(Path(interrupted.__file__).parent)!r})
 import coadjoint as co, interrupted
 vehicle = interrupted.system()
 co.simulate(vehicle, interrupted.start(vehicle), dt=0.01, steps=2)
-co.load({str(folder)!r})
+co.load({str(done)!r})
 if os.geteuid() == 0:
     os.setuid(65534)
 for attempt in (
     lambda: interrupted.simulate({str(open_place / "new")!r}),
-    lambda: co.resume({str(folder)!r}, vehicle),
+    lambda: co.resume({str(unfinished)!r}, vehicle),
+    lambda: print(co.resume({str(done)!r}, vehicle).good_steps),
+    lambda: print(co.simulate(vehicle, interrupted.start(vehicle), **{RUN}, store={str(done)!r}).good_steps),
 ):
     try:
         attempt()
     except co.FileError as error:
         print(error)
 """
-    before = contents(folder)
-    places = (folder / "lock", folder, open_place)
+    before = contents(open_place)
+    places = (done, unfinished, open_place)
     for place in places:
         place.chmod(place.stat().st_mode & ~0o222)
     try:
@@ -290,9 +382,9 @@ for attempt in (
     finally:
         for place in reversed(places):
             place.chmod(place.stat().st_mode | 0o200)
-    assert found.stdout.count("\n") == 2, found.stderr
-    first, second = found.stdout.splitlines()
+    assert found.stdout.count("\n") == 4, found.stderr
+    first, second, *rest = found.stdout.splitlines()
     assert "cannot be made: Permission denied" in first
     assert "cannot be written: Permission denied" in second
-    assert contents(folder) == before
-    assert [place.name for place in open_place.iterdir()] == ["run"]
+    assert rest == ["2000", "2000"]
+    assert contents(open_place) == before

@@ -31,7 +31,8 @@ _log = logger(__name__)
 def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy: bool = True) -> Run | Ensemble:
     """Drive a run from where it stands to its end; raises StepError at a step that fails, save in an ensemble."""
     ended = run.position.ended
-    judging = accuracy and run.accuracy is None
+    complete = run.memory.complete
+    judging = accuracy and run.accuracy is None and not complete
     sink = Sampler(run.memory, run.plan.steps, run.plan.save_every, chosen_members(run)) if judging else run.memory
     loop, before_it = driver(run, sink, progress), list[str]()
     try:
@@ -51,7 +52,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
-        if not ended:
+        if not complete:
             sink.finish(run.position)
             _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Where a run stands, on disk: exact numbers in one file that is there whole or not at all."""
+"""Where a run stands, as a file: exact numbers, which check themselves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import io
 import json
-import os
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +16,7 @@ import numpy as np
 
 from coadjoint.errors import FileError
 from coadjoint.kernels.program import Code
+from coadjoint.manifest import DAMAGED
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import Position
 from coadjoint.simulation.ensemble_driver import MembersPosition
@@ -25,49 +26,31 @@ AnyPosition = Position | MembersPosition
 P = TypeVar("P", Position, MembersPosition)
 
 
-def write(path: Path, header: Mapping[str, Any], arrays: Arrays) -> None:
-    """Put a header and arrays into `path`, a NumPy archive with its SHA-256 behind it.
-
-    Written to a temporary file in its folder, forced to the disk, then moved into its place.
-    """
+def packed(header: Mapping[str, Any], arrays: Arrays) -> bytes:
+    """A header and arrays as a NumPy archive, stored without compression, with its SHA-256 behind it."""
     body = io.BytesIO()
     text = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     np.savez(body, allow_pickle=False, header=text, **{f"array/{name}": values for name, values in arrays.items()})
-    temporary = path.with_name(f".{path.name}.partial")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(body.getbuffer())
-            file.write(hashlib.sha256(body.getbuffer()).digest())
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-    settle(path.parent)
+    return body.getvalue() + hashlib.sha256(body.getbuffer()).digest()
 
 
-def read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The header and the arrays in `path`; raises FileError where it is damaged."""
     data = path.read_bytes()
     body, sealed = data[:-32], data[-32:]
-    if hashlib.sha256(body).digest() != sealed:
-        raise FileError(f"The file {path} is damaged: put back a copy of it, or start again.")
+    if hashlib.sha256(body).digest() != sealed or not _stored(body):
+        raise FileError(f"The file {path} is damaged: {DAMAGED}.")
     with np.load(io.BytesIO(body), allow_pickle=False) as found:
         header = json.loads(bytes(found["header"]))
         return header, {name.partition("/")[2]: found[name] for name in found.files if name != "header"}
 
 
-def settle(path: Path) -> None:
-    """Force a file, or the names in a folder, to the disk."""
-    try:
-        handle = os.open(path, os.O_RDONLY)
-    except PermissionError:  # systems that cannot open a folder
-        return
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def _stored(body: bytes) -> bool:
+    """Whether an archive holds no more than its own size, so that to read it takes no more memory."""
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        return all(part.compress_type == zipfile.ZIP_STORED for part in archive.infolist()) and sum(
+            part.file_size for part in archive.infolist()
+        ) <= len(body)
 
 
 def position_numbers(position: AnyPosition) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

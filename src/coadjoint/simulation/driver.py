@@ -105,8 +105,8 @@ class Sink(Protocol):
         """All records up to `position` have been appended: make sure that a run can go on from there."""
         ...
 
-    def finish(self, position: Any) -> None:
-        """The run has ended at `position`."""
+    def finish(self, position: Any, complete: bool = True) -> None:
+        """Make sure of all records up to `position`; `complete` where the run has ended and is judged."""
         ...
 
     def release(self) -> None:
@@ -218,6 +218,7 @@ class Memory:
 
     seconds = 0.0
     length = sys.maxsize
+    complete = False
     sampled: Mapping[str, np.ndarray] = MappingProxyType({})
     last: State | None = None
 
@@ -242,7 +243,7 @@ class Memory:
     def checkpoint(self, position: Any) -> None:
         pass
 
-    def finish(self, position: Any) -> None:
+    def finish(self, position: Any, complete: bool = True) -> None:
         pass
 
     def release(self) -> None:

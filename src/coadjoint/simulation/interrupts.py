@@ -32,7 +32,7 @@ def interrupted(run: Any, loop: Loop, sink: Sink) -> Interrupted:
     else:
         whole = position.ended or not loop.taking
         if whole:
-            sink.finish(position)
+            sink.finish(position, complete=False)
         how = f"co.resume({str(run.memory.folder)!r}, system) goes on from the last checkpoint there"
         run = run if whole else None
     here = float(np.max(position.state.t) if plan.h > 0 else np.min(position.state.t))

@@ -2,27 +2,55 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
+from coadjoint import disk
 from coadjoint.errors import FileError
+
+LOCK = "lock"
 
 
 class Lock:
-    """Holds a folder until `release`, or until the process ends in whatever way; raises FileError if it is held."""
+    """Holds a folder until `release`, or until the process ends in whatever way; raises FileError if it is held.
+
+    Its file is removed at `release`. That of a process that was killed stays, and holds nothing.
+    """
 
     def __init__(self, folder: Path):
-        self._handle: int | None = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+        self.folder = folder
+        while True:
+            disk.before("lock", folder / LOCK)
+            self._handle: int | None = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                _hold(self._handle)
+            except OSError as error:
+                self._close()
+                raise FileError(
+                    f"The folder {folder} is in use by another process that runs or resumes: wait until it ends."
+                ) from error
+            if self.held:
+                return
+            self._close()  # The process that had it has just removed it.
+
+    @property
+    def held(self) -> bool:
+        """Whether the folder is the one that was locked, and not one that was put in its place, or none."""
         try:
-            _hold(self._handle)
-        except OSError as error:
-            self.release()
-            raise FileError(
-                f"The folder {folder} is in use by another process that runs or resumes: wait until it ends."
-            ) from error
+            return self._handle is not None and os.path.samestat(os.fstat(self._handle), os.stat(self.folder / LOCK))
+        except OSError:
+            return False
 
     def release(self) -> None:
         """Let others in; the operating system does the same for a process that was killed."""
+        if self.held:
+            with contextlib.suppress(OSError):
+                disk.before("unlock", self.folder / LOCK)
+                (self.folder / LOCK).unlink()
+        self._close()
+
+    def _close(self) -> None:
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None

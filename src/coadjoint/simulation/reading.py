@@ -1,4 +1,4 @@
-"""Reads the folder of a run: lazily, and only what its checkpoint counts."""
+"""Reads the folder of a run: lazily, only what its manifest counts, and only if it is what was written."""
 
 from __future__ import annotations
 
@@ -6,23 +6,34 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import google_crc32c
 import numpy as np
 import xarray
 import zarr
 from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError
-from coadjoint.simulation import checkpoint as disk
+from coadjoint.manifest import DAMAGED, MANIFEST, Manifest
+from coadjoint.simulation import checkpoint
 from coadjoint.simulation.dataset import labelled, member_coordinates
 
-CONFIGURATION, CHECKPOINT, RECORDS = "configuration.npz", "checkpoint.npz", "records.zarr"
+CONFIGURATION, RECORDS = "configuration.npz", "records.zarr"
+CHECKPOINTS = "checkpoint-*.npz"
+OLD_CHECKPOINT = "checkpoint.npz"
+"""What a folder of format 1 holds."""
 
-_DAMAGED = "put back a copy of it; nothing has been changed"
+_AGAIN = 20
+"""How often a folder is read while a run that goes on there replaces the file that is read."""
 
 
 class Verified(LocalStore):
-    """Chunks are there and carry the right checksum, or FileError says which file is not."""
+    """Files of records as the manifest says that they were written, or FileError says which is not."""
+
+    def __init__(self, root: Path | str, *, manifest: Manifest, **options: Any):
+        super().__init__(root, **options)
+        self.manifest = manifest
+
+    def with_read_only(self, read_only: bool = False) -> Verified:
+        return Verified(self.root, manifest=self.manifest, read_only=read_only)
 
     async def get(self, key: str, *rest: Any, **options: Any) -> Any:
         return self._checked(key, await super().get(key, *rest, **options))
@@ -31,28 +42,26 @@ class Verified(LocalStore):
         return self._checked(key, super().get_sync(key, *rest, **options))
 
     def _checked(self, key: str, found: Any) -> Any:
-        if "/c/" not in key:
-            return found
-        if found is None:
-            raise FileError(f"The file {self.root / key} of the run is missing: {_DAMAGED}.")
-        data = found.to_bytes()
-        if len(data) < 4 or google_crc32c.value(data[:-4]) != int.from_bytes(data[-4:], "little"):
-            raise FileError(f"The file {self.root / key} of the run is damaged: {_DAMAGED}.")
+        name = f"{RECORDS}/{key}"
+        if name in self.manifest.files:
+            self.manifest.require(name, None if found is None else found.to_bytes())
+        elif found is not None or "/c." in key:
+            raise FileError(f"The file {self.root / key} is not among those of the manifest: {DAMAGED}.")
         return found
 
 
 def stored_dataset(
-    folder: Path, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
+    manifest: Manifest, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
 ) -> xarray.Dataset:
     """The first `count` records, read from the disk when they are used; only the times are in memory.
 
     `coordinates` are those of an ensemble's members.
     """
-    store = Verified(folder / RECORDS, read_only=True)
+    store = Verified(manifest.folder / RECORDS, manifest=manifest, read_only=True)
     # Opened with the times, xarray would read all of them, and those to come are not there.
     options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
     found = xarray.open_zarr(store, drop_variables=["time"], **options)
-    time = opened_arrays(folder, "r")["time"]
+    time = opened_arrays(manifest)["time"]
     order = [name for name in found.attrs["order"] if name != "time"]
     found = found[order].set_coords("step").isel(time=slice(0, count))
     found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
@@ -62,53 +71,82 @@ def stored_dataset(
 
 def saved_dataset(folder: Path) -> xarray.Dataset:
     """The dataset of the run in a folder, as far as its checkpoint; raises FileError where it is incomplete."""
-    configuration, _ = read_configuration(folder)
-    header, arrays = read_checkpoint(folder, configuration["identity"])
-    require_whole(folder, opened_arrays(folder, "r"), header["records"])
+    manifest, header, arrays = standing(folder)
     members = [arrays[name] for name in ("position/steps_done", "position/codes") if name in arrays]
     coordinates = member_coordinates(*members) if members else {}
-    return stored_dataset(folder, header["records"], header["attributes"], coordinates)
+    return stored_dataset(manifest, header["records"], header["attributes"], coordinates)
 
 
-def read_configuration(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is run in a folder; raises FileError where it holds no run."""
+def require_run(folder: Path) -> None:
+    """Raise FileError where a folder holds no run, or one that an older version wrote."""
     if not folder.is_dir():
         raise FileError(f"There is no folder {folder}.")
-    return _read(folder, CONFIGURATION, "holds no run that streamed to disk")
-
-
-def read_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Where the run in a folder stands; raises FileError where that is unknown or belongs to another run."""
-    header, arrays = _read(folder, CHECKPOINT, "has lost its checkpoint: put back a copy of it, or start again")
-    if header["identity"] != identity:
+    if (folder / MANIFEST).exists():
+        return
+    if (folder / OLD_CHECKPOINT).exists() and (folder / CONFIGURATION).exists():
         raise FileError(
-            f"The file {folder / CHECKPOINT} is the checkpoint of another configuration than the run in this folder: "
-            f"{_DAMAGED}."
+            f"The folder {folder} was written in format 1 of stored runs, by an older version of coadjoint: go on with "
+            "that version, or begin the run again in another folder."
         )
-    return header, arrays
+    state = (
+        "has lost its manifest: put back a copy of it"
+        if (folder / CONFIGURATION).exists()
+        else ("holds no run that streamed to disk")
+    )
+    raise FileError(f"The folder {folder} {state}.")
 
 
-def _read(folder: Path, name: str, otherwise: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def run_manifest(folder: Path) -> Manifest:
+    """The manifest of the run that streamed to a folder; raises FileError where there is none."""
+    require_run(folder)
+    found = Manifest.read(folder)
+    if found.facts["kind"] != "records":
+        raise FileError(
+            f"The folder {folder} holds the results of a run file, not a run that streamed to disk: give co.load its "
+            "trajectory.nc, and `coadjoint run` or `coadjoint resume` the folder."
+        )
+    return found
+
+
+def standing(folder: Path) -> tuple[Manifest, dict[str, Any], dict[str, np.ndarray]]:
+    """The manifest of the run in a folder with the checkpoint that it names, also while the run goes on.
+
+    Raises FileError where any file is missing or not in full length.
+    """
+    manifest = run_manifest(folder)
+    for _ in range(_AGAIN):
+        try:
+            for name in manifest.files:
+                manifest.require_size(name)
+            return manifest, *_read(manifest, manifest.facts["checkpoint"])
+        except FileError:
+            before, manifest = manifest.facts, run_manifest(folder)
+            if manifest.facts == before:
+                raise
+    raise FileError(f"The folder {folder} changes faster than it can be read: wait until its run has ended.")
+
+
+def read_configuration(manifest: Manifest) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is run in a folder; raises FileError where it is damaged."""
+    return _read(manifest, CONFIGURATION)
+
+
+def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    manifest.require(name)
     try:
-        return disk.read(folder / name)
-    except FileNotFoundError:
-        raise FileError(f"The folder {folder} {otherwise}.") from None
-    except FileError:
-        raise
+        return checkpoint.unpacked(manifest.path(name))
     except OSError as error:
-        raise FileError(f"The file {folder / name} cannot be read: {error.strerror or error}.") from error
+        raise FileError(f"The file {manifest.folder / name} cannot be read: {error.strerror or error}.") from error
 
 
-def opened_arrays(folder: Path, mode: Any) -> dict[str, Any]:
-    """The arrays in a folder by their names: "r" to read with verified chunks, "r+" to write."""
+def opened_arrays(manifest: Manifest) -> dict[str, Any]:
+    """The arrays of a folder by their names; what is read of them is checked."""
+    place = Verified(manifest.folder / RECORDS, manifest=manifest, read_only=True)
     try:
-        place = Verified(folder / RECORDS, read_only=True) if mode == "r" else LocalStore(folder / RECORDS)
-        group = zarr.open_group(place, mode=mode, zarr_format=3)
-        # A block of members that have all failed is written too: NaN on purpose, not by absence.
-        with zarr.config.set({"array.write_empty_chunks": True}):
-            return dict(group.arrays())
+        group: Any = zarr.open_group(place, mode="r", zarr_format=3)
+        return {name: group[name] for name in group.attrs["order"]}
     except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"The records in {folder / RECORDS} cannot be opened ({error}): {_DAMAGED}.") from error
+        raise FileError(f"The records in {manifest.folder / RECORDS} cannot be opened ({error}): {DAMAGED}.") from error
 
 
 def along_time(array: Any) -> int:
@@ -116,22 +154,9 @@ def along_time(array: Any) -> int:
     return array.metadata.dimension_names.index("time")
 
 
-def chunk_files(folder: Path, array: Any, index: int) -> list[Path]:
-    """Where the chunks of an array with the block of nodes `index` are: one, or one for each block of members."""
+def chunk_names(array: Any, index: int) -> list[str]:
+    """The files of the chunks of an array with the block of nodes `index`: one, or one for each block of members."""
     axis = along_time(array)
-    place = folder / RECORDS / array.basename / "c"
     blocks = np.ndindex(*(-(-array.shape[i] // array.chunks[i]) for i in range(axis)))
     rest = [0] * (array.ndim - axis - 1)
-    return [place / Path(*map(str, (*block, index, *rest))) for block in blocks]
-
-
-def require_whole(folder: Path, arrays: Mapping[str, Any], count: int) -> None:
-    """Raise FileError unless every chunk with one of the first `count` records is there in full length."""
-    for array in arrays.values():
-        size = int(np.prod(array.chunks)) * array.dtype.itemsize + 4
-        for index in range(-(-count // array.chunks[along_time(array)])):
-            for file in chunk_files(folder, array, index):
-                found = file.stat().st_size if file.exists() else None
-                if found != size:
-                    state = "missing" if found is None else f"truncated: it has {found} bytes of {size}"
-                    raise FileError(f"The file {file} of the run is {state}; {_DAMAGED}.")
+    return [f"{RECORDS}/{array.basename}/c.{'.'.join(map(str, (*block, index, *rest)))}" for block in blocks]

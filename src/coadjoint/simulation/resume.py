@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -10,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.kernels.trace.digest import digest
 from coadjoint.log import logger
+from coadjoint.manifest import MANIFEST
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
@@ -23,35 +24,30 @@ from coadjoint.simulation.configuration import method_form, method_from, start_f
 from coadjoint.simulation.dataset import attributes, ensemble_attributes
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.fingerprint import fingerprint
-from coadjoint.simulation.folder import create, require_free
+from coadjoint.simulation.folder import create, holds_run, tidy
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.preparing import prepare
-from coadjoint.simulation.reading import read_checkpoint, read_configuration
+from coadjoint.simulation.reading import read_configuration, run_manifest, standing
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.store import Store
 from coadjoint.simulation.streamed import StreamedEnsemble, StreamedRun
 
 _log = logger(__name__)
 
-FORMAT = 1
-
 
 def streamed(
     run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any, accuracy: bool
 ) -> StreamedRun | StreamedEnsemble:
-    """A run that has not begun, put into a new folder; `chosen` are the Kelvin–Noether quantities of the user.
+    """A run that has not begun, put into a new folder, or taken up where a folder holds the same run.
 
-    accuracy: whether it is judged.
+    `chosen` are the Kelvin–Noether quantities of the user; accuracy: whether it is judged.
     """
     folder = Path(path).absolute()
-    require_free(folder)
     marks = fingerprint(run.plan, run.position.state, run.one)
+    held = holds_run(folder)
     form, numbers = start_form(run.start)
     header = {
-        "format": FORMAT,
         "versions": versions(),
-        "fingerprint": marks,
-        "identity": digest(marks),
         "dt": run.plan.h,
         "steps": run.plan.steps,
         "save_every": run.plan.save_every,
@@ -71,7 +67,15 @@ def streamed(
             if it
         ],
     }
-    return _with_store(run, create(folder, run, (header, numbers)))
+    if not held:
+        try:
+            return _with_store(run, create(folder, run, {"fingerprint": marks}, (header, numbers)))
+        except FileError:
+            if not (folder / MANIFEST).exists():  # that of a run that began at the same time
+                raise
+    then, _ = read_configuration(run_manifest(folder))
+    _require_same(folder, then, marks, header)
+    return _taken_up(run, folder)
 
 
 def _with_store(run: Run | Ensemble, store: Store) -> StreamedRun | StreamedEnsemble:
@@ -101,8 +105,8 @@ def resume(
         run = co.resume("spin", top)
 
     The result is the same to the bit as that of a run that was never interrupted, on the same kind of processor. A
-    finished run is returned as it is. The step size, the grid, the start and the method are read from the folder;
-    functions are not stored there.
+    finished run is returned as it is, also from a folder that may not be written. The step size, the grid, the start
+    and the method are read from the folder; functions are not stored there.
 
     Arguments:
         folder: the folder that was given as `store`.
@@ -119,8 +123,7 @@ def resume(
     """
     began = time.perf_counter()
     place = Path(folder).absolute()
-    header, numbers = read_configuration(place)
-    _require_readable(place, header)
+    header, numbers = read_configuration(run_manifest(place))
     given = {"inputs": inputs, "kelvin_noether": kelvin_noether, "until": until}
     for name in header["again"]:
         if given[name] is None:
@@ -132,19 +135,28 @@ def resume(
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
     run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until)
     _require_same(place, header, fingerprint(run.plan, run.position.state, run.one))
-    lock = _locked(place)
+    return carry_on(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
+
+
+def _taken_up(run: Run | Ensemble, folder: Path) -> StreamedRun | StreamedEnsemble:
+    """A run that was set up again, at the place where the folder stands; a finished one is only read."""
+    complete = run_manifest(folder).facts["complete"]
+    if complete:
+        with contextlib.suppress(OSError):  # of a folder that may only be read, or that another process tidies
+            tidy(folder)
+    lock = None if complete else _locked(folder)
     try:
-        store = Store(run, place, header["identity"], lock)
-        found, arrays = read_checkpoint(place, header["identity"])
+        manifest, found, arrays = standing(folder)
+        store = Store(run, manifest, lock)
         run.position = store.take_up(found, arrays, run.position)
-        _log.info("%s holds %d of %d records.", place, store.count, store.total)
+        _log.info("%s holds %d of %d records.", folder, store.count, store.total)
         run.set_up_seconds = found["attributes"].get("set_up_seconds", 0.0)
         run.accuracy = accuracy_from(found["attributes"]) if run.position.ended else None
-        made = _with_store(run, store)
+        return _with_store(run, store)
     except BaseException:
-        lock.release()
+        if lock is not None:
+            lock.release()
         raise
-    return carry_on(made, progress, began, header["accuracy"])  # type: ignore[return-value]
 
 
 def _locked(folder: Path) -> Lock:
@@ -156,11 +168,6 @@ def _locked(folder: Path) -> Lock:
         raise FileError(f"The folder {folder} cannot be written: {error.strerror or error}.") from error
 
 
-def _require_readable(folder: Path, header: dict[str, Any]) -> None:
-    if header.get("format") != FORMAT:
-        raise FileError(f"The run in {folder} was written by another version of coadjoint ({header.get('versions')}).")
-
-
 _PARTS = {
     "equations": "the system's or the method's equations",
     "parameters": "the parameters",
@@ -168,15 +175,23 @@ _PARTS = {
     "monitors": "the monitored quantities",
     "grid": "the step size or the number of steps",
 }
+_SETTINGS = ("dt", "steps", "save_every", "monitors", "backend", "accuracy")
 
 
-def _require_same(folder: Path, header: dict[str, Any], marks: dict[str, str]) -> None:
-    """Raise ArgumentError unless the run that was set up is the one in the folder."""
-    different = [_PARTS[name] for name, mark in header["fingerprint"].items() if marks[name] != mark]
-    if different:
-        then, now = header["versions"], versions()
-        changed = ", ".join(f"{name} {then[name]} then and {now[name]} now" for name in now if then[name] != now[name])
-        raise ArgumentError(
-            f"The folder {folder} holds another run: {different[0]} differ"
-            f"{f' (packages differ too: {changed})' if changed else ''}; give the system it was begun with."
-        )
+def _require_same(folder: Path, then: dict[str, Any], marks: dict[str, str], now: dict[str, Any] | None = None) -> None:
+    """Raise ArgumentError unless the run that was set up is the one in the folder; `now` are its settings."""
+    before = run_manifest(folder).facts["fingerprint"]
+    settings = [] if now is None else [name for name in _SETTINGS if now[name] != then[name]]
+    differing = [f"{name} is {then[name]} there and {now[name]} here" for name in settings if now is not None]
+    different = [_PARTS[name] for name, mark in before.items() if marks[name] != mark]
+    if now is not None and now["method"] != then["method"]:
+        differing.insert(0, f"the method differs ({then['title']} there, {now['title']} here)")
+    told = differing or [f"{part} differ" for part in different[:1]]
+    if not told:
+        return
+    packages = versions()
+    changed = [f"{name} {then['versions'][name]} then and {packages[name]} now" for name in packages]
+    changed = [text for name, text in zip(packages, changed, strict=True) if then["versions"][name] != packages[name]]
+    versions_differ = f" (packages differ too: {', '.join(changed)})" if changed and different else ""
+    mend = "give the system it was begun with" if now is None else "choose another folder for `store`"
+    raise ArgumentError(f"The folder {folder} holds another run: {'; '.join(told)}{versions_differ}; {mend}.")

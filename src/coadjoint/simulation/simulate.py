@@ -86,8 +86,9 @@ def simulate(
         progress: None, a progress bar on a terminal for runs over a second (the default); False, never.
         backend: "native", machine code, for small systems; "xla", JAX's compiler, for what cannot be traced to machine
             code; "auto", native where it can be (the default).
-        store: a new folder to which records are written as they come, in constant memory; by default they stay in
-            memory. A run that was interrupted goes on with `co.resume(store, system)`.
+        store: a folder to which records are written as they come, in constant memory; by default they stay in
+            memory. The same call again goes on with a run that was interrupted, and returns one that has finished; so
+            does `co.resume(store, system)`.
         keep: what stays where `start` is a record of a run with other parameters, "momentum" (μ, π; velocities
             change) or "velocity" (ξ, ν); by default such a start is refused. The card repeats it.
         accuracy: whether a sample of the steps is judged, each against steps of parts of it; by default True: the card

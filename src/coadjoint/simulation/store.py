@@ -1,9 +1,16 @@
 """Runs that stream to disk: records in a zarr store, and a checkpoint from which a killed run goes on.
 
-A folder of a run holds `configuration.npz` (what is run, with its fingerprint), `records.zarr` (the variables of
-`run.dataset`, zarr format 3, every chunk with its CRC-32C), `checkpoint.npz` (where the run stands) and `lock`. Chunks
-reach the disk before the checkpoint that counts them, and every file is replaced in one move: whenever the run is
-killed, the records that the checkpoint counts are there.
+A folder of a run holds `configuration.npz` (what is run), `records.zarr` (the variables of `run.dataset`, zarr format
+3, every chunk with its CRC-32C), `checkpoint-0.npz` and `checkpoint-1.npz` by turns (where the run stands), and
+`manifest.json`, which names what counts: every file with its SHA-256, the fingerprint, and which checkpoint. A `lock`
+is there while a process is at it.
+
+The order of writes. Begin: all of it under a hidden name, files and folders forced to the disk, then one move. Each
+checkpoint: chunks, forced to the disk with the names in their folders; the checkpoint that the manifest does not name,
+forced to the disk; the manifest, forced to the disk under a hidden name and moved. With this move the new records
+count. Until then the old manifest holds: full chunks are written once, and of the last, partly filled one a manifest
+counts the rows that it knew, which later versions of the chunk repeat. So each moment leaves a folder from which the
+run goes on to the same bits.
 """
 
 from __future__ import annotations
@@ -18,24 +25,20 @@ import jax
 import numpy as np
 import zarr
 from zarr.codecs import Crc32cCodec
+from zarr.storage import MemoryStore
 
+from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.log import logger
+from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
-from coadjoint.simulation import checkpoint as disk
+from coadjoint.simulation import checkpoint
 from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.reading import (
-    CHECKPOINT,
-    RECORDS,
-    along_time,
-    chunk_files,
-    opened_arrays,
-    require_whole,
-)
+from coadjoint.simulation.reading import RECORDS, along_time, chunk_names, opened_arrays
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import times
 
@@ -61,8 +64,8 @@ class Store:
     Those of `members` have a second axis, of members; on the disk it is the first.
     """
 
-    def __init__(self, run: Run | Ensemble, folder: Path, identity: str, lock: Lock):
-        self.folder, self.identity = folder, identity
+    def __init__(self, run: Run | Ensemble, manifest: Manifest, lock: Lock | None):
+        self.manifest = manifest
         self.system, self.plan, self.start = run.system, run.plan, run.start
         self.members = run.members.count if isinstance(run, Ensemble) else None
         self.lock = lock
@@ -76,8 +79,19 @@ class Store:
         self._arrays: dict[str, Any] = {}
         self._block: dict[str, np.ndarray] = {}
         self._unsettled: set[Path] = set()
+        self._slot = 0
         self._derive: Callable[[State], dict[str, Any]] | None = None
         self._due, self._kept = 0.0, 0
+
+    @property
+    def folder(self) -> Path:
+        """Where the run is."""
+        return self.manifest.folder
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run has ended and all that is to be said of it is written."""
+        return bool(self.manifest.facts.get("complete"))
 
     @property
     def total(self) -> int:
@@ -95,21 +109,25 @@ class Store:
         seen = {name: np.asarray(x)[None] for name, x in seen.items()}
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
         known = meanings(found, self.system)
-        group = zarr.create_group(self.folder / RECORDS, zarr_format=3, attributes={"order": list(found)})
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
+        made: dict[str, Any] = {}
+        group = zarr.create_group(MemoryStore(made), zarr_format=3, attributes={"order": list(found)})
         for name, (dims, values) in found.items():
             lead = () if self.members is None or name in ("time", "step") else (self.members,)
-            self._arrays[name] = group.create_array(
+            group.create_array(
                 name,
                 shape=(*lead, self.total, *values.shape[1:]),
                 chunks=(*(across for _ in lead), length, *values.shape[1:]),
                 dtype=values.dtype,
                 compressors=[Crc32cCodec()],
+                chunk_key_encoding={"name": "default", "separator": "."},
                 fill_value=_unset(values.dtype),
                 dimension_names=(*("member" for _ in lead), *dims),
                 attributes={**known.get(name, {})},
             )
-        self._empty_block()
+        for key, data in made.items():
+            self.put(f"{RECORDS}/{key}", data.to_bytes())
+        self._open()
 
     def _blocks(self, size: int) -> tuple[int, int]:
         """How many nodes and how many members a chunk holds, where a record takes `size` bytes."""
@@ -118,33 +136,43 @@ class Store:
         length = max(1, min(BLOCK_ROWS, FLUSH_BYTES // (size * self.members), self.total))
         return length, max(1, min(self.members, BLOCK_BYTES // (size * length)))
 
-    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: disk.P) -> disk.P:
-        """Go on where a checkpoint stands; raises FileError where records that it counts are missing or damaged.
+    def put(self, name: str, data: bytes) -> None:
+        """Write a file of the folder and enter it into the manifest."""
+        path = self.folder / name
+        disk.make(path.parent)
+        disk.write(path, [data])
+        self.manifest.files[name] = entry(data)
+
+    def _open(self) -> None:
+        self._arrays = opened_arrays(self.manifest)
+        self._empty_block()
+        self._due = time.monotonic() + PERIOD
+
+    def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: Any) -> Any:
+        """Go on where a checkpoint stands; raises FileError where records that it counts are damaged.
 
         `begun` is where the run stood at its start.
         """
-        position = disk.position_at(header, arrays, begun)
-        self._arrays = opened_arrays(self.folder, "r+")
+        position = checkpoint.position_at(header, arrays, begun)
+        self._open()
         self.count = self._kept = header["records"]
-        require_whole(self.folder, self._arrays, self.count)
-        for partial in (self.folder / RECORDS).rglob("*.partial"):
-            partial.unlink(missing_ok=True)
-        self._empty_block()
+        if self.lock is not None:
+            for place in (self.folder, *(path for path in (self.folder / RECORDS).rglob("*") if path.is_dir())):
+                disk.sweep(place)
         if filled := self.count % self.length:
-            checked = opened_arrays(self.folder, "r")
             for name, block in self._block.items():
-                block[:filled] = _read(checked[name], self.count - filled, self.count)
+                block[:filled] = _read(self._arrays[name], self.count - filled, self.count)
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
-        self.last = disk.state_like("record", arrays, begun.state) if self.count else None
+        self.last = checkpoint.state_like("record", arrays, begun.state) if self.count else None
         sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
         self.sampled = {name: numbers for (kind, _, name), numbers in sampled if kind == "sample"}
+        self._slot = int(self.manifest.facts["checkpoint"] == _checkpoint(0))
         return position
 
     def move_to(self, folder: Path) -> None:
-        """Stream to `folder`, which is where the laid out arrays are now."""
-        self.folder = folder
-        self._arrays = opened_arrays(folder, "r+")
-        self._due = time.monotonic() + PERIOD
+        """Stream to `folder`, which is where all of it is now."""
+        self.manifest.folder = folder
+        self._open()
 
     # The contract of a sink.
 
@@ -157,22 +185,22 @@ class Store:
             with self._writing():
                 self._absorb()
 
-    def checkpoint(self, position: disk.AnyPosition) -> None:
+    def checkpoint(self, position: checkpoint.AnyPosition) -> None:
         """Write a checkpoint if one is due, or if the run has ended."""
         if position.ended or time.monotonic() >= self._due:
-            self.finish(position)
+            self.finish(position, complete=False)
 
-    def finish(self, position: disk.AnyPosition) -> None:
-        """Write all records and a checkpoint."""
+    def finish(self, position: checkpoint.AnyPosition, complete: bool = True) -> None:
+        """Write all records and a checkpoint; `complete`, the last one, with all that is to be said of the run."""
         began = time.monotonic()
         with self._writing():
             self._absorb()
             if self.count % self.length:
-                self._write_block()
-            for path in (*self._unsettled, *{path.parent for path in self._unsettled}):
+                self._write_block(complete)
+            for path in sorted(self._unsettled, reverse=True):  # files before the folders of their names
                 disk.settle(path)
             self._unsettled.clear()
-            self.write_checkpoint(position)
+            self.write_checkpoint(position, complete)
         self._kept = self.count
         ended = time.monotonic()
         self._due = ended + max(PERIOD, BURDEN * (ended - began))
@@ -180,7 +208,8 @@ class Store:
 
     def release(self) -> None:
         """Let other processes use the folder."""
-        self.lock.release()
+        if self.lock is not None:
+            self.lock.release()
 
     # From records to rows, and from rows to chunks.
 
@@ -235,43 +264,86 @@ class Store:
             shape = (self.length, *array.shape[:axis], *array.shape[axis + 1 :])
             self._block[name] = np.full(shape, _unset(array.dtype), array.dtype)
 
-    def _write_block(self) -> None:
+    def _write_block(self, complete: bool = False) -> None:
         """Write the chunk of every variable that holds the last row."""
         index = (self.count - 1) // self.length
-        begin = index * self.length
-        end = min(begin + self.length, self.total)
+        rows = self.count - index * self.length
+        growing = rows < self.length and not complete
         for name, array in self._arrays.items():
-            rows = self._block[name][: end - begin]
+            block, size = self._block[name], 1
             if along_time(array):
-                array[:, begin:end] = np.swapaxes(rows, 0, 1)
-            else:
-                array[begin:end] = rows
-            self._unsettled.update(chunk_files(self.folder, array, index))
+                size = array.chunks[0]
+                block = np.swapaxes(block, 0, 1)
+            for place, name_of in enumerate(chunk_names(array, index)):
+                part = block[place * size : (place + 1) * size] if along_time(array) else block
+                self._write_chunk(name_of, _filled(part, array.chunks, array.dtype), size if growing else 0, rows)
 
-    def write_checkpoint(self, position: disk.AnyPosition) -> None:
-        header, arrays = disk.position_numbers(position)
-        header |= {"identity": self.identity, "records": self.count, "monitors": list(self.ends)}
+    def _write_chunk(self, name: str, values: np.ndarray, blocks: int, rows: int) -> None:
+        """Write a chunk with its checksum; of one that grows the manifest counts `rows` of each of its blocks."""
+        data = values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes()
+        data += checksum(data)
+        used = rows * (len(data) - 4) // (blocks * self.length) if blocks else 0
+        path, counted = self.folder / name, name in self.manifest.files
+        # Rows that a manifest counts already must not be lost with the old version of the chunk.
+        disk.write(path, [data], forced=counted, named=False)
+        self.manifest.files[name] = entry(data, blocks, used)
+        self._unsettled |= {path.parent} if counted else {path, path.parent}
+
+    def write_checkpoint(self, position: checkpoint.AnyPosition, complete: bool = False) -> None:
+        """Write where the run stands, and the manifest that counts it."""
+        header, arrays = checkpoint.position_numbers(position)
+        header |= {"records": self.count, "monitors": list(self.ends)}
         header["attributes"] = {name: _plain(value) for name, value in self.attributes().items()}
-        arrays |= {} if self.last is None else disk.state_numbers("record", self.last)
+        arrays |= {} if self.last is None else checkpoint.state_numbers("record", self.last)
         for name, (first, last) in self.ends.items():
             arrays[f"first/{name}"], arrays[f"last/{name}"] = first, last
         arrays |= {f"sample/{name}": numbers for name, numbers in self.sample().items()}
-        disk.write(self.folder / CHECKPOINT, header, arrays)
+        before, now = _checkpoint(1 - self._slot), _checkpoint(self._slot)
+        self.put(now, checkpoint.packed(header, arrays))
+        self.manifest.files.pop(before, None)
+        self.manifest.facts |= {"checkpoint": now, "records": self.count, "complete": complete}
+        self.manifest.write()
+        self._slot = 1 - self._slot
+        if complete:
+            disk.remove(self.folder / before)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
         began = time.monotonic()
         try:
+            self._require_there()
             yield
         except FileError:
             raise
         except OSError as error:
+            self._require_there()
             raise FileError(
                 f"The run stops, for {self.folder} could not be written: {error.strerror or error}; its first "
                 f"{self._kept:,} records are kept there: mend this, then go on with co.resume or `coadjoint resume`."
             ) from error
         finally:
             self.seconds += time.monotonic() - began
+
+    def _require_there(self) -> None:
+        """Raise FileError where the folder was deleted, or another was put in its place."""
+        if self.lock is not None and not self.lock.held:
+            raise FileError(
+                f"The run stops, for its folder {self.folder} was deleted or moved while it ran: begin it again, or "
+                "move the folder back and go on with co.resume or `coadjoint resume`."
+            )
+
+
+def _checkpoint(slot: int) -> str:
+    return f"checkpoint-{slot}.npz"
+
+
+def _filled(values: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Values as a whole chunk; what is beyond the array is unset."""
+    if values.shape == shape:
+        return values
+    whole = np.full(shape, _unset(dtype), dtype)
+    whole[tuple(map(slice, values.shape))] = values
+    return whole
 
 
 def _unset(dtype: Any) -> Any:

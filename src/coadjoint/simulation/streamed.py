@@ -67,7 +67,7 @@ class StreamedRun(_OnDisk, Run):
     @cached_property
     def dataset(self) -> xarray.Dataset:
         """The records as a labelled xarray dataset, read from the disk when they are used."""
-        return stored_dataset(self.store.folder, self.count, attributes(self))
+        return stored_dataset(self.store.manifest, self.count, attributes(self))
 
 
 class StreamedEnsemble(_OnDisk, Ensemble):
@@ -84,4 +84,4 @@ class StreamedEnsemble(_OnDisk, Ensemble):
     def dataset(self) -> xarray.Dataset:
         """The records as a labelled xarray dataset with dimensions (member, time, …), read when they are used."""
         coordinates = member_coordinates(self.steps_done, self.codes)
-        return stored_dataset(self.store.folder, self.count, ensemble_attributes(self), coordinates)
+        return stored_dataset(self.store.manifest, self.count, ensemble_attributes(self), coordinates)

@@ -195,8 +195,8 @@ class Sampler:
     def checkpoint(self, position: Any) -> None:
         self.sink.checkpoint(position)
 
-    def finish(self, position: Any) -> None:
-        self.sink.finish(position)
+    def finish(self, position: Any, complete: bool = True) -> None:
+        self.sink.finish(position, complete)
 
     def release(self) -> None:
         self.sink.release()

@@ -1,0 +1,104 @@
+"""Files and folders on the disk: a file is there whole or not at all, and forced to the disk before it counts.
+
+All that stored runs and folders of results write goes through the operations here, in the order in which they are
+called. `before` is called before each of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+PARTIAL = ".partial"
+"""How the hidden name of something ends that is being written or removed; whoever holds the folder may remove it."""
+
+
+def before(operation: str, path: Path) -> None:
+    """Called before each operation on the disk, by its name. Tests put a function here that ends the process."""
+
+
+def partial(path: Path) -> Path:
+    """The hidden name beside `path` under which it is written, or removed."""
+    return path.with_name(f".{path.name}{PARTIAL}")
+
+
+def make(folder: Path) -> None:
+    """Make a folder and those above it, unless they are there."""
+    if not folder.is_dir():
+        before("make", folder)
+        folder.mkdir(parents=True, exist_ok=True)
+
+
+def write(path: Path, parts: Iterable[Any], forced: bool = True, named: bool = True) -> None:
+    """Put bytes into `path`: under its hidden name, forced to the disk if `forced`, then moved into its place.
+
+    The name is forced to the disk, too, if `named`.
+    """
+    hidden = partial(path)
+    try:
+        before("write", hidden)
+        with open(hidden, "wb") as file:
+            for part in parts:
+                file.write(part)
+            if forced:
+                file.flush()
+                before("settle", hidden)
+                os.fsync(file.fileno())
+        move(hidden, path, named)
+    except OSError:
+        with contextlib.suppress(OSError):
+            hidden.unlink()
+        raise
+
+
+def move(source: Path, target: Path, named: bool = True) -> None:
+    """Give a file or folder another name in one move; the name is forced to the disk if `named`."""
+    before("move", target)
+    os.replace(source, target)
+    if named:
+        settle(target.parent)
+
+
+def settle(path: Path) -> None:
+    """Force a file, or the names in a folder, to the disk."""
+    before("settle", path)
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except PermissionError:  # systems that cannot open a folder
+        return
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, or a folder in one move to its hidden name and then with all that is in it."""
+    if path.is_dir() and not path.is_symlink():
+        hidden = partial(path)
+        _remove_all(hidden)
+        before("move", hidden)
+        os.replace(path, hidden)
+        _remove_all(hidden)
+    elif path.exists() or path.is_symlink():
+        before("remove", path)
+        path.unlink(missing_ok=True)
+
+
+def sweep(folder: Path) -> None:
+    """Remove what a process that was killed left under hidden names in a folder."""
+    for path in folder.glob(f".*{PARTIAL}"):
+        _remove_all(path)
+
+
+def _remove_all(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        before("remove", path)
+        shutil.rmtree(path)
+    elif path.exists() or path.is_symlink():
+        before("remove", path)
+        path.unlink()

@@ -1,0 +1,147 @@
+"""The manifest of a folder: each of its files with size and SHA-256, in one JSON file that checks itself.
+
+    {
+    "facts": {"format": 2, "kind": "records", …},
+    "files": {
+    "configuration.npz": [2120, "9f86…"],
+    "records.zarr/xi/c.0.0": [196612, "60303…"]
+    },
+    "sha256": "of all bytes before this one's opening quotation mark"
+    }
+
+A file to which rows are still added has two numbers more, [size, SHA-256, blocks, used]: without its last four bytes,
+which are its CRC-32C, it falls into that many blocks, and the SHA-256 is that of the first `used` bytes of each.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from coadjoint import disk
+from coadjoint.errors import FileError
+
+MANIFEST = "manifest.json"
+FORMAT = 2
+"""The number of the format of stored runs and folders of results; 1 had no manifest."""
+DAMAGED = "put back a copy of it; nothing has been changed"
+
+_LARGEST = 1 << 30
+_CHECKSUM = 4
+_END = '"\n}\n'
+
+
+@dataclass
+class Manifest:
+    """`facts` say what the folder holds, `files` name → entry of each file, its name relative to the folder."""
+
+    folder: Path
+    facts: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, list[Any]] = field(default_factory=dict)
+
+    def write(self) -> None:
+        """Put it into its folder in one move."""
+        facts = json.dumps({"format": FORMAT, **self.facts}, ensure_ascii=False)
+        files = ",\n".join(f"{json.dumps(name)}: {json.dumps(self.files[name])}" for name in sorted(self.files))
+        body = f'{{\n"facts": {facts},\n"files": {{\n{files}\n}},\n"sha256": "'.encode()
+        disk.write(self.folder / MANIFEST, [body, hashlib.sha256(body).hexdigest().encode(), _END.encode()])
+
+    @classmethod
+    def read(cls, folder: Path) -> Manifest:
+        """That of a folder; raises FileNotFoundError where it has none, FileError where it is damaged or too new."""
+        path = folder / MANIFEST
+        try:
+            if path.stat().st_size > _LARGEST:
+                raise FileError(f"The file {path} is too large to be a manifest: {DAMAGED}.")
+            data = path.read_bytes()
+        except FileNotFoundError:
+            raise
+        except OSError as error:
+            raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
+        end = len(data) - 64 - len(_END)
+        if data[end:] != f"{hashlib.sha256(data[: max(end, 0)]).hexdigest()}{_END}".encode():
+            raise FileError(f"The file {path} is damaged: {DAMAGED}.")
+        found = json.loads(data)
+        if found["facts"]["format"] != FORMAT:
+            raise FileError(
+                f"The folder {folder} was written in format {found['facts']['format']} of stored runs, but this "
+                f"version of coadjoint reads format {FORMAT}: use the version that wrote it."
+            )
+        return cls(folder, found["facts"], found["files"])
+
+    def enter(self, name: str) -> None:
+        """Take in a file of the folder as it is on the disk."""
+        path = self.folder / name
+        with path.open("rb") as file:
+            self.files[name] = [path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest()]
+
+    def path(self, name: str) -> Path:
+        """Where a file is; raises FileError for a name that leads out of the folder."""
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+            raise FileError(f"The manifest of {self.folder} names {name}, which is outside of the folder: {DAMAGED}.")
+        return self.folder / name
+
+    def require(self, name: str, data: bytes | None = None) -> None:
+        """Raise FileError unless a file, or what was read of it, is what was written."""
+        entry = self.files[name]
+        self.require_size(name, None if data is None else len(data))
+        if data is None and len(entry) == 2:
+            try:
+                with self.path(name).open("rb") as file:
+                    found = hashlib.file_digest(file, "sha256").hexdigest()
+            except OSError as error:
+                raise FileError(f"The file {self.folder / name} cannot be read: {error.strerror}.") from error
+        else:
+            data = self.path(name).read_bytes() if data is None else data
+            found = digest(data, *entry[2:]) if len(entry) == 2 or _sums_up(data) else None
+        if found != entry[1]:
+            raise FileError(f"The file {self.folder / name} of the run is damaged: {DAMAGED}.")
+
+    def require_size(self, name: str, found: int | None = None) -> None:
+        """Raise FileError unless a file is there in full length."""
+        size, path = self.files[name][0], self.path(name)
+        if found is None:
+            found = path.stat().st_size if path.is_file() else None
+        if found != size:
+            state = "missing" if found is None else f"truncated: it has {found} bytes of {size}"
+            if found is not None and found > size:
+                state = f"damaged: it has {found} bytes instead of {size}"
+            raise FileError(f"The file {path} of the run is {state}; {DAMAGED}.")
+
+    def problems(self) -> Iterator[str]:
+        """What is wrong with the files of the folder, a sentence each."""
+        for name in self.files:
+            try:
+                self.require(name)
+            except FileError as error:
+                yield str(error)
+
+
+def digest(data: bytes | memoryview, blocks: int = 0, used: int = 0) -> str:
+    """The SHA-256 of a file, or of the first `used` bytes of each of its blocks."""
+    if not blocks:
+        return hashlib.sha256(data).hexdigest()
+    found, stride = hashlib.sha256(), (len(data) - _CHECKSUM) // blocks
+    for block in range(blocks):
+        found.update(memoryview(data)[block * stride : block * stride + used])
+    return found.hexdigest()
+
+
+def checksum(data: bytes | memoryview) -> bytes:
+    """The CRC-32C with which a chunk of zarr ends."""
+    import google_crc32c
+
+    return google_crc32c.value(data).to_bytes(_CHECKSUM, "little")
+
+
+def _sums_up(data: bytes) -> bool:
+    return checksum(data[:-_CHECKSUM]) == data[-_CHECKSUM:]
+
+
+def entry(data: bytes, blocks: int = 0, used: int = 0) -> list[Any]:
+    """What a manifest says of a file with these bytes."""
+    return [len(data), digest(data, blocks, used), *([blocks, used] if blocks else [])]
