@@ -16,6 +16,7 @@ STOREYS = (
         "paths",
         "extensions",
         "units",
+        "texts",
         "csv_tables",
         "roots",
         "kernels",

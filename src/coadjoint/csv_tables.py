@@ -11,6 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import FileError
+from coadjoint.texts import text_of
+
+LARGEST = 128_000_000
+"""The most bytes of a table."""
 
 
 class Sheet(NamedTuple):
@@ -85,11 +89,13 @@ def csv_text(columns: Mapping[str, Any], shown: Callable[[float], str] = "{:.12g
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return text_of(path, LARGEST)
     except FileNotFoundError as error:
         raise FileError(f"There is no file {path}.") from error
     except UnicodeDecodeError as error:
         raise FileError(f"The file {path} is not a text in UTF-8.") from error
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
 

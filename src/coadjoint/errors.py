@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
+
+_ENDLESS = re.compile(r"[^\s/\\]{300,}")
+"""A word that no file and no name can be; a sentence shows where it begins."""
 
 LONGEST = 80
 """Characters of a value that a sentence shows."""
@@ -28,6 +32,9 @@ def told(error: BaseException) -> str:
 
 class CoadjointError(Exception):
     """Base of every error that the library raises on purpose."""
+
+    def __str__(self) -> str:
+        return _ENDLESS.sub(lambda word: f"{word.group()[:LONGEST]}…", super().__str__())
 
 
 class ArgumentError(CoadjointError, ValueError):

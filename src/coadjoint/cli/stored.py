@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import tomllib
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import FileError
 from coadjoint.report.folder import RUN_FILE, SUMMARY
+from coadjoint.texts import read_table
 
 if TYPE_CHECKING:
     from coadjoint.simulation.recording import SavedRun
@@ -31,7 +32,7 @@ def figures_asked(source: Path) -> list[str] | None:
     if not file.is_file():
         return None
     try:
-        output = tomllib.loads(file.read_text(encoding="utf-8")).get("output", {})
+        output = read_table(file.read_text(encoding="utf-8"), file).get("output", {})
     except (OSError, ValueError) as error:
         raise FileError(f"The file {file} cannot be read: {error}.") from error
     found = output.get("figures") if isinstance(output, dict) else None
@@ -72,5 +73,5 @@ def cards(source: Path) -> list[str]:
 
 
 def _require(source: Path) -> None:
-    if not source.exists():
+    if not os.path.exists(source):
         raise FileError(f"There is no folder or file {source}.")

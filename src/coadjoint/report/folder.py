@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from coadjoint.errors import FileError
+from coadjoint.texts import read_table
 
 RUN_FILE = "run.toml"
 """The configuration of the run that a folder holds, written first: it claims the folder."""
@@ -97,8 +97,8 @@ def begin_results(folder: Path) -> None:
 
 def _same(held: Path, configuration: str) -> bool:
     try:
-        return tomllib.loads(held.read_text(encoding="utf-8")) == tomllib.loads(configuration)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return read_table(held.read_text(encoding="utf-8"), held) == read_table(configuration, held)
+    except (OSError, UnicodeDecodeError):
         return False
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -27,7 +28,7 @@ ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_
 def require_file(factory: str, run_file: Path) -> Path:
     """The Python file of a factory, relative to the run file; raises FileError if there is none."""
     source = run_file.parent / factory.split(":")[0]
-    if not source.is_file():
+    if not os.path.isfile(source):
         raise FileError(f"There is no file {source}, which [system] factory = {factory!r} names.")
     return source
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import in_si, unknown, without_unit
+from coadjoint.texts import read_table, text_of, too_long
 
 if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
@@ -86,13 +86,11 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     """
     source = Path(path)
     text = _text(source)
+    table = read_table(text, source)
     try:
-        table = tomllib.loads(text)
         _require_short(table)
-    except tomllib.TOMLDecodeError as error:
-        raise FileError(f"The file {source} is not valid TOML: {_lower(str(error))}.") from error
-    except (ValueError, OverflowError) as error:  # of whole numbers of thousands, or hundreds, of digits
-        raise FileError(f"The file {source} holds a number that is too long to be read.") from error
+    except OverflowError as error:
+        raise too_long(source) from error
     _require_run(table, source)
     for change in changes:
         _apply(table, change)
@@ -139,11 +137,13 @@ def _require_short(value: Any) -> None:
 
 def _text(source: Path) -> str:
     try:
-        return source.read_text(encoding="utf-8-sig")
+        return text_of(source)
     except FileNotFoundError as error:
         raise FileError(f"There is no run file {source}.") from error
     except UnicodeDecodeError as error:
         raise FileError(f"The file {source} is not a text in UTF-8.") from error
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
 
@@ -202,8 +202,8 @@ def _apply(table: dict[str, Any], change: str) -> None:
     if not equals or (len(keys) < 2 and keys != ["axes"]) or not all(keys):
         raise ArgumentError(f"A change with --set must be section.key=value, as in run.dt=0.02, but is {change!r}.")
     try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        parsed = read_table(f"value = {value}", "")["value"]
+    except FileError:
         parsed = value
     inner = table
     for key in keys[:-1]:
@@ -214,7 +214,3 @@ def _apply(table: dict[str, Any], change: str) -> None:
         del inner[key]
     if value.strip():
         inner[keys[-1]] = parsed
-
-
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]

@@ -169,16 +169,16 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
             raise ArgumentError(f"Argument `system` must be a co.System, but is {shown(system)}.")
 
     source = _path(path)
-    if source.is_dir():
+    if os.path.isdir(source):
         from coadjoint.simulation.reading import saved_dataset
 
         return SavedRun(saved_dataset(source.absolute()), system)
-    if not source.is_file():
+    if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
     try:
         with xarray.open_dataset(source, engine="h5netcdf") as opened:
             found = opened.load()
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # h5py and what is above it have errors of all kinds for what is damaged
         raise _unreadable(source) from error
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 import warnings
 from pathlib import Path
 from typing import Any, cast
@@ -12,6 +11,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.texts import read_table, text_of
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.added_masses import read_added_mass
 from coadjoint.vehicles.files.checks import check
@@ -39,15 +39,7 @@ def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
 
 def vehicle_from_text(text: str, name: str = "vehicle.toml", folder: Path = Path()) -> Vehicle:
     """The vehicle of a TOML text; `name` stands in sentences, `folder` is where files that it names are."""
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        shown = str(error)
-        raise FileError(f"The file {name} is not valid TOML: {shown[:1].lower()}{shown[1:]}.") from error
-    except ValueError as error:  # of Python, for whole numbers of thousands of digits
-        raise FileError(f"The file {name} holds a number that is too long to be read.") from error
-    except RecursionError as error:
-        raise FileError(f"The file {name} is nested too deeply to be a vehicle.") from error
+    table = read_table(text, name)
     book = Notebook(name)
     if not table:
         raise book.fail("the file is empty: `coadjoint vehicles show NAME --toml` prints one to start from.")
@@ -200,11 +192,13 @@ def _tell_sources(book: Notebook) -> None:
 
 def _text(source: Path) -> str:
     try:
-        return source.read_text(encoding="utf-8-sig")
+        return text_of(source)
     except FileNotFoundError as error:
         raise FileError(f"There is no vehicle file {source}.") from error
     except UnicodeDecodeError as error:
         raise FileError(f"The file {source} is not a text in UTF-8.") from error
+    except FileError:
+        raise
     except (OSError, ValueError) as error:
         raise FileError(
             f"The vehicle file {source} cannot be read: {getattr(error, 'strerror', None) or error}."

@@ -60,7 +60,7 @@ def capytaine_added_mass(
 def _dataset(source: Path) -> Any:
     import xarray
 
-    if not source.is_file():
+    if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
     try:
         with source.open("rb") as opened:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -90,7 +91,7 @@ class MissionFile(Runnable):
         if not isinstance(name, str):
             raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
         for place in (self.path.parent / name, self.path.parent / Path(name).name):
-            if place.is_file():
+            if os.path.isfile(place):  # no error for names that no file can have
                 return place
         raise FileError(f"There is no file {self.path.parent / name}, which {self.path} names.")
 

@@ -1,0 +1,77 @@
+"""Texts of files, read within bounds, and the tables of those in TOML, with a sentence for what is none."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from coadjoint.errors import FileError
+
+LARGEST, DEEPEST = 1_000_000, 64
+"""The most bytes of a text, and the most tables and lists within each other."""
+
+_KEYS = re.compile(r"[\w.\-\"' \t]+")
+"""What may be a dotted key. Each of its prefixes is looked up when it is read, so that long ones take forever."""
+
+
+def text_of(source: Path, most: int = LARGEST) -> str:
+    """The text in a file; raises FileError for one of more bytes, UnicodeDecodeError and OSError as reading does."""
+    with source.open("rb") as opened:
+        content = opened.read(most + 1)
+    if len(content) > most:
+        raise too_large(source, most)
+    return content.decode("utf-8-sig")
+
+
+def too_large(name: object, most: int) -> FileError:
+    """What to raise for a text of more than `most` bytes."""
+    return FileError(
+        f"The file {name} is larger than the {most / 1e6:.0f} MB up to which such files are read: put long rows of "
+        "numbers of a TOML file into a CSV file, and thin out long logs."
+    )
+
+
+def read_table(text: str, name: object) -> dict[str, Any]:
+    """The table in a text; `name` is that of the file in sentences.
+
+    Raises FileError for what is no TOML, and for what is too large, is nested too deeply or has too long a number.
+    """
+    if len(text) > LARGEST:
+        raise too_large(name, LARGEST)
+    if any(run.group().count(".") > DEEPEST for run in _KEYS.finditer(text)):
+        raise _too_deep(name)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        said = str(error)
+        raise FileError(f"The file {name} is not valid TOML: {said[:1].lower()}{said[1:]}.") from error
+    except ValueError as error:  # of Python, for whole numbers of thousands of digits
+        raise too_long(name) from error
+    except RecursionError as error:
+        raise _too_deep(name) from error
+    _require_shallow(table, name)
+    return table
+
+
+def _require_shallow(table: dict[str, Any], name: object) -> None:
+    """Raise FileError for tables within tables without end."""
+    level: list[Any] = [table]
+    for _ in range(DEEPEST):
+        inner: list[Any] = []
+        for value in level:
+            inner += value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+        if not inner:
+            return
+        level = inner
+    raise _too_deep(name)
+
+
+def _too_deep(name: object) -> FileError:
+    return FileError(f"The file {name} is nested too deeply: it has more than {DEEPEST} tables within each other.")
+
+
+def too_long(name: object) -> FileError:
+    """What to raise for a number of hundreds of digits."""
+    return FileError(f"The file {name} holds a number that is too long to be read.")
