@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import threading
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mutations import LARGE, mutated
-from readers import LOG, MISSION, Corpus
+from readers import LIMIT, LOG, MISSION, Corpus
 
 from coadjoint.csv_tables import read_sheet
 from coadjoint.errors import CoadjointError, FileError
@@ -21,7 +24,7 @@ from coadjoint.vehicles.files.file import read_vehicle
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a time limit by signals")
 
-SOME = {"run": 60, "vehicle": 25, "mission": 12, "csv": 60, "netcdf": 12}
+SOME = {"run": 60, "vehicle": 25, "mission": 12, "csv": 60, "netcdf": 12, "zarr": 8}
 MANY = {"run": 1300, "vehicle": 900, "mission": 600, "csv": 1200, "netcdf": 500, "zarr": 500}
 
 
@@ -53,17 +56,28 @@ def campaign(kind: str, numbers: range, folder: Path) -> tuple[Counter[str], dic
         path = os.pathsep.join([str(HERE.parent), *sys.path])
         process = subprocess.Popen(given, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path})
         assert process.stdout is not None
-        for line in process.stdout:
+        while line := _line(process):
             number, what = json.loads(line)
             next_one = number + 1
             counts[what.split(":")[0]] += 1
             if what not in ("result", "sentence"):
                 bad[number] = what
         if process.wait():
-            bad[next_one] = f"the process ended with {process.returncode}"
-            counts["crash"] += 1
+            end = "hang" if process.returncode == -signal.SIGKILL else f"crash {-process.returncode}"
+            bad[next_one] = end
+            counts[end] += 1
             next_one += 1
     return counts, bad
+
+
+def _line(process: Any) -> str:
+    """The next line of a process, which is killed if there is none in twice the limit: C code hears no alarm."""
+    watch = threading.Timer(2 * LIMIT + 10.0, process.kill)
+    watch.start()
+    try:
+        return process.stdout.readline()
+    finally:
+        watch.cancel()
 
 
 DEEP = {

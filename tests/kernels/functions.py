@@ -50,6 +50,8 @@ SMOOTH = {
     "roots": lambda x: jnp.sqrt(2 + x) + jnp.cbrt(3 + x) + (2 + x) ** 1.7 + jax.lax.rsqrt(3 + x),
     "piecewise": lambda x: jnp.where(x > 0, x**2, jnp.sin(x)) + jnp.maximum(x, 0.3) + jnp.abs(x) + jnp.clip(x, -1, 1),
     "remainder": lambda x: jnp.fmod(3 * x, 0.7) + jnp.floor(x) * x,
+    "remainder by a variable": lambda x: jnp.fmod(7 * x, 0.7 + x**2) - 2 * jnp.fmod(-5.0, 0.6 + x**2),
+    "both arguments": lambda x: (3 + x[0]) ** x[1] + jnp.arctan2(x[1], x[2]) * jnp.hypot(*x[:2]),
     "error function": lambda x: jax.scipy.special.erf(x) - jax.scipy.special.erfc(2 * x),
     "linear algebra": lambda x: jnp.linalg.solve(jnp.eye(3) * 2 + jnp.outer(x, x), x),
     "large system": lambda x: jnp.linalg.solve(

@@ -48,6 +48,29 @@ def test_every_coefficient_of_added_mass_of_nps_is_in_si_as_in_its_simulator() -
     assert vehicle.warnings == ()
 
 
+NPS = {
+    "X": "pp 7.0e-3 qq -1.5e-2 rr 4.0e-3 pr 7.5e-4 wq -2.0e-1 vp -3.0e-3 vr 2.0e-2 vv 5.3e-2 ww 1.7e-1",
+    "Y": "pq 4.0e-3 qr -6.5e-3 p 3.0e-3 r 3.0e-2 vq 2.4e-2 wp 2.3e-1 wr -1.9e-2 v -1.0e-1 vw 6.8e-2",
+    "Z": "pp 1.3e-4 pr 6.7e-3 rr -7.4e-3 q -1.4e-1 vp -4.8e-2 vr 4.5e-2 w -3.0e-1 vv -6.8e-2",
+    "K": "pq -6.9e-5 qr 1.7e-2 p -1.1e-2 r -8.4e-4 vq -5.1e-3 wp -1.3e-4 wr 1.4e-2 v 3.1e-3 vw -1.9e-1",
+    "M": "pp 5.3e-5 pr 5.0e-3 rr 2.9e-3 q -6.8e-2 vp 1.2e-3 vr 1.7e-2 w 1.0e-1 vv -2.6e-2",
+    "N": "pq -2.1e-2 qr 2.7e-3 p -8.4e-4 r -1.6e-2 vq -1.0e-2 wp -1.7e-2 wr 7.4e-3 v -7.4e-3 vw -2.7e-2",
+}
+"""Healey and Lienard (1993) as its simulator has them, read again; a derivative by one velocity stands with u."""
+
+
+def test_every_derivative_of_nps_has_the_sign_and_size_of_a_second_reading() -> None:
+    vehicle = vehicles.load("nps_auv_ii")
+    told = {key: value.value for key, value in vehicle.provenance.items() if key.startswith("manoeuvring.")}
+    published = {key.partition(".")[2]: value for key, value in told.items()}
+    again: dict[str, float] = {}
+    for row, text in NPS.items():
+        words = text.split()
+        for letters, number in zip(words[::2], words[1::2], strict=True):
+            again[f"{row}_{letters if len(letters) == 2 else 'u' + letters}"] = float(number)
+    assert published == again
+
+
 def test_derivatives_with_added_mass_leave_forces_and_lagrangian_together_as_published() -> None:
     """The Coriolis and Munk terms that ℓ makes and those left in the part are what the source says."""
     from coadjoint.vehicles.files.read_derivatives import added_mass_derivatives

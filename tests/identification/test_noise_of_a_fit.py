@@ -1,0 +1,43 @@
+"""The noise that a fit leaves, with the degrees of freedom that it took up."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from coadjoint.identification.fitting import _estimated
+from coadjoint.identification.least_squares import Solution
+
+RUNS, SAMPLES, CHANNELS, OWN, SHARED = 2, 5, 2, 2, 3
+
+
+def design(J):
+    """All columns of all runs: each run's own, then those that they share."""
+    rows = J.shape[1]
+    X = np.zeros((RUNS * rows, RUNS * OWN + SHARED))
+    for run in range(RUNS):
+        X[run * rows : (run + 1) * rows, run * OWN : (run + 1) * OWN] = J[run, :, :OWN]
+        X[run * rows : (run + 1) * rows, RUNS * OWN :] = J[run, :, OWN:]
+    return X
+
+
+@pytest.mark.parametrize("missing", [0, 3])
+def test_the_noise_is_over_the_numbers_that_the_fit_left(missing):
+    random = np.random.default_rng(7)
+    J = random.normal(size=(RUNS, SAMPLES * CHANNELS, OWN + SHARED))
+    there = np.ones((RUNS, SAMPLES, CHANNELS), bool)
+    there[0, :missing, 0] = False
+    J *= there.reshape(RUNS, -1, 1)
+    X = design(J)
+    hat = X @ np.linalg.pinv(X)
+    noise = random.normal(size=len(X)) * there.ravel()
+    residual = noise - hat @ noise
+    problem = SimpleNamespace(there=there, sigma=np.array([1.0, 2.0]))
+    solution = cast(Any, SimpleNamespace(jacobian=J, residual=residual.reshape(RUNS, -1)))
+    left = np.where(there, 1 - np.diag(hat).reshape(there.shape), 0.0).sum(axis=(0, 1))
+    expected = problem.sigma * np.sqrt((residual.reshape(there.shape) ** 2).sum(axis=(0, 1)) / left)
+    np.testing.assert_allclose(_estimated(solution, cast(Any, problem), OWN), expected, rtol=1e-9)
+    # All numbers less all columns: 20 of them less 7.
+    assert left.sum() == pytest.approx(RUNS * SAMPLES * CHANNELS - missing - RUNS * OWN - SHARED)
+    assert "jacobian" in Solution._fields
