@@ -94,6 +94,6 @@ save_every = 2
 # mass = "2 %"
 
 [output]
-figures = true
+figures = ["mission"]  # or true, all of them
 csv = true
 animation = "html"  # or "gif" """

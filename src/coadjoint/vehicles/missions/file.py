@@ -42,8 +42,12 @@ class MissionRunSection(RunSection):
 
 @dataclass(frozen=True)
 class MissionOutputSection(OutputSection):
-    """Where results go, whether a log as `csv` is among them, and an `animation`: none, "gif" or "html"."""
+    """Where results go, whether a log as `csv` is among them, and an `animation`: none, "gif" or "html".
 
+    figures: by default `mission` alone, which holds the others in small.
+    """
+
+    figures: bool | list[str] = field(default_factory=lambda: ["mission"])
     csv: bool = True
     animation: str = ""
 

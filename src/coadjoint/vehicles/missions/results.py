@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LOG, MEMBERS = "trajectory.csv", "members.csv"
 DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
-"""The figures of a mission unless [output] names others."""
+"""The figures of a mission where [output] has `figures = true`."""
 MOST_DRAWN = 100
 """The most members in a figure."""
 MOST_ANIMATED = 8
