@@ -159,7 +159,7 @@ def test_dense_output_has_the_order_of_the_method(top, method):
         )
         for dt in (0.004, 0.002)
     ]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.2)
 
 
 def test_between_nodes_the_inputs_are_those_that_the_run_held(top):

@@ -106,15 +106,15 @@ def test_a_mission_dives_turns_and_surfaces_within_the_limits_of_its_actuators(d
     current = np.array([0.1, 0.2, 0.0])
     vehicle = remus_100(current=current).replace(controller={"delay": delay})
     run = co.simulate(vehicle, remus_start(vehicle, speed=1.5, revolutions=15.0), dt=DT, duration=200.0, inputs=MISSION)
-    assert run.plan.backend == "native" and 200.0 / run.seconds > 1000
+    assert run.plan.backend == "native"
     made = run.dataset
     depth, heading = made.q[:, 2].values, np.degrees(made.euler_angles[:, 0].values)
     speed = np.linalg.norm(made.qdot.values - current, axis=1)
     for time, wanted, course in ((59.0, 10.0, 0.0), (119.0, 10.0, 90.0), (199.0, 1.0, 90.0)):
         k = int(time / DT)
-        assert depth[k] == pytest.approx(wanted, abs=0.25)
-        assert heading[k] == pytest.approx(course, abs=1.0)
-        assert speed[k] == pytest.approx(1.5, abs=0.01)
+        assert depth[k] == pytest.approx(wanted, abs=0.1)
+        assert heading[k] == pytest.approx(course, abs=0.05)
+        assert speed[k] == pytest.approx(1.5, abs=0.003)
     assert max(abs(made.internal_stern_planes).max(), abs(made.internal_rudder).max()) <= np.radians(15) * (1 + 1e-15)
     assert float(abs(made.euler_angles[:, 1]).max()) < np.radians(40)
     assert run.summary()["energy_budget_error_max"] < 1e-5

@@ -38,9 +38,9 @@ def test_five_vehicles_dive_turn_and_surface_by_their_own_controllers(name):
     ahead = np.einsum("kji,kj->ki", made.R.values, made.qdot.values - CURRENT)[:, 0]
     for moment, wanted, course in ((119.0, 10.0, 0.0), (219.0, 10.0, 90.0), (319.0, 1.0, 90.0)):
         k = int(moment / 0.05)
-        assert depth[k] == pytest.approx(wanted, abs=0.3)
-        assert angles[k, 0] == pytest.approx(course, abs=0.5)
-        assert ahead[k] == pytest.approx(speed, rel=0.01)
+        assert depth[k] == pytest.approx(wanted, abs=0.25 if name == "lrauv_tethys" else 0.05)
+        assert angles[k, 0] == pytest.approx(course, abs=0.05)
+        assert ahead[k] == pytest.approx(speed, rel=0.002)
     assert depth.max() < 10.7 and depth[int(220 / 0.05) :].min() > 0.3
     assert angles[:, 0].max() < 95.0 and np.abs(angles[:, 1]).max() < 32.0 and np.abs(angles[:, 2]).max() < 5.0
     assert run.summary()["energy_budget_error_max"] < 1e-3
