@@ -17,6 +17,7 @@ STOREYS = (
         "extensions",
         "units",
         "texts",
+        "sealed",
         "csv_tables",
         "roots",
         "kernels",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.extensions import located
 from coadjoint.plotting.plots import Plots
+from coadjoint.sealed import readable, seal
 from coadjoint.simulation.csv_table import csv_table
 from coadjoint.simulation.formats import FORMATS, LAST_RECORD
 
@@ -74,6 +75,7 @@ class Recording:
                 temporary.write_text(text, encoding="utf-8")
             else:
                 self.dataset.assign(self._last_record()).to_netcdf(temporary, engine="h5netcdf")
+                seal(temporary)
             os.replace(temporary, target)
         except OSError as error:
             with contextlib.suppress(OSError):
@@ -176,8 +178,12 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
     try:
+        if not _begins(source, HDF5) or not readable(source):
+            raise _unreadable(source)
         with xarray.open_dataset(source, engine="h5netcdf") as opened:
             found = opened.load()
+    except FileError:
+        raise
     except Exception as error:  # h5py and what is above it have errors of all kinds for what is damaged
         raise _unreadable(source) from error
     if "time" not in found or "card" not in found.attrs:
@@ -188,19 +194,23 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
 def _unreadable(source: Path) -> FileError:
     """What to raise for a file that is not opened as netCDF: what it is instead, and what reads it."""
     try:
-        with source.open("rb") as opened:
-            first = opened.read(len(HDF5))
+        hdf5, zipped = _begins(source, HDF5), _begins(source, b"PK")
     except OSError as refusal:
         return FileError(f"The file {source} cannot be read: {refusal.strerror or refusal}.")
-    if first == HDF5:
+    if hdf5:
         return FileError(
             f"The file {source} cannot be read as netCDF: it is damaged, not whole, or still being written."
         )
-    reader = READERS.get(".zip" if first.startswith(b"PK") else source.suffix.lower())
+    reader = READERS.get(".zip" if zipped else source.suffix.lower())
     return FileError(
         f'The file {source} is not a netCDF file of a run, such as run.save("run.nc") writes, nor the folder of a '
         f"streamed run{f': {reader}' if reader else ''}."
     )
+
+
+def _begins(source: Path, word: bytes) -> bool:
+    with source.open("rb") as opened:
+        return opened.read(len(word)) == word
 
 
 def _path(given: Any) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import positive
+from coadjoint.sealed import readable
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
 MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
@@ -67,6 +68,8 @@ def _dataset(source: Path) -> Any:
             engine = ENGINES.get(opened.read(4))
         if engine is None:
             raise ValueError("neither HDF5 nor netCDF 3")
+        if engine == "h5netcdf" and not readable(source):
+            raise ValueError("damaged")
         with xarray.open_dataset(source, engine=engine) as opened:
             dataset = opened.load()
     except Exception as error:
