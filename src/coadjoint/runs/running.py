@@ -72,8 +72,8 @@ def prepared(file: Runnable, made: Setup) -> Run:
     h, steps = grid(section.dt, section.duration, section.steps)
     what = (made.system, made.start, chosen, h, steps, section.save_every)
     run = prepare(*what, True, None, made.inputs, "xla", made.until)
-    if isinstance(file.output.figures, list):
-        _require_drawable(file.output.figures, run)
+    if file.output.asked:
+        _require_drawable(file.output.asked, run)
     return run
 
 
@@ -100,7 +100,7 @@ def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: boo
     _require_folder(file, folder, overwrite)
     _ = file.companions
     made = file.set_up()
-    if isinstance(file.output.figures, list):
+    if file.output.asked:
         prepared(file, made)
     with claimed(folder, file.text, overwrite):
         discard(folder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si
@@ -96,6 +96,12 @@ class OutputSection:
     folder: str = ""
     figures: bool | list[str] = True
     format: str = "png"
+    ALWAYS: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def asked(self) -> list[str]:
+        """The figures that are asked for by name and that a run may have nothing to draw for."""
+        return [name for name in self.figures if name not in self.ALWAYS] if isinstance(self.figures, list) else []
 
     def __post_init__(self):
         from coadjoint.plotting.plots import figure_names

@@ -49,6 +49,7 @@ class MissionOutputSection(OutputSection):
 
     figures: bool | list[str] = field(default_factory=lambda: ["mission"])
     csv: bool = True
+    ALWAYS: ClassVar = ("mission",)
     animation: str = ""
 
     def __post_init__(self):
