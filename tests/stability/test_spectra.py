@@ -239,3 +239,19 @@ def test_round_off_is_no_definite_form():
     for J in (0.7, 0.7, 1 / 3, 1 / 3):
         found = turning((J, J, J), random.normal(size=3))
         assert (found.energy.verdict, found.energy.reason, found.spectral) == ("undecided", "degenerate", "neutral")
+
+
+@pytest.mark.parametrize("slow", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_modes_that_are_slow_beside_the_fastest_decay_and_grow_by_their_own_rates(slow):
+    rates = np.array([-1.0, -slow, 0.6 * slow])
+    body = co.System(
+        co.SO3(),
+        lambda xi, p: 0.5 * xi @ p.inertia @ xi,
+        parameters={"inertia": np.diag([1.0, 2.0, 3.0]), "rates": rates},
+        forces=lambda motion, p: co.Force(torque=p.rates * (p.inertia @ motion.xi)),
+    )
+    found = stability(steady_motion(body, body.state(xi=[0, 0, 0])))
+    modes = {round(mode.rate, 12): mode.growth for mode in found.modes}
+    assert modes == {round(rate, 12): int(np.sign(rate)) for rate in rates}
+    assert (found.spectral, found.verdict) == ("unstable", "unstable")
+    assert found.growth_rate == pytest.approx(0.6 * slow, rel=1e-9)

@@ -79,6 +79,9 @@ def test_a_turn_beyond_the_fold_is_that_of_the_equations_as_the_source_has_them(
     assert np.max(np.abs(_left_over(values, rudder)[0])) < 1e-10
     independent = _solved([1.5, -0.05, -0.1, 0.15, -0.1, -0.07, -0.2, 170.0], rudder)
     np.testing.assert_allclose(values, independent, rtol=1e-8)
+    assert found.sideslip == pytest.approx(np.arcsin(independent[1] / 1.5), rel=1e-7)
+    assert found.attack == pytest.approx(np.arctan2(independent[2], independent[0]), rel=1e-7)
+    assert found.sideslip < -0.01 < 0.1 < found.turn_rate, "turning to starboard the nose points inwards"
     assert np.degrees(found.turn_rate) == pytest.approx(10.09, abs=5e-3)
     assert found.exceeded["propeller"] == pytest.approx((183.005, 1525 * 2 * np.pi / 60), rel=1e-5)
 
