@@ -62,6 +62,8 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.internal_rule import InternalRule as InternalRule
     from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
+    from coadjoint.mechanics.over_step import Course as Course
+    from coadjoint.mechanics.over_step import jumped as jumped
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
     from coadjoint.mechanics.signals import Held as Held

@@ -24,7 +24,7 @@ from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.internal import applied
+from coadjoint.mechanics.over_step import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants

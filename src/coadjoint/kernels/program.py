@@ -112,8 +112,8 @@ class Program(Protocol):
         """The substeps as parts of h, which may be negative; (1.0,) for a method that is not composed."""
         ...
 
-    def prepare(self, parameters: Parameters, state: State) -> State:
-        """The state with its inputs for the step that starts (zero-order hold)."""
+    def prepare(self, parameters: Parameters, state: State, h: Scalar) -> State:
+        """The state with its inputs and internal states for the step of h that starts."""
         ...
 
     def monitors(self, parameters: Parameters, record: State, h: Scalar) -> Mapping[str, Scalar]:

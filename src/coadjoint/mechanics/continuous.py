@@ -42,7 +42,7 @@ def energy(system: System, state: State) -> Array:
 
 def energy_at(system: System, state: State, xi: Array, nu: Array) -> Array:
     """⟨∂_ξℓ, ξ⟩ + ⟨∂_νℓ, ν⟩ − ℓ, one number, at the place of the state with velocities ξ (dim G,) and ν (ambient,)."""
-    return node(system, state, Point(xi, state.n, nu, state.a, state.t)).energy
+    return node(system, state.holding(state.internal), Point(xi, state.n, nu, state.a, state.t)).energy
 
 
 def vector_field(system: System, state: State) -> State:
@@ -72,7 +72,7 @@ def rates(system: System, state: State) -> tuple[Phase, Phase]:
     """(μ, n, π, a) and its rate of change, at (ξ, ν) of the state on a flat Q, with μ = ∂_ξℓ, π = ∂_νℓ (P20–P22)."""
     group, Q, V = system.places
     xi, n, nu, a = state.xi, state.n, state.nu, state.a
-    at = node(system, state, Point(xi, n, nu, a, state.t))
+    at = node(system, state.holding(state.internal), Point(xi, n, nu, a, state.t))
     carried = jax.vjp(lambda w: Q.lifted(group, xi, n, w), jnp.zeros_like(n))[1](at.pi)[0]
     moving = Phase(
         mu=group.ad_dual(xi, at.mu) + at.torque,

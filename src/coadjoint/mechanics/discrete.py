@@ -62,7 +62,7 @@ def nodes_traced_once() -> Iterator[None]:
 
 
 def node(system: System, state: State, point: Point) -> Node:
-    """Evaluate ℓ, its gradients and the forces once at `point`; inputs and internal state are those of `state`."""
+    """Evaluate ℓ, its gradients and the forces once at `point`; inputs and internal state are those over its step."""
     return (_shared.get() or _node)(system, state, point)
 
 
@@ -71,12 +71,12 @@ def _node(system: System, state: State, point: Point) -> Node:
     xi, n, nu, a, t = point
 
     def lagrangian(xi, n, nu, a, t):
-        return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.internal, near=(state.mu, state.pi))
+        return system.reduced_lagrangian(xi, n, nu, a, t, state.inputs, state.over_step, near=(state.mu, state.pi))
 
     along = (0, 1, 2, 3, 4) if system.depends_on_time else (0, 1, 2, 3)
     value, slopes = jax.value_and_grad(lagrangian, argnums=along)(xi, n, nu, a, jnp.asarray(t))
     mu, along_n, pi, along_a, *along_t = slopes
-    forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.internal))
+    forces = system.body_forces(system.motion(xi, n, nu, a, t, state.inputs, state.over_step))
     torque, force = added(system, forces)
     from_advected = V.diamond(group, along_a, a)
     return Node(

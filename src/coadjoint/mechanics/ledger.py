@@ -48,8 +48,13 @@ def with_jump(system: System, held: str, before: State, after: State) -> State:
     if before.ledger is None or held not in _jumping(system):
         return after
     place = energy_lines(system).index(held)
-    change = jnp.zeros(np.shape(before.ledger)[1]).at[place].set(energy(system, after) - energy(system, before))
+    change = jnp.zeros(np.shape(before.ledger)[1]).at[place].set(over_step(system, after) - over_step(system, before))
     return after.replace(ledger=_added(before.ledger, change))
+
+
+def over_step(system: System, state: State) -> Array:
+    """ℋ(μ, π, n, a), one number, with the internal state that is read over the step from here."""
+    return energy(system, state.holding(state.over_step))
 
 
 def entered(ledger: Array, power: Array, momentum: Array) -> Array:
@@ -66,8 +71,14 @@ def _added(ledger: Array, step: Array) -> Array:
 
 
 def energy_put_in(system: System, state: State) -> dict[str, Array]:
-    """The work of each force, and of explicit time, since the start, one number each; negative where energy is lost."""
-    return {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
+    """The work of each force, and of explicit time, since the start, one number each; negative where energy is lost.
+
+    The ledger has gone on to the mean of the internal state over the step from here; the line is that of its value at t.
+    """
+    found = {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
+    if INTERNAL in _jumping(system):
+        found[INTERNAL] = found[INTERNAL] - (over_step(system, state) - energy(system, state))
+    return found
 
 
 def momentum_put_in(system: System, state: State) -> Array:

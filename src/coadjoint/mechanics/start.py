@@ -87,7 +87,8 @@ def _state_of(system: System, values: Checked, inputs: Any, internal: Any, many:
             mu, pi = legendre(here, xi, n, nu, a, given.t, inputs, internal)
         ruled = internal is not None and system.internal is not None
         made = State(
-            given.t, given.g, n, a, mu, pi, xi, nu, inputs, internal, internal_time=given.t if ruled else None,
+            given.t, given.g, n, a, mu, pi, xi, nu, inputs, internal, internal_mean=internal if ruled else None,
+            internal_end=internal if ruled else None, internal_due=jnp.ones_like(given.t) if ruled else None,
             places=system.places, from_velocities=not by_momenta,
         )  # fmt: skip
         if not by_momenta or not system.continuous:

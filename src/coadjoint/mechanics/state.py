@@ -51,8 +51,11 @@ class State:
 
     In a state that a run goes on from, ξ and ν are the last unknowns, Newton's next guess; in a record they are the
     unknowns of the step that starts at it.
-    inputs: held over the step. internal: what actuators, filters and noise remember. memory: what the method does.
-    internal_time: up to when the system's rule has advanced `internal`, s; None where there is no rule.
+    inputs: held over the step. internal: what actuators, filters and noise are and remember at t. memory: what the
+    method does.
+    internal_mean, internal_end: of a record, what `internal` is on the mean of the step that starts at it, which forces
+    and ℓ read, and at its end. internal_due: 1 where the system's rule is still to be applied at t, as in a start and
+    after a step, 0 in a record. All are None where there is no rule.
     ledger: the energy and momentum that forces have put in since the start (`mechanics.ledger`); None without monitors.
     t_rest: what rounding has cut off t (Kahan's summation), so that the error of t does not grow with the steps.
     places: G, Q and V*.
@@ -72,7 +75,9 @@ class State:
     inputs: Any = None
     internal: Any = None
     memory: Any = None
-    internal_time: Any = None
+    internal_mean: Any = None
+    internal_end: Any = None
+    internal_due: Any = None
     ledger: Any = None
     t_rest: Array = 0.0
     places: Places = field(metadata={"static": True}, kw_only=True)
@@ -80,8 +85,23 @@ class State:
     origin: Origin = field(metadata={"static": True}, kw_only=True, default=Origin(), repr=False)
 
     def replace(self, **changes: Any) -> State:
-        """A copy with some fields replaced."""
+        """A copy with some fields replaced; another internal state is held over the step of a record."""
+        if "internal" in changes and self.internal_mean is not None:
+            changes = {"internal_mean": changes["internal"], "internal_end": changes["internal"], **changes}
         return replace(self, **changes)
+
+    def with_course(self, internal: Any, mean: Any, end: Any, due: Any) -> State:
+        """A copy with another internal state at t, over the step and at its end, and whether its rule is due."""
+        return replace(self, internal=internal, internal_mean=mean, internal_end=end, internal_due=due)
+
+    def holding(self, internal: Any) -> State:
+        """A copy that has this internal state, as it is, at t and over the step."""
+        return self.with_course(internal, None, None, None)
+
+    @property
+    def over_step(self) -> Any:
+        """The internal state that forces, ℓ, ℋ and Λ read over the step from here."""
+        return self.internal if self.internal_mean is None else self.internal_mean
 
     def __getattr__(self, name: str) -> Any:
         if name in ("q", "qdot", "named"):
@@ -139,8 +159,8 @@ class Motion(NamedTuple):
     """What forces and inputs may depend on, in the body frame.
 
     xi: ξ = g⁻¹ġ, (dim G,). n, nu: g⁻¹q and ν = g⁻¹q̇, (ambient,), or by the names of the spaces, `motion.n.name`.
-    a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the internal state,
-    held over the step. Units are those of the Lagrangian.
+    a: advected parameters, as n. t: s. inputs: those of the run, `motion.inputs.name`. internal: the mean of the
+    internal state over the step. Units are those of the Lagrangian.
     """
 
     xi: Array
@@ -156,12 +176,14 @@ class Motion(NamedTuple):
 
 
 class NodeMotion(NamedTuple):
-    """What functions may depend on that are held over a step, of inputs and of internal states: `Motion`, g and q.
+    """What functions may depend on that are evaluated once a step, at the node where it starts: `Motion`, g and q.
 
         def rule(motion: co.NodeMotion, h, p):  # advances an internal state, once a step
 
-    xi, n, nu, a, t, inputs, internal: as in `Motion`, at the node where the step starts. g: as in `State`. q: q = g·n
-    in the space frame, (ambient,), or by names as n. Forces, which act within steps, have the body frame only.
+    xi, n, nu, a, t, inputs: as in `Motion`, at the node; ξ and ν are those of the momenta, where ℓ or ℋ is given.
+    internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names
+    as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces, which
+    act within steps, have the body frame only.
     """
 
     xi: Array
@@ -173,6 +195,7 @@ class NodeMotion(NamedTuple):
     internal: Any
     g: Any
     q: Any
+    ahead: Any = None
 
     def __getattr__(self, name: str) -> Any:
         raise _lacking("The motion", name, self._fields)

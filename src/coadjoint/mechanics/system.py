@@ -280,8 +280,8 @@ class System:
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
         return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
 
-    def motion_at(self, state: State, inputs: Any = None) -> NodeMotion:
-        """The motion at a node, of which inputs and internal states over the step from there may be functions.
+    def motion_at(self, state: State, inputs: Any = None, h: Any = 0.0) -> NodeMotion:
+        """The motion at a node, of which inputs and internal states over the step of h from there may be functions.
 
         A state of the reduced theory, whose g is None, has a motion without g and q: what reads them is not reduced.
         """
@@ -290,7 +290,7 @@ class System:
         if s.g is None:
             return motion  # pyright: ignore[reportReturnType]
         q = self.additional.view(self.group, self.additional.act(self.group, s.g, s.n))
-        return NodeMotion(*motion, g=s.g, q=q)
+        return NodeMotion(*motion, g=s.g, q=q, ahead=self.inputs_at(s.t + 0.5 * h, inputs))
 
     def body_forces(self, motion: Motion) -> list[tuple[Array, Array]]:
         """(T, f) of every force of `forces`, in their order, (dim G,) and (ambient,) each."""

@@ -9,7 +9,7 @@ from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.internal import applied
+from coadjoint.mechanics.over_step import applied
 from coadjoint.mechanics.reading import IMPURE, in_words
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -39,7 +39,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
                 return here.body_force(here.motion(xi, n, nu, a, t, inputs, internal))
             if name == "internal":
                 there = state.replace(g=g, xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
-                return applied(here, there, t)
+                return tuple(applied(here, there, t))
             if name == "hamiltonian":
                 return here.reduced_hamiltonian(xi, n, nu, a, t, inputs, internal)
             if name == "lagrangian":

@@ -31,7 +31,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
         group, Q, V = system.places
         back = group.inverse(self.difference_map.tau(group, h * xi))
         carried = Q.act(group, back, s), Q.act(group, back, n), V.act(group, back, a)
-        return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.internal)
+        return -system.reduced_discrete_lagrangian(xi, *carried, -h, t + h, record.inputs, record.over_step)
 
     def _slopes(self, system: System, record: State, h: Array) -> LagrangianSlopes:
         s = record.n + h * record.nu
@@ -67,7 +67,7 @@ class AdjointVariational(Variational, adjoint_of=Variational):
     def work(self, system: System, record: State, h: Array) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the right node, then −∂_tΛ*."""
         end = self._end(system, record, h)
-        motion = system.motion(end.xi, end.n, end.nu, end.a, end.t, end.inputs, end.internal)
+        motion = system.motion(end.xi, end.n, end.nu, end.a, end.t, end.inputs, end.over_step)
         value = partial(self._value, system, record, h)
         along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), end.xi, end.nu, along_t)

@@ -182,7 +182,7 @@ class EnergyMomentum(Method, Halved):
     def _slopes(self, system: System, record: State, at: tuple[Array, ...], t: Array) -> _Slopes:
         def lagrangian(xi, n, nu, a, t):
             return system.reduced_lagrangian(
-                xi, n, nu, a, t, record.inputs, record.internal, near=(record.mu, record.pi)
+                xi, n, nu, a, t, record.inputs, record.over_step, near=(record.mu, record.pi)
             )
 
         return _Slopes(*jax.grad(lagrangian, argnums=(0, 1, 2, 3, 4))(*at, jnp.asarray(t)))
@@ -191,7 +191,7 @@ class EnergyMomentum(Method, Halved):
         """The motion that forces read in the middle, with the velocity ½(H + H⁻¹)ρ that takes up their power."""
         group, Q, _ = system.places
         nu = 0.5 * (Q.push(group, half, n, record.nu) + Q.push(group, group.inverse(half), n, record.nu))
-        return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.internal)
+        return Motion(record.xi, n, nu, a, record.t + 0.5 * h, record.inputs, record.over_step)
 
     def equations(self, system: System, record: State, h: Array) -> Array:
         """∂_ξℓ − μ and ∂_νℓ − π at the points of the line from (μ₀, π₀) to (μ₁, π₁)."""

@@ -105,7 +105,7 @@ class GroupVariational(Variational):
         s, F = record.n + h * record.nu, record.memory.F
 
         def discrete(F, n, s, a):
-            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs, record.internal)
+            return system.reduced_group_lagrangian(F, n, s, a, h, record.t, record.inputs, record.over_step)
 
         momentum = right_derivative(system.group, lambda F: discrete(F, record.n, s, record.a), F)
         along_n, along_s, along_a = jax.grad(discrete, argnums=(1, 2, 3))(F, record.n, s, record.a)
@@ -119,7 +119,7 @@ class GroupVariational(Variational):
     def _value(self, system: System, record: State, h: Array, t: Array) -> Array:
         s = record.n + h * record.nu
         return system.reduced_group_lagrangian(
-            record.memory.F, record.n, s, record.a, h, t, record.inputs, record.internal
+            record.memory.F, record.n, s, record.a, h, t, record.inputs, record.over_step
         )
 
     def energy(self, system: System, record: State, h: Array) -> Array:
@@ -128,7 +128,7 @@ class GroupVariational(Variational):
 
         def discrete(h):
             return system.reduced_group_lagrangian(
-                record.memory.F, record.n, s, record.a, h, record.t, record.inputs, record.internal
+                record.memory.F, record.n, s, record.a, h, record.t, record.inputs, record.over_step
             )
 
         return -jax.grad(discrete)(h)

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
-from coadjoint.mechanics.internal import advanced
 from coadjoint.mechanics.ledger import entered, with_jump
+from coadjoint.mechanics.over_step import advanced, at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -47,21 +47,21 @@ RENEWED, INPUTS_HELD, ALL_HELD = 2.0, 3.0, 4.0
 Monitor = Callable[[System, Step, State, Any, Any], Any]
 
 
-def held(system: System, state: State, renewal: Array | None = None) -> State:
-    """The state at a node with the inputs and the internal state that are held over the step from there.
+def held(system: System, state: State, h: Array, renewal: Array | None = None) -> State:
+    """The state at a node with the inputs and the internal state over the step of h from there.
 
-    renewal: one number, see `Constants`.
+    h: one number, s. renewal: one number, see `Constants`.
     """
     driven = _with_inputs(system, state, renewal)
     return with_jump(
-        system, INTERNAL, driven, advanced(system, driven, None if renewal is None else renewal != ALL_HELD)
+        system, INTERNAL, driven, advanced(system, driven, h, None if renewal is None else renewal != ALL_HELD)
     )
 
 
 def _with_inputs(system: System, state: State, renewal: Array | None) -> State:
     if system.inputs is None or not system.inputs.holds:
         return state
-    motion = system.motion_at(state)
+    motion = system.motion_at(at_node(system, state))
     inputs = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), system.inputs.held(motion, state.inputs))
     if renewal is not None:
         inputs = jax.tree.map(lambda new, old: jnp.where(renewal == RENEWED, new, old), inputs, state.inputs)
@@ -92,12 +92,12 @@ class StepProgram:
     def substeps(self) -> tuple[float, ...]:
         return self.method.substeps
 
-    def prepare(self, parameters: Constants, state: State) -> State:
-        """The state with the inputs and the internal state that are held over the step.
+    def prepare(self, parameters: Constants, state: State, h: Array) -> State:
+        """The state with the inputs and the internal state over the step of h, one number.
 
         A ledger takes up by how much they change ℋ; the rule for the internal state reads the new inputs.
         """
-        return held(replace_parameters(self.skeleton, parameters.system), state, parameters.renewal)
+        return held(replace_parameters(self.skeleton, parameters.system), state, h, parameters.renewal)
 
     def monitors(self, parameters: Constants, record: State, h: Array) -> Mapping[str, Array]:
         """The values of all monitors at a record, arrays of fixed shapes by name; h: one number."""
@@ -170,7 +170,7 @@ class StepStage:
         system, record = self._system(parameters), self.record(parameters, state, h, z)
         if self.step.tolerant:
             return self.step.advance_if(system, record, h, sound)
-        after = self.step.advance(system, record, h)
+        after = stepped(self.step.advance(system, record, h))
         if state.ledger is None:
             return after
         done = self.step.work(system, record, h), self.step.impulse(system, record, h, after)

@@ -104,7 +104,7 @@ class Variational(Method, Whole):
         s = record.n + h * record.nu
 
         def discrete(xi, n, s, a):
-            return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs, record.internal)
+            return system.reduced_discrete_lagrangian(xi, n, s, a, h, record.t, record.inputs, record.over_step)
 
         slopes = jax.grad(discrete, argnums=(0, 1, 2, 3))(record.xi, record.n, s, record.a)
         along_xi, along_n, along_s, along_a = slopes
@@ -113,7 +113,7 @@ class Variational(Method, Whole):
 
     def _impulse(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         """(T⁻, φ⁻) = (hT, hf) at the left node."""
-        motion = system.motion(record.xi, record.n, record.nu, record.a, record.t, record.inputs, record.internal)
+        motion = system.motion(record.xi, record.n, record.nu, record.a, record.t, record.inputs, record.over_step)
         torque, force = system.body_force(motion)
         return h * torque, h * force
 
@@ -154,7 +154,7 @@ class Variational(Method, Whole):
     def work(self, system: System, record: State, h: Array) -> Array:
         """h(⟨T, ξ⟩ + ⟨f, ν⟩) of each force at the left node, then −∂_tΛ."""
         xi, nu = record.xi, record.nu
-        motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.internal)
+        motion = system.motion(xi, record.n, nu, record.a, record.t, record.inputs, record.over_step)
         value = partial(self._value, system, record, h)
         along_t = [jax.grad(value)(jnp.asarray(record.t)) / h] if system.depends_on_time else []
         return h * power(system.body_forces(motion), xi, nu, along_t)
@@ -163,7 +163,7 @@ class Variational(Method, Whole):
         """Λ at the record, with another time."""
         s = record.n + h * record.nu
         return system.reduced_discrete_lagrangian(
-            record.xi, record.n, s, record.a, h, t, record.inputs, record.internal
+            record.xi, record.n, s, record.a, h, t, record.inputs, record.over_step
         )
 
     def energy(self, system: System, record: State, h: Array) -> Array:
@@ -172,7 +172,7 @@ class Variational(Method, Whole):
 
         def discrete(xi, h):
             return system.reduced_discrete_lagrangian(
-                xi, record.n, s, record.a, h, record.t, record.inputs, record.internal
+                xi, record.n, s, record.a, h, record.t, record.inputs, record.over_step
             )
 
         along_xi, along_h = jax.grad(discrete, argnums=(0, 1))(record.xi, h)

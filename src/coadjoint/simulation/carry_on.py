@@ -8,7 +8,7 @@ from typing import Any
 from coadjoint.errors import StepError
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.log import logger
-from coadjoint.mechanics.internal import failure
+from coadjoint.mechanics.over_step import failure
 from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler

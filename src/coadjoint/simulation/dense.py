@@ -58,6 +58,6 @@ def _record(plan: Plan, record: State, time: float) -> State:
     if (rest := (time - float(state.t)) / plan.h) > SLACK:
         state = sound(part_of_step(plan, state, rest)).final
     between = abs(steps - round(steps)) > SLACK
-    # Between nodes an internal state is what the step holds: its rule is not applied there.
+    # Between nodes an internal state goes on along the course of the step: its rule is not applied there.
     opening = holding(plan) if between and plan.program.skeleton.internal is not None else plan
     return _row(sound(part_of_step(opening, state, 1.0)).records, 0)

@@ -13,6 +13,7 @@ from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.over_step import later_in, part_of
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import ALL_HELD, EVENTS
@@ -100,10 +101,19 @@ def not_finite(plan: Plan, state: State) -> str | None:
 
 
 def part_of_step(plan: Plan, state: State, fraction: float, monitors: bool = False) -> Chunk:
-    """A step of fraction·h from a state, by the method itself."""
-    return kernels.run(
-        plan.backend, plan.program, plan.constants, state, fraction * plan.h, 1, 1, monitors and plan.watches
-    )
+    """A step of fraction·h from a state, by the method itself.
+
+    The internal state goes on along the course that it has over the whole step.
+    """
+    watches = monitors and plan.watches
+    if fraction != 1.0 and state.internal_due is not None:
+        if np.any(state.internal_due):
+            whole = kernels.run(plan.backend, plan.program, plan.constants, state, plan.h, 1, 1, watches)
+            if whole.code:
+                return whole
+            state = taking_course(state, jax.tree.map(lambda leaf: leaf[0], whole.records)).replace(internal_due=0.0)
+        state = part_of(state, fraction)
+    return kernels.run(plan.backend, plan.program, plan.constants, state, fraction * plan.h, 1, 1, watches)
 
 
 def sound(chunk: Chunk) -> Chunk:
@@ -126,11 +136,16 @@ def holding(plan: Plan) -> Plan:
     return replace(plan, constants=replace(plan.constants, renewal=held))
 
 
+def taking_course(state: State, of: State) -> State:
+    """The state with the internal state of another one, at t and over the step from there."""
+    return state.with_course(of.internal, of.internal_mean, of.internal_end, state.internal_due)
+
+
 class DenseStep:
     """The records within a step from a record: Φ_{θh}, with the unknowns of the whole step that starts there.
 
     The method's own step of part θ leads there: momenta are as exact as at the nodes, the state is on the group, and
-    all is continuous with both nodes. Inputs are held over the step, and so is an internal state.
+    all is continuous with both nodes. Inputs are held over the step; an internal state goes on along its course.
     Raises StepError where such a step cannot be solved.
     """
 
@@ -143,5 +158,6 @@ class DenseStep:
         state = self.record
         if fraction:
             state = sound(part_of_step(self.held, state, fraction, monitors=True)).final
+            state = taking_course(state, later_in(self.record, fraction))
         chunk = sound(part_of_step(self.opening if fraction else self.held, state, 1.0, monitors=True))
         return jax.tree.map(lambda leaf: leaf[0], chunk.records), chunk.monitors[EVENTS][0]

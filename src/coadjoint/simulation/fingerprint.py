@@ -26,7 +26,7 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     constants, state = (all_constants, all_states) if one is None else one
     h, whole = np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
-    functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state))]
+    functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state, h))]
     for stage in different.values():
         z = np.zeros(sum(stage.blocks))
         functions += [

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
 
 _VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
-_FREE = ("inputs", "internal")
+_FREE = ("inputs", "internal", "internal_mean", "internal_end")
 
 
 def written(run: Run) -> dict[str, Any]:
@@ -90,7 +90,9 @@ def _state(record: dict[tuple[str, ...], np.ndarray], system: System) -> State:
         g=jax.tree_util.tree_unflatten(structure, g),
         inputs=Parameters(**held.asdict()) if isinstance(held, Named) else held,
         internal=within["internal"],
-        internal_time=record[("internal_time",)][()] if ("internal_time",) in record else None,
+        internal_mean=within["internal_mean"],
+        internal_end=within["internal_end"],
+        internal_due=record[("internal_due",)][()] if ("internal_due",) in record else None,
         t_rest=record[("t_rest",)][()],
         places=system.places,
         **vectors,

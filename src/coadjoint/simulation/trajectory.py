@@ -21,7 +21,7 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
-from coadjoint.mechanics.internal import failure, require_internal
+from coadjoint.mechanics.over_step import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.origin import Keep, continued
 from coadjoint.mechanics.state import State

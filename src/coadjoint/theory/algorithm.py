@@ -75,7 +75,7 @@ class Algorithm:
     def blocks(self) -> tuple[int, ...]:
         return self.group.dim, self.space.dim(self.group)
 
-    def prepare(self, parameters: Any, state: Any) -> Any:
+    def prepare(self, parameters: Any, state: Any, h: Any) -> Any:
         return state
 
     def monitors(self, parameters: Any, record: Any, h: Array) -> Mapping[str, Array]:

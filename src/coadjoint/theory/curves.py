@@ -110,7 +110,7 @@ def _action(system: System, record: State, h: Array, places: list[NodePlace]) ->
     """h Σ w ℓ."""
 
     def at(point: Point) -> Array:
-        return system.reduced_lagrangian(*point, record.inputs, record.internal, near=(record.mu, record.pi))
+        return system.reduced_lagrangian(*point, record.inputs, record.over_step, near=(record.mu, record.pi))
 
     return h * sum((place.weight * at(place.point) for place in places), jnp.zeros(()))
 
@@ -173,7 +173,7 @@ def _of_ones_own(system: System, step: Step, h: Array, record: State) -> Trial:
 def _in_algebra_form(system: System, step: Variational, h: Array, record: State) -> Trial:
     """Λ(ξ, n, s, a) of the user with forces at the left node, or its adjoint with forces at the right one."""
     group, Q, V = system.places
-    dim, held = group.dim, (record.inputs, record.internal)
+    dim, held = group.dim, (record.inputs, record.over_step)
     adjoint = isinstance(step, AdjointVariational)
 
     def curve(z: Array, n: Array, a: Array) -> Curve:
@@ -201,7 +201,7 @@ def _in_group_form(system: System, step: GroupVariational, h: Array, record: Sta
         chi, d = z[:dim], z[dim:]
         turn = jax.tree.map(lambda e, change: e + change, group.identity(), group.tangent(chi))
         F = group.compose(turn, last)
-        value = system.reduced_group_lagrangian(F, n, n + d, a, h, record.t, record.inputs, record.internal)
+        value = system.reduced_group_lagrangian(F, n, n + d, a, h, record.t, record.inputs, record.over_step)
         # Forces are not varied: they see the F of the record.
         xi = group.vee(group.matrix(last) - group.matrix(group.inverse(last))) / (2 * h)
         return Curve(F, d, [_place(system, 1.0, group.identity(), xi, n, d / h, a, record.t)], value)

@@ -22,8 +22,9 @@ from coadjoint.spaces.named import named
 class Instant:
     """The time t (s) at which a step starts, and the inputs and the internal state that are held over it.
 
-    `inputs`: of a system driven by signals (`system.driven`) leave them out. `internal`: a dictionary like the start's.
-    All are None for a system that has none of them.
+    `inputs`: of a system driven by signals (`system.driven`) leave them out. `internal`: a dictionary like the start's,
+    on the mean of the step. `internal_end`: what it is at the end of the step, by default the same. All are None for a
+    system that has none of them.
 
     t: one number; of a sequence of steps all have a leading axis.
     """
@@ -31,9 +32,12 @@ class Instant:
     t: Array = None
     inputs: Any = None
     internal: Any = None
+    internal_end: Any = None
 
     def __post_init__(self):
-        for key in ("inputs", "internal"):
+        if self.internal_end is None:
+            object.__setattr__(self, "internal_end", self.internal)
+        for key in ("inputs", "internal", "internal_end"):
             object.__setattr__(self, key, named(getattr(self, key)))
 
 
@@ -43,7 +47,7 @@ ALWAYS = Instant()
 
 def instants(records: State) -> Instant:
     """The instants of a state, or of the records of a run, with a leading axis."""
-    return Instant(records.t, records.inputs, records.internal)
+    return Instant(records.t, records.inputs, records.over_step, records.internal_end)
 
 
 def timed(system: System) -> bool:
@@ -97,7 +101,7 @@ def given(system: System, at: Instant) -> tuple[Any, Any, Any]:
 
 
 def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Array, Array, Array]) -> Instant:
-    """The instant of the next step, which starts at (n, a) after one of length h with velocities (ξ, ν).
+    """The instant of the next step, of h as well, which starts at (n, a) after one with velocities (ξ, ν).
 
     motion: (ξ, n, ν, a), of shapes (dim G,), (ambient,), (ambient,) and (dim V*,). Inputs that are functions of the
     motion, and the rule of the internal state, are applied as co.simulate does; they may not read g or q = g·n, of
@@ -105,12 +109,13 @@ def next_instant(system: System, at: Instant, h: Array, motion: tuple[Array, Arr
     """
     if at.t is None:
         return at
-    t, inputs, internal = given(system, at)
+    t, inputs, _ = given(system, at)
     xi, n, nu, a = motion
-    nothing = np.zeros(0)
+    nothing, ruled = np.zeros(0), system.internal is not None
+    end = at.internal_end
     state = State(
-        t=t + h, g=None, n=n, a=a, mu=nothing, pi=nothing, xi=xi, nu=nu, inputs=inputs, internal=internal,
-        internal_time=t, places=system.places,
+        t=t + h, g=None, n=n, a=a, mu=nothing, pi=nothing, xi=xi, nu=nu, inputs=inputs, internal=end,
+        internal_mean=end if ruled else None, internal_end=end if ruled else None, internal_due=1.0 if ruled else None,
+        places=system.places,
     )  # fmt: skip
-    state = held(system, state)
-    return instants(state)
+    return instants(held(system, state, h))

@@ -117,7 +117,7 @@ def _impulse(
     if system.forces is None:
         nothing = jnp.zeros(group.dim), jnp.zeros_like(record.n)
         return Impulse(*nothing, *nothing), jnp.zeros(0)
-    held = record.inputs, record.internal
+    held = record.inputs, record.over_step
     forces = [(h * p.weight, *system.body_force(system.motion(*p.point, *held))) for p in curve.places]
 
     def work(z: Array, n: Array) -> Array:

@@ -96,7 +96,7 @@ def plan(
     graph = tracer.graph
     p = _specialise(graph, tracer.symbols("p", parameters), pattern)
     s, h = tracer.symbols("s", state), tracer.symbols("h", 0.0)
-    prepared = tracer.trace(program.prepare, p, s)
+    prepared = tracer.trace(program.prepare, p, s, h)
     _check_same("prepare", prepared, state)
     looped = len(program.substeps) > 1 and not unrolled
     whole, opening = (tracer.symbols("k", 0.0), tracer.symbols("c", state)) if looped else (h, prepared)

@@ -44,7 +44,7 @@ def step(program: Program, parameters: Any, state: Any, h: Any, certify: bool = 
         return result.after, result
 
     fractions = program.substeps
-    prepared = program.prepare(parameters, state)
+    prepared = program.prepare(parameters, state, h)
     if len(fractions) == 1:
         after, result = substep(prepared, fractions[0])
     else:

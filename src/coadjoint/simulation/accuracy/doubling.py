@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.run.probe import Probe
+from coadjoint.mechanics.over_step import HELD
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import INPUTS_HELD, Constants
 from coadjoint.simulation.accuracy.metric import Difference, differences, relative, sizes_of
@@ -17,9 +18,6 @@ from coadjoint.simulation.driver import Plan
 HALVES = (0.5, 0.5)
 UNEVEN = (0.382, 0.618)
 """Parts in no simple ratio: what repeats at h and at h/2 alike, such as a sampled signal, does not repeat here."""
-
-FROZEN = frozenset({"value", "pending", "sample", "release"})
-"""The parts of what `co.sampled` advances."""
 
 
 class Errors(NamedTuple):
@@ -51,7 +49,9 @@ class Doubling:
         self._memory = (
             [int(i) for leaf in jax.tree.leaves(self.places.memory) for i in np.ravel(leaf)] if variable else []
         )
-        self.following = following(self.places.internal, system.internal) if system.internal is not None else []
+        of = self.places.internal, self.places.internal_mean, self.places.internal_end
+        self.courses = [following(place, system.internal) for place in of] if system.internal is not None else [[]] * 3
+        self.following = sum(self.courses, [])
 
     def packed(self, records: State) -> np.ndarray:
         """Records with a leading axis as rows of numbers."""
@@ -60,8 +60,8 @@ class Doubling:
 
     def over(self, rows: np.ndarray, h: np.ndarray, parts: Sequence[float], members: Any = None):
         """The rows after steps of the parts of h one after another, and whether all of them were solved."""
-        internal_time, memory = self.places.internal_time, self._memory
-        if internal_time is None and not memory and len(set(parts)) == 1:
+        due, memory = self.places.internal_due, self._memory
+        if due is None and not memory and len(set(parts)) == 1:
             found = self.probe(rows, h * parts[0], len(parts), members)
             return found.after, found.code == 0
         good, begun = np.ones(len(rows), bool), rows
@@ -69,13 +69,21 @@ class Doubling:
             if number:
                 rows = np.array(rows)
                 rows[:, memory] = begun[:, memory]
-            if number and self.following:
-                rows[:, self.following] = self.probe(rows, h * part, 1, members).record[:, self.following]
-            if number and internal_time is not None:
-                rows[:, internal_time] = rows[:, self.places.t]
+            if due is not None and part != 1.0:
+                rows = self._followed(rows, h * part, members)
             rows, _, code = self.probe(rows, h * part, 1, members)
             good &= code == 0
         return rows, good
+
+    def _followed(self, rows: np.ndarray, h: np.ndarray, members: Any) -> np.ndarray:
+        """The rows as records of steps of h, with the rule applied to what follows the motion or a command."""
+        due, kept = self.places.internal_due, np.array(rows)
+        if self.following:
+            kept[:, due] = 1.0
+            found = self.probe(kept, h, 1, members).record
+            kept[:, self.following] = found[:, self.following]
+        kept[:, due] = 0.0
+        return kept
 
     def errors(
         self, rows: np.ndarray, h: np.ndarray, members: Any = None, sizes: Any = None, at_least: bool = False
@@ -106,7 +114,7 @@ class Doubling:
 
     def _shrinks(self, parts: Sequence[float]) -> float:
         """1 − Σ part^{p+1}: what the difference to steps of the parts is of the local error, of order p + 1."""
-        order = 1 if self.following else self.order
+        order = min(self.order, 2) if self.following else self.order
         return 1.0 - sum(part ** (order + 1) for part in parts)
 
 
@@ -121,7 +129,7 @@ def following(places: Any, rule: Any) -> list[int]:
     def visit(tree: Any, name: str) -> None:
         if hasattr(tree, "asdict"):
             parts = tree.asdict()
-            if parts.keys() >= FROZEN:
+            if parts.keys() >= HELD:
                 return
             for key, part in parts.items():
                 if name or key not in jumping:

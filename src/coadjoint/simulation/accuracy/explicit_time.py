@@ -35,9 +35,7 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -
     count, places = len(PARTS), doubling.places
     given = np.tile(rows, (count, 1))
     later = (PARTS[:, None] * h).ravel()
-    for place in (places.t, places.internal_time):
-        if place is not None:
-            given[:, place] += later[:, None] if np.ndim(place) else later
+    given[:, places.t] += later[:, None] if np.ndim(places.t) else later
     whose = None if members is None else np.tile(members, count)
     after, good = doubling.over(given, np.tile(SHORT * h, count), (1.0,), whose)
     if not good.all():
@@ -54,11 +52,12 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -
 
 def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: Any) -> bool:
     """Whether what an internal state follows, such as a command of an actuator, varies within a step."""
-    following, time = doubling.following, doubling.places.internal_time
-    if not following or time is None:
+    at_node, _, at_end = doubling.courses
+    if not at_node:
         return False
     begun = given.copy()
-    begun[:, time] -= short
+    begun[:, doubling.places.internal_due] = 1.0
     found = doubling.probe(begun, short, 1, whose)
-    rates = (found.record - given)[:, following].reshape(len(PARTS), len(rows), -1).swapaxes(0, 1) / SHORT
-    return not found.code.any() and bent(rates, 0.0, ROUND_OFF * np.max(np.abs(rows[:, following])))
+    change = found.record[:, at_end] - given[:, at_node]
+    rates = change.reshape(len(PARTS), len(rows), -1).swapaxes(0, 1) / SHORT
+    return not found.code.any() and bent(rates, 0.0, ROUND_OFF * np.max(np.abs(rows[:, at_node])))

@@ -22,7 +22,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, stacked
-from coadjoint.mechanics.internal import require_internal
+from coadjoint.mechanics.over_step import require_internal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -31,10 +31,11 @@ MEMORY = "memory"
 
 @dataclass(frozen=True, eq=False)
 class Rule(InternalRule):
-    """(motion, h, p) → the internal state after h: {part: actuator, "controller": its samples, "water": its memory}.
+    """(motion, h, p) → the internal state over h: {part: actuator, "controller": its samples, "water": its memory}.
 
-    Over the step that ends at the node, actuators have followed the commands that were in force at its beginning.
-    Without a controller, and for parts that it leaves alone, an input of a part's name commands it; others stay.
+    Over the step from the node, actuators follow the commands that are in force from there. Without a controller, and
+    for parts that it leaves alone, an input of a part's name commands it, by its value in the middle of the step; others
+    stay.
     """
 
     vehicle: Vehicle
@@ -64,15 +65,15 @@ class Rule(InternalRule):
         return {**found, "water": remembered} if remembered else found
 
     def __call__(self, motion: NodeMotion, h: Array, p: Any) -> dict[str, Any]:
-        inputs = self.inputs(motion)
+        inputs, ahead = self.inputs(motion), self.inputs(motion._replace(inputs=motion.ahead))
         after: dict[str, Any] = {}
         wanted = {} if self.controller is None else self.controller.inputs
-        commands = {name: value for name, value in inputs.items() if name in self._shapes and name not in wanted}
+        commands = {name: value for name, value in ahead.items() if name in self._shapes and name not in wanted}
         if self.controller is not None:
             after["controller"], steered = self._sample(self.controller, motion, h, p, Named(**inputs))
             if twice := [name for name in commands if name in steered]:
                 raise ArgumentError(f"The controller commands `{twice[0]}` already: leave the input of that name out.")
-            commands.update({name: getattr(motion.internal.controller.value, name) for name in steered})
+            commands.update({name: getattr(after["controller"]["value"], name) for name in steered})
         for part in self.vehicle.commanded:
             actual = getattr(motion.internal, part.name)
             if part.name in commands:

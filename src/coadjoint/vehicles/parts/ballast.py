@@ -31,8 +31,5 @@ class Ballast(BoundedTravel):
     rate: Any = measured(u.VOLUME_RATE, positive)
     lag: Any = measured(u.TIME, lag_or_none, default=None)
 
-    def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        return actual + self.followed(actual, command, h, own)
-
     def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
         return ((actual, own.position),)

@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import Force
-from coadjoint.vehicles.parts.part import Command, Flow, Part, share_of_lag
+from coadjoint.vehicles.parts.part import Command, Flow, Part, towards
 
 
 class BoundedTravel(Part):
@@ -33,12 +33,13 @@ class BoundedTravel(Part):
     def command(self) -> Command:
         return Command(self.unit, start=float(np.clip(0.0, self.low, self.high)))
 
-    def followed(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        """The change over h towards a command: clip((1 − exp(−h/τ))(clip(command, low, high) − x), ±rate·h)."""
-        change = jnp.clip(command, own.low, own.high) - actual
-        if "lag" in own:
-            change = share_of_lag(h, own.lag) * change
-        return jnp.clip(change, -own.rate * h, own.rate * h)
+    def wanted(self, command: Array, own: Any) -> Array:
+        """Where it goes: clip(command, low, high)."""
+        return jnp.clip(command, own.low, own.high)
+
+    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+        """x over h, co.Course: ẋ = clip((wanted − x)/τ, ±rate), exact for a command that is held."""
+        return towards(actual, self.wanted(command, own), h, own)
 
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         return Force()

@@ -5,21 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
+
 from coadjoint import units as u
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.over_step import Course
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place, way
+from coadjoint.vehicles.parts.part import towards
 
 
 @dataclass(frozen=True, eq=False)
 class MovingMass(BoundedTravel):
     """A point mass m at r + x e, which ℓ has as ½m|ν + ω × (r + x e) + ẋ e|² + m g depth, beyond the mass of the body.
 
-    Over each step the mass runs at a constant speed ẋ, and ℓ has it halfway: centre of mass, inertia and the momentum
+    Over each step ℓ has the mass at its mean place and at its mean speed: centre of mass, inertia and the momentum
     of the mass that runs are in ℓ, momenta are continuous where ẋ changes, and so the hull recoils as it must. What the
     motor does is the ledger's ΔH at the nodes.
-    Its internal state is `position`, x halfway through the step, m, and `speed`, ẋ, m/s.
+    Its internal state is `position`, x, m, and `speed`, ẋ, m/s.
 
     mass: m, kg. position: r, (3,) m. axis: e, unit vector (3,). low, high: the range of x, m. rate: largest |ẋ|, m/s.
     lag: τ, s, with which it comes to its command, none if left out. Commanded by x. Raises ArgumentError.
@@ -43,9 +47,17 @@ class MovingMass(BoundedTravel):
         return {"position": where, "speed": 0.0}
 
     def advance(self, actual: Any, command: Array, h: Array, own: Any) -> dict[str, Any]:
-        reached = actual.position + 0.5 * h * actual.speed
-        change = self.followed(reached, command, h, own)
-        return {"position": reached + 0.5 * change, "speed": change / h}
+        found = towards(actual.position, wanted := self.wanted(command, own), h, own)
+        begin, end = (self._speed(wanted - x, own) for x in (actual.position, found.end))
+        return {"position": found, "speed": Course(end, (found.end - actual.position) / h, begin)}
+
+    def _speed(self, gap: Array, own: Any) -> Array:
+        """ẋ = clip((wanted − x)/τ, ±rate)."""
+        if "lag" not in own:
+            return own.rate * jnp.sign(gap)
+        late = own.lag > 0
+        slow = jnp.clip(gap / jnp.where(late, own.lag, 1.0), -own.rate, own.rate)
+        return jnp.where(late, slow, own.rate * jnp.sign(gap))
 
     def lumps(self, actual: Any, own: Any) -> tuple[tuple[Array, Array, Array], ...]:
         return ((own.mass, own.position + actual.position * own.axis, actual.speed * own.axis),)

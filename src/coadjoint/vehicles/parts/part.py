@@ -12,6 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.over_step import Course
 from coadjoint.mechanics.state import Force
 from coadjoint.vehicles.parts.measured import check_fields
 from coadjoint.vehicles.parts.numbers import Numbers
@@ -80,19 +81,13 @@ class Part(Numbers, ABC):
         """What a controller may set; None for a part that nobody moves."""
         return None
 
-    def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        """The actuator after h: u = clip(command, ±limit), x ← x + clip((1 − exp(−h/τ))(u − x), ±rate·h).
+    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+        """The actuator over h, co.Course: ẋ = clip((u − x)/τ, ±rate) with u = clip(command, ±limit), exact for u held.
 
-        limit, τ = own.lag (s) and own.rate (per s) count where the part has them.
-        Exact for u held over h; τ = 0: at once.
+        limit, τ = own.lag (s) and own.rate (per s) count where the part has them; τ = 0: at once, or at that rate.
         """
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
-        change = wanted - actual
-        if "lag" in own:
-            change = share_of_lag(h, own.lag) * change
-        if "rate" in own:
-            change = jnp.clip(change, -own.rate * h, own.rate * h)
-        return actual + change
+        return towards(actual, wanted, h, own)
 
     @abstractmethod
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
@@ -134,10 +129,25 @@ class Part(Numbers, ABC):
             object.__setattr__(self, key, value)
 
 
-def share_of_lag(h: Any, lag: Any) -> Array:
-    """1 − exp(−h/τ), what an actuator with the lag τ does of a change over h; 1 where τ = 0."""
+def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
+    """The course over h of ẋ = clip((u − x)/τ, ±r) with u held, in closed form: at the rate r, then by the lag τ.
+
+    x, wanted: u, of one shape. h: s. own: τ = own.lag (s) and r = own.rate (per s), where it has them; without both, x
+    is u at once. With e = u − x the first part takes it to e − m in the time |m|/r, m = clip(e − clip(e, ±rτ), ±rh).
+    """
+    gap, lag = wanted - x, own.lag if "lag" in own else jnp.zeros(())
     late = lag > 0
-    return jnp.where(late, 1 - jnp.exp(-h / jnp.where(late, lag, 1.0)), 1.0)
+    if "rate" in own:
+        within = own.rate * lag
+        moved = jnp.clip(gap - jnp.clip(gap, -within, within), -own.rate * h, own.rate * h)
+        first = jnp.abs(moved) / own.rate
+    else:
+        moved = first = 0.0
+    rest, left = h - first, gap - moved
+    kept = jnp.where(late, jnp.exp(-rest / jnp.where(late, lag, 1.0)), jnp.where(rest > 0, 0.0, 1.0))
+    total = (gap - 0.5 * moved) * first + left * lag * (1 - kept)
+    begin = x if "rate" in own else jnp.where(late, x, wanted)
+    return Course(wanted - left * kept, wanted - total / h, begin)
 
 
 def acting_at(position: Any, force: Array) -> Force:

@@ -19,7 +19,7 @@ from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.parts.force_curves import Polynomial
 from coadjoint.vehicles.parts.measured import lag_or_none, measured
-from coadjoint.vehicles.parts.part import Command, Flow, Part, share_of_lag
+from coadjoint.vehicles.parts.part import Command, Flow, Part, towards
 from coadjoint.vehicles.parts.published_curves import force_curve
 
 COMMANDED = u.Dimension(u.NUMBER.powers, "SI", "commands")
@@ -173,9 +173,8 @@ class Thrusters(Part):
         both = self.matrix(own) @ self.thrusts(actual, own, flow.density)
         return Force(torque=both[3:], force=both[:3])
 
-    def advance(self, actual: Array, command: Array, h: Array, own: Any) -> Array:
-        wanted = jnp.clip(command, *_ends(own)) if "limit" in own else command
-        return actual + (share_of_lag(h, own.lag) if "lag" in own else 1.0) * (wanted - actual)
+    def advance(self, actual: Any, command: Array, h: Array, own: Any) -> Any:
+        return towards(actual, jnp.clip(command, *_ends(own)) if "limit" in own else command, h, own)
 
     def commands_for(self, thrusts: Array, own: Any) -> Array:
         """The commands whose thrusts are nearest to these, (n,) N."""

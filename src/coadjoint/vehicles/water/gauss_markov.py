@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.over_step import jumped
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.water.random_numbers import normal, stream
 from coadjoint.vehicles.water.water import Water
@@ -24,7 +25,7 @@ class GaussMarkovCurrent(Water):
     """c = mean + deviation·z everywhere, with dz = −z dt/τ + √(2/τ) dW in each direction (Ornstein and Uhlenbeck).
 
     From node to node z ← e^{−h/τ} z + √(1 − e^{−2h/τ}) ζ with ζ normal: the exact law of the process, so that mean,
-    variance and the correlation e^{−|t|/τ} are the same whatever the step. z is held over a step, and begins with its
+    variance and the correlation e^{−|t|/τ} are the same whatever the step. Over a step ℓ has the mean of z at its ends; z begins with its
     stationary law. deviation: standard deviations, (3,) m/s: north, east, down. correlation_time: τ, s. mean: (3,) m/s.
     seed: a whole number ≥ 0; of an ensemble, co.each of whole numbers: random numbers are MRG32k3a's, and members with
     different seeds are independent. Raises ArgumentError for τ ≤ 0, negative deviations, and seeds that are none.
@@ -69,7 +70,7 @@ class GaussMarkovCurrent(Water):
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
         zeta, random = normal(internal.random, 3)
         kept = jnp.exp(-h / own.correlation_time)
-        return {"z": kept * internal.z + jnp.sqrt(-jnp.expm1(-2 * h / own.correlation_time)) * zeta, "random": random}
+        return {"z": kept * internal.z + jnp.sqrt(-jnp.expm1(-2 * h / own.correlation_time)) * zeta, "random": jumped(random)}
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
         return own.mean + own.deviation * internal.z
