@@ -41,7 +41,7 @@ class Still:
     substeps: tuple[float, ...] = (1.0,)
     stops: bool = False
 
-    def prepare(self, p, s):
+    def prepare(self, p, s, h):
         return s
 
     def monitors(self, p, record, h):

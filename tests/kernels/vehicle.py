@@ -117,7 +117,7 @@ class VehicleProgram:
     substeps: tuple[float, ...] = (1.0,)
     stops: bool = False
 
-    def prepare(self, p, s):
+    def prepare(self, p, s, h):
         return s
 
     def monitors(self, p, s, h):

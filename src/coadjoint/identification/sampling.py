@@ -25,7 +25,6 @@ class Samples:
     (segments, samples), which sample of the log, −1 where there is none. `nodes`, `weights`: (segments, samples, 1 or
     4), the nodes that a sample lies between and their parts in it: cubic interpolation. `turning`: the channels that
     are angles. `nodes_to_next`: at which node the next segment starts.
-    `early`: inputs that are taken half a step early.
     """
 
     h: float
@@ -36,7 +35,6 @@ class Samples:
     weights: np.ndarray
     turning: np.ndarray
     nodes_to_next: np.ndarray
-    early: np.ndarray
 
     def taken(self, records: np.ndarray) -> np.ndarray:
         """Records (segments, steps, channels) at the samples (segments, samples, channels)."""
@@ -54,14 +52,8 @@ class Samples:
         return sum(parts)  # type: ignore[return-value]
 
 
-def samples(
-    log: Log, turning: np.ndarray, early: np.ndarray, h: float, segment: float | None, between: Between
-) -> Samples:
-    """Segments of about `segment` s, or one; raises ArgumentError where one would hold fewer than four samples.
-
-    What actuators follow is `early`: by their rule they are, over the step from t to t + h, where the input of that
-    step has brought them at its end; with the mean from t − h/2 to t + h/2 that is where they are at t + h/2.
-    """
+def samples(log: Log, turning: np.ndarray, h: float, segment: float | None, between: Between) -> Samples:
+    """Segments of about `segment` s, or one; raises ArgumentError where one would hold fewer than four samples."""
     count = 1 if segment is None else max(1, round(log.duration / segment))
     borders = log.time[0] + log.duration / count * np.arange(count)
     first = np.searchsorted(log.time, borders - 1e-9 * log.duration)
@@ -80,10 +72,7 @@ def samples(
     inputs = np.concatenate([np.zeros((len(log), 0)), *(v.reshape(len(log), -1) for v in log.inputs.values())], axis=1)
     edges = starts[None, :] + h * np.arange(steps + 1)[:, None]
     table = np.diff(_integral(log.time, inputs, edges, between), axis=0) / h
-    if np.any(early):
-        sooner = np.diff(_integral(log.time, inputs, edges - 0.5 * h, between), axis=0) / h
-        table = np.where(early, sooner, table)
-    return Samples(h, starts, table, rows, nodes, weights, turning, np.rint(np.diff(starts) / h).astype(int), early)
+    return Samples(h, starts, table, rows, nodes, weights, turning, np.rint(np.diff(starts) / h).astype(int))
 
 
 def _interpolation(x: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:

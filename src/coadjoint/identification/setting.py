@@ -14,7 +14,7 @@ from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
 from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Between, samples
-from coadjoint.identification.shooting import Reference, Shooting, followed, require_inputs
+from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.mechanics.copies import replace_parameters
@@ -58,14 +58,6 @@ class Setting:
         return "heading" in known and any(all(name in known for name in names) for names in (POSITION, VELOCITY))
 
     @cached_property
-    def early(self) -> np.ndarray:
-        """Which numbers of the inputs actuators follow; none where steps are those of the simulation that is meant."""
-        free, system = self.step is None, self.unknowns.system
-        values = self.start.inputs.asdict() if self.log.inputs else {}
-        flags = (np.full(np.size(v), free and followed(system, self.start, name)) for name, v in values.items())
-        return np.concatenate([np.zeros(0, bool), *flags])
-
-    @cached_property
     def program(self) -> Any:
         """A step with what the sensors say."""
         system, functions = self.unknowns.system, [function for _, function in self.channels.own]
@@ -76,12 +68,8 @@ class Setting:
         """Segments of about `segment` s on steps h."""
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
-        cut = samples(self.log, turning, self.early, h, segment, self.between)
-        start = self.start
-        if np.any(self.early) and start.internal_time is not None:
-            # In the middle of their first step actuators have moved for half of it.
-            start = start.replace(internal_time=start.internal_time - 0.5 * h)
-        template = self.method.begin(self.unknowns.system, start, h)
+        cut = samples(self.log, turning, h, segment, self.between)
+        template = self.method.begin(self.unknowns.system, self.start, h)
         if template.memory is not None or self.method.variable:
             raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
         return Shooting(self.unknowns, self.channels, cut, self._reference(cut.starts, h), template, self.program)
@@ -133,7 +121,7 @@ def setting(
     begun = start.replace(
         t=t,
         inputs=Parameters(**held) if held else start.inputs,
-        internal_time=None if start.internal_time is None else t,
+        internal_due=None if start.internal_due is None else np.float64(1.0),
         t_rest=np.float64(0.0),
     )
     require_inputs(system, begun)

@@ -22,13 +22,10 @@ from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run import driven
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.kernels.trace.jaxprs import depends
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.over_step import applied
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants
-from coadjoint.spaces.named import Named
 
 KEPT = 16
 """How many functions that start segments stay in memory."""
@@ -93,8 +90,8 @@ class Shooting:
     @cached_property
     def held(self) -> Any:
         """The internal state with which all segments start as long as nothing better is known."""
-        held = (self.template.internal, self.template.internal_time)
-        return jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), held)
+        begun = self.template.internal
+        return jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
 
     @cached_property
     def begin(self) -> NativeFunction:
@@ -125,7 +122,7 @@ class Shooting:
         ends = np.cumsum([group.dim, Q.dim(group), group.dim])
 
         def start(x, known):
-            at, t, (internal, internal_time), numbers, a0 = _unpacked(structure, known)
+            at, t, internal, numbers, a0 = _unpacked(structure, known)
             for i, place in enumerate(active):
                 numbers = numbers.at[place].set(x[size + i])
             turn, shift, spin, speed = jnp.split(x[:size], ends)
@@ -136,9 +133,7 @@ class Shooting:
             nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
             here = replace_parameters(system, _unpacked(shape, numbers))
             mu, pi = legendre(here, xi, n, nu, a, t, template.inputs, internal)
-            state = template.replace(
-                t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal, internal_time=internal_time
-            )
+            state = template.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal)
             return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(state)])
 
         return start
@@ -174,7 +169,7 @@ class Shooting:
         shape = layout(self.template)
         last = found.path.states[np.arange(self.runs - 1), self.samples.nodes_to_next]
         came = shape.unpack(last)
-        pairs = zip(jax.tree.leaves(first), jax.tree.leaves((came.internal, came.internal_time)), strict=True)
+        pairs = zip(jax.tree.leaves(first), jax.tree.leaves(came.internal), strict=True)
         leaves = [np.concatenate([start[:1], later.reshape(-1, *start.shape[1:])]) for start, later in pairs]
         return jax.tree.unflatten(jax.tree.structure(first), leaves)
 
@@ -191,26 +186,6 @@ def _unpacked(shape: Any, numbers: Any) -> Any:
     parts = jnp.split(numbers, sizes)
     leaves = [part.reshape(s) for part, s in zip(parts, shape.shapes, strict=True)]
     return jax.tree.unflatten(shape.structure, leaves)
-
-
-def followed(system: Any, state: State, name: str) -> bool:
-    """Whether an input acts through the rule of the internal state alone, as the command of an actuator does."""
-
-    def given(value: Any) -> State:
-        return state.replace(inputs=Named(**{**state.inputs.asdict(), name: value}))
-
-    def rule(value: Any) -> Any:
-        return applied(system, given(value), 1.0)
-
-    def direct(value: Any) -> Any:
-        s = given(value)
-        motion = system.motion(s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal)
-        return system.body_force(motion), legendre(system, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal)
-
-    def uses(function: Any) -> bool:
-        return depends(function, getattr(state.inputs, name))[0]
-
-    return system.internal is not None and uses(rule) and not uses(direct)
 
 
 def require_inputs(system: Any, state: State) -> None:

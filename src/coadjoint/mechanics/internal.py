@@ -16,6 +16,7 @@ from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
 
+
 def starting_values(given: Any) -> Any:
     """The argument `internal` of a start: a dictionary of numbers, nested where one likes, of float64 or `Each`."""
     if given is None:
@@ -62,10 +63,10 @@ def sampled(
         controller = co.sampled(motion, h, motion.internal.controller, lambda last: {...}, period=0.2, delay=0.05)
 
     motion, h: those of the rule; h is one number, s. held: what `co.sampling` began. update: from the values computed
-    last to the next ones. What it returns jumps at the node: `controller["value"]` is in force over the step from there,
-    for the actuators that follow it. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the node nearest to its
-    time, so that a period need not be a multiple of dt; one shorter than dt samples at every node. Raises ArgumentError
-    for a delay beyond the period.
+    last to the next ones. What it returns jumps at the node: `controller["value"]` is in force over the step from
+    there, for the actuators that follow it. period, delay: s, 0 ≤ delay ≤ period; a sample, and a release, is at the
+    node nearest to its time, so that a period need not be a multiple of dt; one shorter than dt samples at every node.
+    Raises ArgumentError for a delay beyond the period.
     """
     if not traced(period, delay) and not 0 <= delay <= period:
         raise ArgumentError(

@@ -73,7 +73,7 @@ def _added(ledger: Array, step: Array) -> Array:
 def energy_put_in(system: System, state: State) -> dict[str, Array]:
     """The work of each force, and of explicit time, since the start, one number each; negative where energy is lost.
 
-    The ledger has gone on to the mean of the internal state over the step from here; the line is that of its value at t.
+    The ledger has gone on to the mean of the internal state over the step from here; its line is of that at t.
     """
     found = {name: state.ledger[0, i] for i, name in enumerate(energy_lines(system))}
     if INTERNAL in _jumping(system):

@@ -182,8 +182,8 @@ class NodeMotion(NamedTuple):
 
     xi, n, nu, a, t, inputs: as in `Motion`, at the node; ξ and ν are those of the momenta, where ℓ or ℋ is given.
     internal: the internal state at the node. g: as in `State`. q: q = g·n in the space frame, (ambient,), or by names
-    as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces, which
-    act within steps, have the body frame only.
+    as n. ahead: the inputs in the middle of the step that starts there, which an actuator follows over it. Forces act
+    within steps and have the body frame only.
     """
 
     xi: Array

@@ -14,9 +14,9 @@ from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import nodes_traced_once
-from coadjoint.mechanics.over_step import internal_warnings, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
+from coadjoint.mechanics.over_step import internal_warnings, require_internal
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -21,9 +21,9 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
-from coadjoint.mechanics.over_step import failure, require_internal
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.origin import Keep, continued
+from coadjoint.mechanics.over_step import failure, require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version

@@ -21,6 +21,7 @@ from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.mechanical_connection import shape_size
+from coadjoint.mechanics.over_step import stepped
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -190,7 +191,12 @@ def _advance(l: ReducedLagrangian, at: _Node) -> tuple[Element, _Node, Array]:
 
     root = solver.solve(residual, step.guess(system, state, h), h, step.blocks(system))
     now, sigma, after = slopes(root.unknowns)
-    return sigma, _Node(now.group, now.last, held(system, after)), root.code
+    return sigma, _Node(now.group, now.last, _next(system, after, now, h)), root.code
+
+
+def _next(system: System, after: State, slopes: Any, h: Array) -> State:
+    """The state at the next node, with its momenta and what is held over the step from there."""
+    return held(system, stepped(after.replace(mu=-slopes.group, pi=slopes.last)), h)
 
 
 def lagrange_poincare_residual(
@@ -209,12 +215,16 @@ def lagrange_poincare_residual(
     ends = x[:-1], sigma, x[1:]
     xi = evaluate(jax.vmap(partial(l.velocity, state)), *ends)
 
-    def next_state(state, xi, x, x_next):
-        return held(system, state.replace(xi=xi, nu=(x_next - x) / l.h).later(l.h, n=x_next))
+    def next_state(state, xi, x, sigma, x_next):
+        after = state.replace(xi=xi, nu=(x_next - x) / l.h).later(l.h, n=x_next)
+        return _next(system, after, l.slopes(state, xi, x, sigma, x_next), l.h)
 
-    states, advance = [state.replace(n=x[0])], tabulate(next_state, state, xi[0], x[0], x[1])
-    for k in range(len(x) - 2):
-        states.append(advance(states[k], xi[k], x[k], x[k + 1]))
+    steps = [jax.tree.map(lambda leaf, k=k: leaf[k], (xi, *ends)) for k in range(len(x) - 2)]
+    states = [state.replace(n=x[0])]
+    if steps:
+        advance = tabulate(next_state, state, *steps[0])
+        for step in steps:
+            states.append(advance(states[-1], *step))
     states = jax.tree.map(lambda *rows: np.stack(rows), *states)
     slopes = evaluate(jax.vmap(l.slopes), states, xi, *ends)
     turning, moving = slopes.carried[1:] - slopes.group[:-1], slopes.first[1:] + slopes.last[:-1]
@@ -225,7 +235,7 @@ def _begun(system: System, start: State, method: Method, h: float) -> State:
     """What the method begins at the start, as in co.simulate: with the start's momenta under the first inputs."""
     if method.start != "velocity":
         start = with_own_momenta(system.driven(None), start)
-    return method.begin(system, evaluate(partial(held, system), start), h)
+    return method.begin(system, evaluate(lambda state: held(system, state, h), start), h)
 
 
 def _reduced_lagrangian(system: System, method: Method, connection: object, dt: Any) -> ReducedLagrangian:

@@ -154,7 +154,7 @@ class Trying:
     stops: bool = False
     below: float = -np.inf
 
-    def prepare(self, p, s):
+    def prepare(self, p, s, h):
         return s
 
     def monitors(self, p, s, h):

@@ -34,7 +34,7 @@ def reference(program):
     """One step in JAX: the record, the state after it, and Newton's iterations."""
 
     def step(p, s, h):
-        s = program.prepare(p, s)
+        s = program.prepare(p, s, h)
         iterations, record = 0, None
         for stage in program.stages:
             part = stage.fraction * h

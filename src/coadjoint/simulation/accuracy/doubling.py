@@ -51,7 +51,7 @@ class Doubling:
         )
         of = self.places.internal, self.places.internal_mean, self.places.internal_end
         self.courses = [following(place, system.internal) for place in of] if system.internal is not None else [[]] * 3
-        self.following = sum(self.courses, [])
+        self.following = [place for course in self.courses for place in course]
 
     def packed(self, records: State) -> np.ndarray:
         """Records with a leading axis as rows of numbers."""

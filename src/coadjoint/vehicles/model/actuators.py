@@ -34,7 +34,7 @@ class Rule(InternalRule):
     """(motion, h, p) → the internal state over h: {part: actuator, "controller": its samples, "water": its memory}.
 
     Over the step from the node, actuators follow the commands that are in force from there. Without a controller, and
-    for parts that it leaves alone, an input of a part's name commands it, by its value in the middle of the step; others
+    for parts that it leaves alone, an input of a part's name commands it, by its value halfway through the step. Others
     stay.
     """
 

@@ -25,10 +25,11 @@ class GaussMarkovCurrent(Water):
     """c = mean + deviation·z everywhere, with dz = −z dt/τ + √(2/τ) dW in each direction (Ornstein and Uhlenbeck).
 
     From node to node z ← e^{−h/τ} z + √(1 − e^{−2h/τ}) ζ with ζ normal: the exact law of the process, so that mean,
-    variance and the correlation e^{−|t|/τ} are the same whatever the step. Over a step ℓ has the mean of z at its ends; z begins with its
-    stationary law. deviation: standard deviations, (3,) m/s: north, east, down. correlation_time: τ, s. mean: (3,) m/s.
-    seed: a whole number ≥ 0; of an ensemble, co.each of whole numbers: random numbers are MRG32k3a's, and members with
-    different seeds are independent. Raises ArgumentError for τ ≤ 0, negative deviations, and seeds that are none.
+    variance and the correlation e^{−|t|/τ} are the same whatever the step. z goes straight from node to node, so that ℓ
+    has its mean over a step; it begins with its stationary law. deviation: standard deviations, (3,) m/s: north, east,
+    down. correlation_time: τ, s. mean: (3,) m/s. seed: a whole number ≥ 0; of an ensemble, co.each of whole numbers:
+    random numbers are MRG32k3a's, and members with different seeds are independent. Raises ArgumentError for τ ≤ 0,
+    negative deviations, and seeds that are none.
     """
 
     deviation: Any
@@ -70,7 +71,10 @@ class GaussMarkovCurrent(Water):
     def advance(self, internal: Any, h: Array, own: Any) -> dict[str, Any]:
         zeta, random = normal(internal.random, 3)
         kept = jnp.exp(-h / own.correlation_time)
-        return {"z": kept * internal.z + jnp.sqrt(-jnp.expm1(-2 * h / own.correlation_time)) * zeta, "random": jumped(random)}
+        return {
+            "z": kept * internal.z + jnp.sqrt(-jnp.expm1(-2 * h / own.correlation_time)) * zeta,
+            "random": jumped(random),
+        }
 
     def current(self, position: Array, t: Array, internal: Any, own: Any) -> Array:
         return own.mean + own.deviation * internal.z
