@@ -20,8 +20,8 @@ def motor(motion, p):
 
 def rule(motion, h, p):
     """A brake that follows the spin with a lag, and a random number generator's worth of memory."""
-    lag = jnp.exp(-h / p.lag)
-    return {"brake": lag * motion.internal.brake + (1 - lag) * jnp.abs(motion.inputs.spin)}
+    brake = motion.internal.brake  # one product that may fuse, so that every program has the same bits
+    return {"brake": brake + (1 - jnp.exp(-h / p.lag)) * (jnp.abs(motion.inputs.spin) - brake)}
 
 
 BODY = co.System(

@@ -180,9 +180,12 @@ def test_held_inputs_stay_over_a_judged_step_and_lags_do_not():
     run = co.simulate(system, start, **arguments)
     record = jax.tree.map(lambda leaf: leaf[5:6], run.records)
     doubling = Doubling(run.plan, jax.tree.map(lambda leaf: leaf[0], record))
+    end, _ = doubling.over(doubling.packed(record), np.full(1, run.dt), (0.5,))
+    between, thrust = doubling.probe.layout.unpack(end).internal.thrust[0], run.records.internal.thrust
+    assert between == pytest.approx(0.5 * (thrust[5] + thrust[6]), rel=1e-2)
     end, _ = doubling.over(doubling.packed(record), np.full(1, run.dt), (0.5, 0.5))
-    between = doubling.probe.layout.unpack(end).internal.thrust[0]
-    assert run.records.internal.thrust[5] < between < run.records.internal.thrust[6]
+    # The second half follows the command of its own beginning.
+    assert thrust[6] < doubling.probe.layout.unpack(end).internal.thrust[0] < 0.5 * (thrust[6] + thrust[7])
 
 
 FULL = ("spring, hω = 0.1", "vehicle, dt = 0.05", "signal at 2 rad/s", "linear drag, hc = 0.1")

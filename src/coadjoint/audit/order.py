@@ -44,7 +44,9 @@ class Convergence(NamedTuple):
 
 def convergence(stepper: AuditStepper, problem: Problem) -> Convergence:
     """The errors at the end of `problem.duration` over refined steps, and their slope."""
-    ratio = next(ratio for below, ratio in RATIOS if stepper.method.order < below)
+    claims = stepper.method.claims
+    expected = claims.order_with_internal if problem.internal else claims.order
+    ratio = next(ratio for below, ratio in RATIOS if expected < below)
     steps, rows, below = 4.0, [], 0
     while round(steps) <= FINEST and below < 2:
         h = problem.duration / round(steps)

@@ -61,7 +61,8 @@ def with_left_rectangle(system: System) -> System:
 
     return System(
         group, system.lagrangian, additional=system.additional, advected=system.advected,
-        parameters=system.parameters, forces=system.forces, discrete_lagrangian=in_algebra, group_lagrangian=on_group,
+        parameters=system.parameters, forces=system.forces, internal=system.internal,
+        discrete_lagrangian=in_algebra, group_lagrangian=on_group,
     )  # fmt: skip
 
 
@@ -83,7 +84,7 @@ def with_hamiltonian(system: System) -> System:
 
     return System(
         system.group, hamiltonian=hamiltonian, additional=system.additional, advected=system.advected,
-        parameters=system.parameters, forces=system.forces,
+        parameters=system.parameters, forces=system.forces, internal=system.internal,
     )  # fmt: skip
 
 
@@ -149,8 +150,10 @@ def audited(shipped: Shipped, tau: str, problem: Problem) -> bool:
 
     Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`, and
     on SE(3) Galerkin's of order 8 and all of Galerkin's over the exponential: such a step is too large for native code,
-    and XLA takes minutes for it.
+    and XLA takes minutes for it. Orders with an internal state are audited over the Cayley map.
     """
+    if problem.internal and tau in MAPS and tau != "Cayley":
+        return False
     method = shipped.make(MAPS.get(tau, Cayley()))
     if tau in MAPS and tau not in FOR_EVERY_METHOD and (problem.name not in QUICK or method.claims.order > 2):
         return False

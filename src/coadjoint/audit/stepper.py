@@ -21,6 +21,9 @@ from coadjoint.methods.program import Constants, StepProgram
 REFERENCE_STEP = 0.01
 """Of the reference, in s: its own error is then at round-off, and finer steps would only add to that."""
 
+REFERENCE_TOLERANCE = 1e-12
+"""Of the motions that problems give themselves."""
+
 
 class AuditStepper:
     """A method on a system, from a start; raises StepError at a step that fails."""
@@ -61,13 +64,15 @@ def distance(one: State, other: State) -> float:
 
 @lru_cache(maxsize=64)
 def exact(problem: Problem, time: float) -> State:
-    """The motion at a time, by steps of REFERENCE_STEP of a method of high order."""
-    return _fine(problem, time, REFERENCE_STEP)
+    """The motion at a time, by steps of REFERENCE_STEP of a method of high order, or the problem's own."""
+    return problem.exact(time) if problem.exact is not None else _fine(problem, time, REFERENCE_STEP)
 
 
 @lru_cache(maxsize=64)
 def uncertainty(problem: Problem) -> float:
-    """How far `exact` may be off: its distance from the same with other steps."""
+    """How far `exact` may be off: its distance from the same with other steps; of a problem's own, its tolerance."""
+    if problem.exact is not None:
+        return REFERENCE_TOLERANCE
     time = float(problem.start.t) + problem.duration
     return distance(_fine(problem, time, 0.7 * REFERENCE_STEP), exact(problem, time))
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups import SE2, SE3, SO3, attitude
+from coadjoint.audit.steered_top import steered_exactly, steered_top
 from coadjoint.mechanics.state import Force, State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Adjoint, Defining, Sphere
@@ -26,6 +27,8 @@ class Problem:
     (μ, π, n, a). `of_velocity`: ℓ depends on ξ alone. Every quadrature rule is then its own adjoint,
     Λ*(ξ; h) = −Λ(ξ; −h) = hℓ(ξ), and an odd order comes out one higher. `highest`:
     the order up to which there is room for one to show between coarse steps and round-off; over 8 with the Cayley map.
+    exact: the motion at a time, by default steps of a method of high order. `internal`: a rule has an internal state,
+    so that the order with one is measured, over the Cayley map.
     """
 
     name: str
@@ -35,6 +38,11 @@ class Problem:
     quadratic: bool = False
     of_velocity: bool = False
     highest: int = 8
+    exact: Callable[[float], State] | None = None
+
+    @property
+    def internal(self) -> bool:
+        return self.system.internal is not None
 
     @property
     def system(self) -> System:
@@ -154,6 +162,7 @@ PROBLEMS: dict[str, Problem] = {
         Problem("plane motion", plane_motion, 4.0, highest=10),
         Problem("pendulum on body", pendulum_on_body, 2.0, highest=4),
         Problem("driven top", driven_top, 2.0, conservative=False),
+        Problem("steered top", steered_top, 2.0, conservative=False, exact=steered_exactly),
     )
 }
 

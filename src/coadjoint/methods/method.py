@@ -21,6 +21,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
+from coadjoint.mechanics.over_step import advanced
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -32,7 +33,8 @@ Energy = Literal["bounded", "exact", "quadratic", "discrete"]
 class Claims(NamedTuple):
     """What a method claims of every smooth system; `coadjoint audit` measures each claim.
 
-    `order` of convergence, with forces too; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the
+    `order` of convergence, with forces too, and `order_with_internal`, 2 at most, with actuators and sampled controllers
+    that a rule takes over a step; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the
     two-form is kept; `momentum`, m of every isotropy direction is kept to round-off; `energy`, "bounded" for an error
     without drift, "exact" for Legendre's to round-off, "quadratic" for that where ℋ is quadratic and nothing elsewhere,
     "discrete" for −∂_hΛ to round-off.
@@ -43,6 +45,11 @@ class Claims(NamedTuple):
     symplectic: bool = True
     momentum: bool = True
     energy: Energy = "bounded"
+
+    @property
+    def order_with_internal(self) -> int:
+        """Of a system whose internal state has a rule: forces have its mean over a step, its course is left out."""
+        return min(self.order, 2)
 
 
 class Step(ABC):
@@ -358,15 +365,17 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
 
     def momenta(state, parameters, h):
         here = replace_parameters(system, parameters)
-        z = step.guess(here, state, h)
+        over = advanced(here, state.replace(mu=None), h)
+        state = state.with_course(over.internal, over.internal_mean, over.internal_end, over.internal_due)
+        z = step.guess(here, state, fraction * h)
 
         def mismatch(p):
             pi = Q.tangent(group, state.n, p[group.dim :])
-            return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), h, z)
+            return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), fraction * h, z)
 
         p = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
         p = p - jnp.linalg.solve(jax.jacfwd(mismatch)(p), mismatch(p))
         return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
 
-    mu, pi = evaluate(momenta, state, system.parameters, h * fraction)
+    mu, pi = evaluate(momenta, state, system.parameters, h)
     return state.replace(mu=mu, pi=pi, from_velocities=False)

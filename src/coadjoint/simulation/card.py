@@ -13,6 +13,7 @@ from coadjoint.simulation.energy_warnings import energy_known
 from coadjoint.simulation.monitors import budgets, changing, residuals
 
 if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
     from coadjoint.methods.method import Method
     from coadjoint.simulation.accuracy.judgement import Accuracy
     from coadjoint.simulation.ensemble import Ensemble
@@ -82,10 +83,13 @@ def accuracy_line(found: Accuracy | None) -> list[tuple[str, str]]:
     ]
 
 
-def order(method: Method) -> str:
+def order(method: Method, system: System) -> str:
     """The order of convergence in words; velocities taken for discrete ones are off by O(h)."""
     if method.start == "velocity" and method.order > 1:
         return "order 1, because it starts by velocities"
+    with_internal = method.claims.order_with_internal
+    if system.internal is not None and with_internal < method.order:
+        return f"order {method.order}, {with_internal} where its internal state acts"
     return f"order {method.order}"
 
 
@@ -94,7 +98,7 @@ def card(run: Run) -> str:
     c = certificate(run)
     lines = [
         ("system", f"{c['system']} on {run.system.group!r}"),
-        ("method", f"{c['method']}, {order(run.method)}"),
+        ("method", f"{c['method']}, {order(run.method, run.system)}"),
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
     lines.append(("steps", done if run.good_steps == run.steps else f"{done}, stopped before {run.steps:,}"))
@@ -144,7 +148,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     failed = ensemble.failures
     lines = [
         ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
-        ("method", f"{ensemble.method.title}, {order(ensemble.method)}"),
+        ("method", f"{ensemble.method.title}, {order(ensemble.method, ensemble.system)}"),
         ("steps", _members_steps(ensemble)),
         ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),
         ("finished", f"{count - len(failed):,} of {count:,}"),

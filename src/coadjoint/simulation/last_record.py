@@ -60,6 +60,11 @@ def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System
             f"{system.group!r}."
         )
     record, parameters = (_parts(found[name]) for name in LAST_RECORD)
+    if ("internal_time",) in record:
+        raise FileError(
+            "This file was written by an older version, in which internal states were held from node to node: begin "
+            "anew, from system.state(…)."
+        )
     return _state(record, system).replace(origin=Origin(replace_parameters(system, _parameters(parameters, system))))
 
 

@@ -68,7 +68,7 @@ def test_a_function_may_remember():
 
     run = fly(FunctionController(function=steer, remembers={"total": 0.0}), heading=0.3)
     heading = run.dataset.euler_angles.values[:, 0]
-    samples = np.r_[1, 2 : len(heading) : 2]  # At the node after the start, then at multiples of the period.
+    samples = np.r_[0 : len(heading) : 2]  # At multiples of the period.
     total = run.dataset.internal_controller_value_memory_total.values
     assert run.plan.backend == "native"
     np.testing.assert_allclose(total[samples], np.cumsum(0.1 * (0.3 - heading[samples])), atol=1e-12)

@@ -71,7 +71,7 @@ def test_the_common_mass_centre_goes_straight_on_to_second_order():
     missed = []
     for h in (0.1, 0.05):
         made = recoil(free_body(), h)
-        x = made.internal_slider_position.values - 0.5 * h * made.internal_slider_speed.values
+        x = made.internal_slider_position.values
         arm = 9 / 50 * (PLACE + x[:, None] * AXIS)
         center = made.q.values + np.einsum("kij,kj->ki", made.R.values, arm)
         momentum = made.R.values[0] @ made.pi.values[0]
@@ -107,7 +107,8 @@ def test_a_pump_works_against_the_water_it_pushes_away_and_the_craft_rises_by_it
     run = co.simulate(craft.system, craft.start(position=(0, 0, 100)), dt=0.05, duration=60.0, inputs={"ballast": dV})
     made = run.dataset
     assert float(made.work_internal[1]) == pytest.approx(rho * g * 100 * dV, rel=1e-9)
-    speed = -rho * g * dV / 20.0 * (1 - np.exp(-20.0 / 120.0 * (made.time.values - 0.025)))
+    # The velocity is that of the middle of a step; the pump takes 0.1 ms.
+    speed = -rho * g * dV / 20.0 * (1 - np.exp(-20.0 / 120.0 * (made.time.values + 0.025 - 5e-5)))
     np.testing.assert_allclose(made.nu[1:, 2], speed[1:], atol=1e-6)
     assert run.summary()["energy_budget_error_max"] < 1e-9
 

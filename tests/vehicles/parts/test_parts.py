@@ -233,7 +233,7 @@ def test_every_part_is_at_rest_without_force_and_its_force_has_a_finite_slope_th
 def followed(part: Part, command: float, h: float, steps: int) -> list[float]:
     own, actual, found = co.Parameters(**part.parameters()), np.float64(0.0), [0.0]
     for _ in range(steps):
-        actual = evaluate(part.advance, actual, np.float64(command), np.float64(h), own)
+        actual = evaluate(part.advance, actual, np.float64(command), np.float64(h), own).end
         found.append(float(actual))
     return found
 
@@ -247,6 +247,34 @@ def test_an_actuator_saturates_lags_and_never_moves_faster_than_its_rate():
     both = np.diff(followed(fin((0, 1, 0), lag=0.1, rate=0.5), 1.0, 0.05, 40))
     np.testing.assert_allclose(both[:6], 0.5 * 0.05, rtol=1e-12)
     assert 0 < both[-1] < both[20] < both[10] < 0.5 * 0.05
+
+
+@pytest.mark.parametrize("lag", [None, 0.1])
+@pytest.mark.parametrize("rate", [None, 0.2, 5.0])
+@pytest.mark.parametrize("x", [-0.25, 0.29, 0.3])
+def test_over_a_step_an_actuator_is_what_many_short_steps_make_of_it(lag, rate, x):
+    """ẋ = clip((u − x)/τ, ±rate) by the midpoint rule: where it ends, and its mean over the step."""
+    part, h, steps = fin((0, 1, 0), lag=lag, rate=rate), 0.7, 20_000
+    own = co.Parameters(**part.parameters())
+    found = evaluate(part.advance, np.float64(x), np.float64(1.0), np.float64(h), own)
+    most = np.inf if rate is None else rate
+    path = [0.3 if lag is None and rate is None else x]
+    for _ in range(steps):
+        gap = 0.3 - path[-1]
+        speed = np.clip(gap / lag, -most, most) if lag else most * np.sign(gap) if rate else 0.0
+        late = np.clip((gap - 0.5 * speed * h / steps) / lag, -most, most) if lag else speed
+        path.append(path[-1] + np.clip(late * h / steps, -abs(gap), abs(gap)))
+    assert float(found.begin) == path[0]
+    assert float(found.end) == pytest.approx(path[-1], abs=1e-7)
+    assert float(found.mean) == pytest.approx(np.mean(0.5 * (np.array(path[1:]) + path[:-1])), abs=1e-7)
+
+
+def test_an_actuator_that_is_at_its_command_answers_a_small_change_of_it():
+    part = fin((0, 1, 0), lag=0.1, rate=5.0)
+    own = co.Parameters(**part.parameters())
+    with co.float64():
+        slope = jax.grad(lambda u: part.advance(jnp.zeros(()), u, jnp.asarray(0.05), own).end)(0.0)
+    assert float(slope) == pytest.approx(1 - np.exp(-0.5), rel=1e-12)
 
 
 def test_a_fin_may_be_made_inside_of_a_derivative():

@@ -137,14 +137,13 @@ def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
     """
     gap, lag = wanted - x, own.lag if "lag" in own else jnp.zeros(())
     late = lag > 0
+    moved = first = at_once = 0.0
     if "rate" in own:
         within = own.rate * lag
         moved = jnp.clip(gap - jnp.clip(gap, -within, within), -own.rate * h, own.rate * h)
-        first = jnp.abs(moved) / own.rate
-    else:
-        moved = first = 0.0
-    rest, left = h - first, gap - moved
-    kept = jnp.where(late, jnp.exp(-rest / jnp.where(late, lag, 1.0)), jnp.where(rest > 0, 0.0, 1.0))
+        first, at_once = jnp.abs(moved) / own.rate, 1.0
+    left = gap - moved
+    kept = jnp.where(late, jnp.exp(-(h - first) / jnp.where(late, lag, 1.0)), at_once)
     total = (gap - 0.5 * moved) * first + left * lag * (1 - kept)
     begin = x if "rate" in own else jnp.where(late, x, wanted)
     return Course(wanted - left * kept, wanted - total / h, begin)
