@@ -50,8 +50,8 @@ class System:
     Arguments:
         group: G, a Lie group such as `co.SE3()`.
         lagrangian: ℓ, a function of xi [, n, nu] [, a] [, p] that returns a number: n, ν come with `additional`, a with
-            `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`, the internal state
-            that is held over the step.
+            `advected`, p with `parameters`; it may take keyword-only `t`, `inputs` and `internal`, the mean of the
+            internal state over the step.
         additional: the space of q, by default none, or a dictionary of spaces that reach ℓ as `n.name`, `nu.name`.
         advected: the space V* of a, by default none, or a dictionary of spaces that reach ℓ as `a.name`.
         parameters: p, `co.Parameters(…)` or a dictionary, by default none: the leaves that one replaces, varies over
@@ -66,10 +66,11 @@ class System:
         hamiltonian: ℋ(μ, n, π, a, p) instead of ℓ, a function of mu [, n, pi] [, a] [, p]; ℓ is its Legendre
             transform, for which ∂²ℋ/∂(μ, π)² must be invertible (P6–P9). A π on a curved Q is projected onto T*_nQ.
         quantities: name → function (state) or (state, p) to a number that runs observe at every step.
-        internal: the rule (motion, h [, p]) → the next internal state, a dictionary like the start's, applied once a
-            step at each node after the first; forces read `motion.internal.name`, held over the step
-            (`mechanics.internal`), ℓ, ℋ or Λ read `internal.name`; μ and π are continuous where it jumps at a node. A
-            `co.InternalRule` declares warnings, datasets and random numbers as well.
+        internal: the rule (motion, h [, p]) → the internal state after h, a dictionary like the start's, applied at
+            each node for the step of h from there; `co.Course` says what a part of it is on the mean of the step, and
+            `co.jumped` that it jumps at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ or Λ as
+            `internal.name`; μ and π are continuous at the nodes. A `co.InternalRule` declares warnings, datasets and
+            random numbers as well.
         node_velocities: whether runs observe ξ and ν of the momenta at the nodes, in addition to those of the steps; by
             default False.
         name: for cards, files and figures, by default the name of the function.

@@ -137,16 +137,20 @@ def towards(x: Array, wanted: Array, h: Array, own: Any) -> Course:
     """
     gap, lag = wanted - x, own.lag if "lag" in own else jnp.zeros(())
     late = lag > 0
-    moved = first = at_once = 0.0
+    moved = first = 0.0
+    at_once = 1.0
     if "rate" in own:
         within = own.rate * lag
         moved = jnp.clip(gap - jnp.clip(gap, -within, within), -own.rate * h, own.rate * h)
-        first, at_once = jnp.abs(moved) / own.rate, 1.0
+        first, at_once = jnp.abs(moved) / own.rate, 0.0
     left = gap - moved
-    kept = jnp.where(late, jnp.exp(-(h - first) / jnp.where(late, lag, 1.0)), at_once)
-    total = (gap - 0.5 * moved) * first + left * lag * (1 - kept)
+    share = jnp.where(late, -jnp.expm1(-(h - first) / jnp.where(late, lag, 1.0)), at_once)
+    total = (gap - 0.5 * moved) * first + left * lag * share
+    # What has arrived is there to the last bit, and so is what stays.
+    arrived = (share == 1) | (~late & (left == 0))
+    end = jnp.where(arrived, wanted, x + (moved + left * share))
     begin = x if "rate" in own else jnp.where(late, x, wanted)
-    return Course(wanted - left * kept, wanted - total / h, begin)
+    return Course(end, x + (gap - total / h), begin)
 
 
 def acting_at(position: Any, force: Array) -> Force:
