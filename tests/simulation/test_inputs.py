@@ -257,8 +257,10 @@ def test_signals_and_held_inputs_go_together_and_are_in_the_dataset():
     inputs = {"spin": co.Linear([0, 1], [0, 2]), "torque": lambda motion: -0.5 * motion.xi}
     run = co.simulate(BODY, START, dt=0.05, steps=20, inputs=inputs)
     np.testing.assert_allclose(run.dataset.inputs_spin, 2 * run.dataset.time, atol=1e-14)
-    # The held torque was taken at the start of the step, from the velocity of the step before.
-    np.testing.assert_allclose(run.dataset.inputs_torque[1:], -0.5 * run.dataset.xi[:-1], atol=1e-14)
+    # The held torque was taken at the start of the step, from the velocity of the momenta there.
+    xi, spin = -2.0 * run.dataset.inputs_torque.values, run.dataset.inputs_spin.values
+    mu = [1.0, 1.5, 2.0] * xi + np.stack([-0.1 * spin * np.sin(xi[:, 0]), 0 * spin, 0.3 * spin], axis=1)
+    np.testing.assert_allclose(run.dataset.mu, mu, atol=1e-12)
     path = co.trajectory(BODY, START, dt=0.05, steps=20, inputs=inputs)
     np.testing.assert_allclose(path.final.mu, run.final.mu, rtol=1e-12)
 

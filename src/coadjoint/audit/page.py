@@ -116,7 +116,8 @@ it has no room to show between coarse steps and round-off.
 {systems}
 
 On the free rigid body ℓ depends on ξ alone, so that every quadrature rule is its own adjoint: an odd order comes out
-one higher there, and that is what is asked. Where forces act, order and reversibility are measured.
+one higher there, and that is what is asked. Where forces act, order and reversibility are measured; on the steered top
+the order with an actuator and a sampled controller is, over the Cayley map: that of the method, 2 at most.
 
 ## Order by system
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 
 import jax.numpy as jnp
 import numpy as np
@@ -65,7 +66,7 @@ def steered_exactly(time: float) -> State:
     top = System(SO3(), _top, advected=Defining(), parameters=known, forces=forces)
     state = top.state(g=start.g, xi=start.xi, a0=[0, 0, 1])
     torque, times = np.zeros(3), np.append(np.arange(0.0, time - 1e-9, PERIOD), time)
-    for since, until in zip(times[:-1], times[1:], strict=True):
+    for since, until in pairwise(times):
         u = np.asarray(_command(np.asarray(state.xi), np.asarray(state.a), since), float)
         record = reference(top.replace(u=u, torque=torque, since=since), state, [until])
         state = state.replace(**{name: getattr(record, name)[0] for name in ("t", "g", "a", "xi", "mu")})

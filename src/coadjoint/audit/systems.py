@@ -12,8 +12,8 @@ from functools import lru_cache
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.groups import SE2, SE3, SO3, attitude
 from coadjoint.audit.steered_top import steered_exactly, steered_top
+from coadjoint.groups import SE2, SE3, SO3, attitude
 from coadjoint.mechanics.state import Force, State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Adjoint, Defining, Sphere

@@ -235,8 +235,9 @@ def _begun(system: System, start: State, method: Method, h: float) -> State:
     """What the method begins at the start, as in co.simulate: with the start's momenta under the first inputs."""
     if method.start != "velocity":
         start = with_own_momenta(system.driven(None), start)
-    if system.inputs is not None and system.inputs.holds:
-        start = start.replace(inputs=evaluate(lambda s: system.inputs.held(system.motion_at(s), s.inputs), start))
+    inputs = system.inputs
+    if inputs is not None and inputs.holds:
+        start = start.replace(inputs=evaluate(lambda s: inputs.held(system.motion_at(s), s.inputs), start))
     return evaluate(lambda state: held(system, state, h), method.begin(system, start, h))
 
 

@@ -26,14 +26,14 @@ class Mission(NamedTuple):
     speed: float
     set_points: dict[str, float]
     actuators: dict[str, Any]
-    body: dict[str, float] = {}
-    controller: dict[str, float] = {}
+    body: dict[str, float]
+    controller: dict[str, float]
 
 
 MISSIONS = {
-    "remus_100": Mission(10.0, 1.5, {"depth": 10.3, "heading": 0.17, "speed": 1.5}, {"propeller": 15.0}),
-    "lrauv_tethys": Mission(10.0, 1.0, {"depth": 10.3, "heading": 0.17, "speed": 1.0}, {}),
-    "nps_auv_ii": Mission(10.0, 1.5, {"depth": 10.3, "heading": 0.09, "speed": 1.5}, {}),
+    "remus_100": Mission(10.0, 1.5, {"depth": 10.3, "heading": 0.17, "speed": 1.5}, {"propeller": 15.0}, {}, {}),
+    "lrauv_tethys": Mission(10.0, 1.0, {"depth": 10.3, "heading": 0.17, "speed": 1.0}, {}, {}, {}),
+    "nps_auv_ii": Mission(10.0, 1.5, {"depth": 10.3, "heading": 0.09, "speed": 1.5}, {}, {}, {}),
     # The curve of its thrusters is a table. Where commands cross its rows the error is of order 2, too, but of another
     # size at each crossing: these go on between two rows, with a load and from the commands of going ahead.
     "bluerov2_heavy_von_benzon": Mission(
