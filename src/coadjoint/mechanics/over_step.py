@@ -41,7 +41,10 @@ class Course(NamedTuple):
 
 
 def jumped(value: Any) -> Course:
-    """`value` from the node where the step starts to its end: what jumps at nodes and is held, such as a command."""
+    """The course of what jumps at the node where the step starts and is held to its end, such as a command.
+
+    value: a number, an array or a dictionary, in the structure of that part of the internal state.
+    """
     return Course(value, value, value)
 
 
@@ -64,7 +67,7 @@ def advanced(system: System, state: State, h: Array, renewed: Any = None) -> Sta
     """The state at a node with the course of its internal state over the step of h from there.
 
     The rule is applied once where it is due: at the start of a run and after every step. A record, of which it has been
-    applied, stays as it is, and so does any other where `renewed` is given and does not hold.
+    applied, stays as it is, and so does any other where `renewed` is given and does not hold. h: one number, s.
     """
     if system.internal is None:
         return state
