@@ -47,7 +47,8 @@ class Paced(Step):
         return self.base.difference_map
 
     def require_fit(self, system: System) -> None:
-        if system.forces is not None or system.depends_on_time or system.takes("inputs") or system.takes("internal"):
+        acts = system.forces, system.internal
+        if any(acts) or system.depends_on_time or system.takes("inputs") or system.takes("internal"):
             raise ArgumentError(
                 "VariableStep holds the energy, which forces, explicit time, inputs and internal states change: use a "
                 "fixed step, such as co.Midpoint(), for this system."
