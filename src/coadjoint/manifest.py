@@ -58,8 +58,8 @@ class Manifest:
             if path.stat().st_size > _LARGEST:
                 raise FileError(f"The file {path} is too large to be a manifest: {DAMAGED}.")
             data = path.read_bytes()
-        except FileNotFoundError:
-            raise
+        except (FileNotFoundError, NotADirectoryError):
+            raise FileNotFoundError(path) from None
         except OSError as error:
             raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
         end = len(data) - 64 - len(_END)

@@ -45,7 +45,9 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert err == ""
     folder = tmp_path / "top"
     drawn = {f"{name}.png" for name in OWN if name not in ("trajectory", "budget")}
-    assert {path.name for path in folder.iterdir()} == {"run.toml", "top.py", "trajectory.nc", "summary.json", *drawn}
+    assert {path.name for path in folder.iterdir()} == {
+        "run.toml", "inputs", "manifest.json", "trajectory.nc", "summary.json", *drawn
+    }  # fmt: skip
     assert (folder / "run.toml").read_text() == TOP
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["steps"], summary["complete"], summary["failure"]) == (20, True, None)
@@ -76,7 +78,7 @@ def test_a_folder_with_a_run_is_refused_with_status_2(tmp_path, capsys):
     main(["run", str(file)])
     before = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "top").iterdir()}
     told(capsys)
-    for arguments, words in ((["--set", "run.steps=3", "--overwrite"], "another run"), ([], "this very run")):
+    for arguments, words in ((["--set", "run.steps=3", "--overwrite"], "run.steps is 20 there and 3 here"),):
         assert main(["run", str(file), *arguments]) == 2
         out, err = told(capsys)
         assert out == ""
@@ -157,7 +159,8 @@ def test_every_model_of_the_catalogue_prints_a_run_file_that_runs(tmp_path, caps
         assert main(["run", f"{name}.toml", "--check"]) == 0
         told(capsys)
     assert main(["run", "heavy_top.toml", "--set", "run.duration=0.1", "--set", "output.figures=false"]) == 0
-    assert {path.name for path in (tmp_path / "heavy_top").iterdir()} == {"run.toml", "summary.json", "trajectory.nc"}
+    found = {path.name for path in (tmp_path / "heavy_top").iterdir()}
+    assert found == {"manifest.json", "run.toml", "summary.json", "trajectory.nc"}
 
 
 def test_an_error_nobody_expected_is_one_sentence_too(tmp_path, capsys, monkeypatch):
@@ -210,7 +213,12 @@ def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path, number,
     assert process.returncode == status
     assert err.startswith(f"{word}; `coadjoint resume top`")
     assert err.count("\n") == 1
-    assert {entry.name for entry in (tmp_path / "top").iterdir()} == {"run.toml", "top.py", "unfinished"}
+    assert {entry.name for entry in (tmp_path / "top").iterdir()} == {
+        "run.toml",
+        "inputs",
+        "manifest.json",
+        "unfinished",
+    }
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

@@ -41,25 +41,38 @@ def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
     for name, values in whole.variables.items():
         np.testing.assert_array_equal(resumed[name], values, err_msg=str(name))
     assert {file.name for file in killed.iterdir()} == {file.name for file in (killed.parent / "whole").iterdir()}
+    assert main(["verify", "cut"]) == 0
     assert main(["info", "cut"]) == 0
     capsys.readouterr()
-    assert main(["resume", "cut"]) == 2
-    assert "has ended: there is nothing to go on with" in capsys.readouterr().err
+    assert main(["resume", "cut"]) == 0
+    assert "holds this run, finished and undamaged: nothing was run" in capsys.readouterr().out
 
 
-def test_an_unfinished_run_is_not_begun_again_unasked(killed, capsys):
-    assert main(["run", str(killed / "run.toml"), "--out", "cut"]) == 2
-    assert "go on with `coadjoint resume cut`" in capsys.readouterr().err
-    assert (killed / "unfinished" / "manifest.json").exists()
-    assert main(["run", str(killed / "run.toml"), "--out", "cut", "--overwrite"]) == 0
+def test_the_same_command_goes_on_with_a_run_that_was_killed(killed, capsys):
+    file = write(killed.parent, TOP)
+    assert main(["run", str(file), *GRID, "--set", "run.dt=0.5", "--out", "cut"]) == 2
+    assert "holds another run already: run.dt is 0.001 there and 0.5 here" in capsys.readouterr().err
+    other = killed.parent / "top.py"
+    other.write_text((text := other.read_text()) + "\n")
+    assert main(["run", str(file), *GRID, "--out", "cut"]) == 2
+    assert "the file top.py has other contents there" in capsys.readouterr().err
+    other.write_text(text)
+    assert main(["verify", "cut"]) == 0
+    assert main(["run", str(file), *GRID, "--out", "cut"]) == 0
     assert not (killed / "unfinished").exists()
+    capsys.readouterr()
+    assert main(["run", str(file), *GRID, "--out", "cut"]) == 0
+    assert "nothing was run" in capsys.readouterr().out
 
 
 def test_a_factory_that_was_changed_meanwhile_is_refused(killed, capsys):
-    source = killed / "top.py"
+    source = killed / "inputs" / "1" / "top.py"
     source.write_text(source.read_text().replace("0.5", "0.50001"))
     assert main(["resume", "cut"]) == 2
-    assert "holds another run: the system's or the method's equations differ" in capsys.readouterr().err
+    assert (
+        "top.py of the run is damaged: it has 1345 bytes instead of 1329; put back a copy of it"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(

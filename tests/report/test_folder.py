@@ -3,53 +3,107 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.report.folder import RUN_FILE, SUMMARY, claimed, require_free
+from coadjoint.manifest import MANIFEST, Manifest
+from coadjoint.report.beside import keep_beside
+from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, claimed, kept_inputs, require_free
 
 RUN = "[run]\ndt = 0.01\n"
 OTHER = "[run]\ndt = 0.02\n"
 
 
-def finish(folder: Path, text: str = RUN, overwrite: bool = False) -> None:
-    with claimed(folder, text, overwrite):
-        (folder / SUMMARY).write_text("{}")
+def finish(folder: Path, text: str = RUN, overwrite: bool = False, **inputs: Path) -> bool:
+    """Whether a run was begun there."""
+    with claimed(folder, text, overwrite, inputs) as claim:
+        before = claim.complete
+        if not before:
+            claim.results(summarized)
+    return not before
+
+
+def summarized(stage: Path) -> None:
+    (stage / SUMMARY).write_text("{}")
 
 
 def test_a_folder_is_made_and_marked_with_its_configuration(tmp_path):
-    finish(tmp_path / "a" / "b")
-    assert (tmp_path / "a" / "b" / RUN_FILE).read_text() == RUN
+    folder = tmp_path / "a" / "b"
+    finish(folder)
+    assert (folder / RUN_FILE).read_text() == RUN
+    assert {path.name for path in folder.iterdir()} == {RUN_FILE, SUMMARY, MANIFEST}
+    assert not list(Manifest.read(folder).problems())
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_another_run_is_never_overwritten(tmp_path, overwrite):
     finish(tmp_path)
-    with pytest.raises(FileError, match="holds another run"):
+    with pytest.raises(FileError, match=r"holds another run already: run.dt is 0.01 there and 0.02 here"):
         finish(tmp_path, OTHER, overwrite)
+    with pytest.raises(FileError, match=r"run.steps is given here and not there"):
+        finish(tmp_path, RUN + "steps = 3\n", overwrite)
     assert (tmp_path / RUN_FILE).read_text() == RUN
 
 
 def test_the_same_run_is_repeated_only_when_asked(tmp_path):
-    finish(tmp_path)
-    with pytest.raises(FileError, match="--overwrite"):
-        finish(tmp_path)
-    finish(tmp_path, "# a comment changes nothing\n" + RUN, overwrite=True)
+    assert finish(tmp_path)
+    assert not finish(tmp_path)
+    assert finish(tmp_path, "# a comment changes nothing\n" + RUN, overwrite=True)
+
+
+def test_input_files_are_kept_under_names_of_their_own(tmp_path):
+    places = {"one": "run.toml", "two": "sea/table.csv", "three": "air/table.csv", "four": "unfinished"}
+    inputs = {name: tmp_path / "from" / place for name, place in places.items()}
+    for path in inputs.values():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(str(path))
+    folder = tmp_path / "out"
+    with claimed(folder, RUN, False, inputs) as claim:
+        kept = {name: folder / copy for name, copy in claim.manifest.facts["inputs"].items()}
+        assert {name: path.read_text() for name, path in kept.items()} == {
+            name: str(path) for name, path in inputs.items()
+        }
+        claim.results(summarized)
+    assert kept_inputs(folder / RUN_FILE) == kept
+    assert (folder / RUN_FILE).read_text() == RUN
+    inputs["two"].write_text("other")
+    with pytest.raises(FileError, match=r"the file table.csv has other contents there"):
+        finish(folder, RUN, **inputs)
+
+
+def test_what_an_input_file_needs_is_kept_beside_it(tmp_path):
+    source = tmp_path / "hull.toml"
+    (tmp_path / "wamit").mkdir()
+    (tmp_path / "far").mkdir()
+    for path in (source, tmp_path / "wamit" / "hull.1", tmp_path / "far.1"):
+        path.write_text(path.name)
+    keep_beside(source, "wamit/hull.1", tmp_path / "wamit" / "hull.1")
+    with claimed(tmp_path / "out", RUN, False, {"hull.toml": source}) as claim:
+        assert (claim.folder / "inputs" / "1" / "wamit" / "hull.1").read_text() == "hull.1"
+        claim.results(summarized)
+    (tmp_path / "wamit" / "hull.1").write_text("another")
+    with pytest.raises(FileError, match=r"the file hull.1 has other contents there"):
+        finish(tmp_path / "out", RUN, **{"hull.toml": source})
+    keep_beside(source, "../far.1", tmp_path / "far.1")
+    with pytest.raises(FileError, match=r"names \.\./far\.1, which is not in its folder"):
+        finish(tmp_path / "other", RUN, **{"hull.toml": source})
+    assert not (tmp_path / "other").exists()
 
 
 @pytest.mark.parametrize("name", ["cayley.nc", SUMMARY])
 def test_results_without_a_configuration_are_another_run(tmp_path, name):
     (tmp_path / name).write_text("")
     with pytest.raises(FileError, match="holds another run"):
-        require_free(tmp_path, RUN, overwrite=True)
+        require_free(tmp_path, RUN)
 
 
 def test_a_damaged_configuration_is_another_run(tmp_path):
     (tmp_path / RUN_FILE).write_text("[run")
     with pytest.raises(FileError, match="holds another run"):
-        require_free(tmp_path, RUN, overwrite=True)
+        require_free(tmp_path, RUN)
 
 
 def test_files_of_the_user_do_not_stand_in_the_way(tmp_path):
@@ -68,11 +122,29 @@ def test_a_run_that_writes_nothing_leaves_nothing(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_what_was_written_before_a_failure_is_kept(tmp_path):
-    with pytest.raises(ZeroDivisionError), claimed(tmp_path / "a", RUN, overwrite=False) as folder:
-        (folder / "trajectory.nc").write_text("")
+def test_what_was_computed_before_a_failure_is_kept(tmp_path):
+    with pytest.raises(ZeroDivisionError), claimed(tmp_path / "a", RUN, overwrite=False) as claim:
+        (claim.folder / UNFINISHED).mkdir()
         raise ZeroDivisionError
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [RUN_FILE, "trajectory.nc"]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == [MANIFEST, RUN_FILE, UNFINISHED]
+
+
+def test_a_run_file_that_was_there_before_stays(tmp_path):
+    (tmp_path / RUN_FILE).write_text("# mine\n" + RUN)
+    with pytest.raises(ZeroDivisionError), claimed(tmp_path, RUN, overwrite=False):
+        raise ZeroDivisionError
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["# mine\n" + RUN]
+
+
+def test_a_folder_that_is_deleted_meanwhile_is_told(tmp_path):
+    def deleted() -> None:
+        with claimed(tmp_path / "a", RUN, False) as claim:
+            shutil.rmtree(tmp_path / "a")
+            claim.results(summarized)
+
+    with pytest.raises(FileError, match="was deleted or moved while the run wrote to it"):
+        deleted()
+    assert not (tmp_path / "a").exists()
 
 
 def test_a_file_in_the_place_of_the_folder_is_told(tmp_path):
@@ -100,10 +172,6 @@ def test_a_disk_that_refuses_is_told_and_nothing_stays(tmp_path, monkeypatch):
     assert not (tmp_path / "a").exists()
 
 
-def test_of_two_runs_that_start_at_once_one_gets_the_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("coadjoint.report.folder.require_free", lambda *_: None)
-    monkeypatch.setattr(Path, "exists", lambda self: self != tmp_path / RUN_FILE and os.path.exists(self))
-    (tmp_path / RUN_FILE).write_text(OTHER)
-    with pytest.raises(FileError, match="just been taken"):
+def test_of_two_runs_at_once_one_gets_the_folder(tmp_path):
+    with claimed(tmp_path, RUN, False), pytest.raises(FileError, match="in use by another process"):
         finish(tmp_path)
-    assert (tmp_path / RUN_FILE).read_text() == OTHER

@@ -31,11 +31,16 @@ class Reproduce:
     """Repeat a reproduction that the folder holds already."""
 
     def __call__(self) -> int:
+        from coadjoint.report.folder import SUMMARY
         from coadjoint.report.reproduce import reproduce
         from coadjoint.report.summary import to_json
 
         found = reproduce(self.out, overwrite=self.overwrite, progress=False if self.json else None)
-        if self.json:
+        if found is None and self.json:
+            print((self.out / SUMMARY).read_text(encoding="utf-8"), end="")
+        elif found is None:
+            terminal.line(f"The folder {self.out} holds this reproduction, finished: nothing was run.")
+        elif self.json:
             print(to_json(found.summary()), end="")
         else:
             _show_reproduction(found, self.out)
@@ -49,7 +54,7 @@ class Run:
     file: tyro.conf.Positional[Path]
     """The run file, with sections system, parameters, initial, method, run and output, or the mission file."""
     out: Path | None = None
-    """Output folder, instead of the run file's; one that holds another run is refused."""
+    """Output folder, instead of the run file's; one that holds this run is finished, or told as it is."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
     """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
     check: bool = False
@@ -74,6 +79,8 @@ class Run:
                 for sentence in warnings:
                     terminal.line(f"Warning: {sentence}")
             return OK
+        for code in file.code:
+            terminal.complain(f"The run file runs {code}, which is outside of its folder.")
         written = execute(file, folder, self.overwrite, False if self.json else None)
         _show_run(written, self.json)
         return FAILED if written.failure else OK
@@ -265,10 +272,14 @@ def _show_run(written: Written, as_json: bool) -> None:
         print(to_json(written.summary), end="")
     else:
         notes = [("note", sentence) for sentence in written.summary.get("notes", [])]
-        halves = [text.partition("  ") for text in str(written.run).splitlines()]
+        halves = [text.partition("  ") for text in str(written.summary.get("card", "")).splitlines()]
         terminal.fields([*((name, text.strip()) for name, _, text in halves), *notes, ("folder", f"{written.folder}/")])
+        if written.before:
+            terminal.line(f"The folder {written.folder} holds this run, finished and undamaged: nothing was run.")
     if written.failure:
-        terminal.complain(f"{written.failure} {written.run.count:,} records are kept in {written.folder}/.")
+        terminal.complain(
+            f"{written.failure} {written.summary.get('saved', 0):,} records are kept in {written.folder}/."
+        )
 
 
 def _show_reproduction(found: Reproduction, folder: Path) -> None:

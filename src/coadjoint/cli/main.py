@@ -15,6 +15,7 @@ from coadjoint.cli.identify import Identify
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
 from coadjoint.cli.stopping import stoppable
+from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.errors import CoadjointError, StepError
 
@@ -26,6 +27,7 @@ Command = (
     | Annotated[commands.Resume, tyro.conf.subcommand("resume")]
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
+    | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
     | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]

@@ -1,39 +1,158 @@
-"""Output folders: one run each, never overwritten by another one."""
+"""Output folders: one run each, never overwritten by another one, complete with a manifest.
+
+A folder holds `run.toml` (what is run), `inputs/` (copies of the files that it names, each in a folder of its own),
+the results, `summary.json` and `manifest.json`. The order of writes: run.toml, the copies, a manifest of these, which
+claims the folder; the run; all results under a hidden name, forced to the disk and then moved into place, the summary
+last; the manifest of everything, with which the folder is complete; then what was left of the run is removed.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
 
+from coadjoint import disk
 from coadjoint.errors import FileError
+from coadjoint.manifest import FORMAT, MANIFEST, Manifest
+from coadjoint.report.beside import beside
+from coadjoint.simulation.lock import Lock
 from coadjoint.texts import read_table
 
 RUN_FILE = "run.toml"
-"""The configuration of the run that a folder holds, written first: it claims the folder."""
+"""The configuration of the run that a folder holds."""
 SUMMARY = "summary.json"
-"""The certificate of the run, written last: with it a folder is complete."""
+"""The certificate of the run."""
+INPUTS = "inputs"
+"""Where copies are of the files that the run file names."""
+UNFINISHED = "unfinished"
+"""Where the records of a run are until its results are written."""
+
+_LOCK, _STAGE = ".lock", "results"
 
 
-def require_free(folder: Path, configuration: str, overwrite: bool) -> None:
-    """Raise FileError if `folder` holds another run, or this very run and `overwrite` is not set.
+@dataclass
+class Claim:
+    """An output folder while this process holds it."""
 
-    `configuration` is the text of the run's run.toml; two runs are the same if their TOML means the same.
+    folder: Path
+    manifest: Manifest
+    lock: Lock
+    made: list[str] = field(default_factory=list)
+    """The files that `begin` put there."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether it holds the results already."""
+        return bool(self.manifest.facts.get("complete"))
+
+    def results(self, write: Callable[[Path], Any]) -> Any:
+        """What `write` returns, which puts results into the folder that it is given; with them this one is complete."""
+        self._require_held()
+        stage = disk.partial(self.folder / _STAGE)
+        try:
+            disk.sweep(self.folder)
+            disk.make(stage)
+            found = write(stage)
+            names = sorted((path.name for path in stage.iterdir()), key=lambda name: (name == SUMMARY, name))
+            for name in names:
+                disk.settle(stage / name)
+            self._require_held()
+            for name in names:
+                disk.move(stage / name, self.folder / name, named=False)
+                self.manifest.enter(name)
+            disk.settle(self.folder)
+            self.manifest.facts["complete"] = True
+            self.manifest.write()
+            self.tidy()
+        except FileError:
+            raise
+        except OSError as error:
+            self._require_held()
+            raise FileError(
+                f"The results could not be written to {self.folder}: {error.strerror or error}; the same command again "
+                "goes on from there."
+            ) from error
+        return found
+
+    def tidy(self) -> None:
+        """Remove what is left of the run, as its results are there."""
+        disk.sweep(self.folder)
+        disk.remove(self.folder / UNFINISHED)
+
+    def begin(self, configuration: str, inputs: Mapping[str, Path]) -> None:
+        """Put what is run into the folder, and a manifest of it."""
+        self.manifest = Manifest(self.folder, {"kind": "results", "complete": False, "inputs": {}})
+        disk.remove(self.folder / SUMMARY)
+        self._put(RUN_FILE, configuration.encode())
+        for number, (name, source) in enumerate(inputs.items(), 1):
+            copy = f"{INPUTS}/{number}/{source.name}"
+            self._put(copy, source.read_bytes())
+            for other, path in beside(source).items():
+                self._put(f"{INPUTS}/{number}/{other}", path.read_bytes())
+            self.manifest.facts["inputs"][name] = copy
+        self.manifest.write()
+
+    def _put(self, name: str, data: bytes) -> None:
+        if name != RUN_FILE or not (self.folder / name).exists():
+            disk.make((self.folder / name).parent)
+            disk.write(self.folder / name, [data])
+            self.made.append(name)
+        self.manifest.enter(name)
+
+    def _require_held(self) -> None:
+        if not self.lock.held:
+            raise FileError(f"The folder {self.folder} was deleted or moved while the run wrote to it: begin it again.")
+
+
+def require_free(folder: Path, configuration: str, inputs: Mapping[str, Path] | None = None) -> None:
+    """Raise FileError if `folder` holds another run, and say what differs.
+
+    `configuration` is the text of the run's run.toml; two runs are the same if their TOML means the same, and their
+    input files are the same.
     """
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file, not a folder: choose another output folder with --out.")
-    held = folder / RUN_FILE
-    if held.exists():
-        if not _same(held, configuration):
-            raise FileError(f"The folder {folder} holds another run already: choose another one with --out.")
-        if not overwrite:
+    try:
+        if not folder.is_dir():
+            return
+    except OSError as error:
+        raise FileError(f"The folder {folder} cannot be looked at: {error.strerror or error}.") from error
+    held = held_manifest(folder)
+    if held is None and (folder / SUMMARY).exists() | any(folder.glob("*.nc")) | (folder / UNFINISHED).exists():
+        raise FileError(
+            f"The folder {folder} holds another run already, or one that an older version of coadjoint wrote (before "
+            f"format {FORMAT}): choose another one with --out."
+        )
+    if held is not None:
+        held.require(RUN_FILE)
+    if (folder / RUN_FILE).exists():
+        differing = _differing(folder / RUN_FILE, configuration)
+        if not differing and held is not None and inputs is not None:
+            differing = _differing_input(held, inputs)
+        if differing:
             raise FileError(
-                f"The folder {folder} holds this very run already: pass --overwrite to repeat it, or choose another "
-                "folder with --out."
+                f"The folder {folder} holds another run already: {differing}; choose another one with --out."
             )
-    elif folder.is_dir() and ((folder / SUMMARY).exists() or any(folder.glob("*.nc"))):
-        raise FileError(f"The folder {folder} holds another run already: choose another one with --out.")
+
+
+def held_manifest(folder: Path) -> Manifest | None:
+    """The manifest of an output folder, None where it has none; raises FileError for that of another kind."""
+    try:
+        found = Manifest.read(folder)
+    except FileNotFoundError:
+        return None
+    if found.facts["kind"] != "results":
+        raise FileError(
+            f"The folder {folder} holds a run that streamed to disk by co.simulate(store=…), not results: choose "
+            "another one with --out."
+        )
+    return found
 
 
 def make(folder: Path) -> None:
@@ -45,41 +164,62 @@ def make(folder: Path) -> None:
 
 
 @contextmanager
-def claimed(folder: Path, configuration: str, overwrite: bool) -> Iterator[Path]:
+def claimed(
+    folder: Path, configuration: str, overwrite: bool, inputs: Mapping[str, Path] | None = None
+) -> Iterator[Claim]:
     """`folder`, made and marked by its run.toml; left as it was found if the block raises before it wrote anything.
 
-    Raises FileError as `require_free` does, and where the folder cannot be made or written to.
+    Where it holds this very run, it is given as it stands, unless `overwrite` begins it again. Raises FileError as
+    `require_free` does, and where the folder cannot be made or written to, or another process has it.
     """
-    require_free(folder, configuration, overwrite)
-    made = _missing(folder)
-    before = set() if made else {entry.name for entry in folder.iterdir()}
-    held, written = folder / RUN_FILE, None
+    require_free(folder, configuration, inputs)
+    made, claim, new = _missing(folder), None, False
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not held.exists():
-            # "x" lets one of two runs that start at once have the folder.
-            with open(held, "x", encoding="utf-8") as file:
-                written = held
-                file.write(configuration)
-    except FileExistsError as error:
-        raise FileError(f"The folder {folder} has just been taken by another run: choose another one.") from error
-    except OSError as error:
-        if written is not None:
-            written.unlink(missing_ok=True)
+        claim = _locked(folder)
+        require_free(folder, configuration, inputs)
+        disk.sweep(folder)
+        new = not claim.manifest.files
+        if new or (overwrite and (claim.complete or (folder / UNFINISHED).exists())):
+            if not new:
+                _discard(claim)
+            claim.begin(configuration, inputs or {})
+        yield claim
+    except BaseException as error:
+        if claim is not None and new and not claim.complete and not (folder / UNFINISHED).exists():
+            _withdraw(claim)
+        if claim is not None:
+            claim.lock.release()
         _clean(folder, made)
-        raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
-    try:
-        yield folder
-    except BaseException:
-        if {entry.name for entry in folder.iterdir()} - before == {RUN_FILE}:
-            held.unlink()
-            _clean(folder, made)
+        if isinstance(error, OSError) and not isinstance(error, FileError):
+            raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
         raise
+    claim.lock.release()
 
 
-def require_writable(folder: Path, configuration: str, overwrite: bool) -> None:
+def kept_inputs(run_file: Path) -> dict[str, Path]:
+    """Where the files are that the run file of an output folder names; none for another run file."""
+    found = held_manifest(run_file.parent) if run_file.name == RUN_FILE else None
+    return {} if found is None else {name: found.folder / copy for name, copy in found.facts["inputs"].items()}
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[Claim]:
+    """An output folder that holds a run, whatever it is; raises FileError where there is none."""
+    if not folder.is_dir():
+        raise FileError(f"There is no folder {folder}.")
+    found = held_manifest(folder)
+    if found is None:
+        require_free(folder, "")
+        raise FileError(f"The folder {folder} holds no run.")
+    with claimed(folder, found.path(RUN_FILE).read_text(encoding="utf-8"), False) as claim:
+        for name in (RUN_FILE, *(name for name in found.files if name.startswith(f"{INPUTS}/"))):
+            found.require(name)
+        yield claim
+
+
+def require_writable(folder: Path, configuration: str, inputs: Mapping[str, Path] | None = None) -> None:
     """Raise FileError as `claimed` does; the folder is left as it was found."""
-    with suppress(_Released), claimed(folder, configuration, overwrite):
+    with suppress(_Released), claimed(folder, configuration, False, inputs):
         raise _Released
 
 
@@ -87,19 +227,75 @@ class _Released(Exception):
     """A folder was claimed only to see whether it can be."""
 
 
-def begin_results(folder: Path) -> None:
-    """Take away the summary of a run that is repeated, so that its folder counts as complete only when it is."""
+def _locked(folder: Path) -> Claim:
+    disk.make(folder)
+    lock = Lock(folder, _LOCK)
     try:
-        (folder / SUMMARY).unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"The folder {folder} cannot be written to: {error.strerror or error}.") from error
+        return Claim(folder, held_manifest(folder) or Manifest(folder), lock)
+    except BaseException:
+        lock.release()
+        raise
 
 
-def _same(held: Path, configuration: str) -> bool:
+def _discard(claim: Claim) -> None:
+    """Let a folder no longer count as holding results, and remove what is left of its run."""
+    claim.manifest.facts["complete"] = False
+    claim.manifest.write()
+    place = claim.folder / UNFINISHED
+    if place.exists():
+        lock = Lock(place)
+        disk.remove(place)
+        lock.release()
+
+
+def _withdraw(claim: Claim) -> None:
+    """Remove what `begin` put into the folder."""
+    with suppress(OSError):
+        for name in (MANIFEST, *claim.made):
+            (claim.folder / name).unlink(missing_ok=True)
+        for place in {(claim.folder / name).parent for name in claim.made} - {claim.folder}:
+            place.rmdir()
+        if (claim.folder / INPUTS).is_dir():
+            (claim.folder / INPUTS).rmdir()
+        disk.sweep(claim.folder)
+
+
+def _differing(held: Path, configuration: str) -> str:
+    """Where two configurations differ first, in words; nothing where they mean the same."""
     try:
-        return read_table(held.read_text(encoding="utf-8"), held) == read_table(configuration, held)
+        there = dict(_leaves(read_table(held.read_text(encoding="utf-8"), held)))
     except (OSError, UnicodeDecodeError):
-        return False
+        return f"its {RUN_FILE} cannot be read"
+    here = dict(_leaves(read_table(configuration, RUN_FILE)))
+    for name in {**there, **here}:
+        if name not in there:
+            return f"{name} is given here and not there"
+        if name not in here:
+            return f"{name} is given there and not here"
+        if there[name] != here[name]:
+            return f"{name} is {there[name]!r} there and {here[name]!r} here"
+    return ""
+
+
+def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+    if not table and prefix:
+        yield prefix.rstrip("."), {}
+
+
+def _differing_input(held: Manifest, inputs: Mapping[str, Path]) -> str:
+    for name, source in inputs.items():
+        copy = PurePosixPath(held.facts["inputs"].get(name, "none"))
+        for kept in [kept for kept in held.files if PurePosixPath(kept).is_relative_to(copy.parent)] or [str(copy)]:
+            here = source if kept == str(copy) else source.parent / PurePosixPath(kept).relative_to(copy.parent)
+            found = hashlib.sha256(here.read_bytes()).hexdigest() if here.is_file() else None
+            if kept not in held.files or found != held.files[kept][1]:
+                return f"the file {here.name} has other contents there"
+    return ""
 
 
 def _missing(folder: Path) -> list[Path]:
@@ -110,7 +306,5 @@ def _missing(folder: Path) -> list[Path]:
 def _clean(folder: Path, made: list[Path]) -> None:
     """Remove the empty folders that were made for nothing."""
     for path in made:
-        try:
+        with contextlib.suppress(OSError):
             os.rmdir(path)
-        except OSError:
-            return

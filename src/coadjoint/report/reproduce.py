@@ -8,7 +8,7 @@ from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
 from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.style import save
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, begin_results, claimed
+from coadjoint.report.folder import SUMMARY, claimed
 from coadjoint.report.reproduction import FIGURES, LABELS, Reproduction, compute
 from coadjoint.report.summary import to_json
 from coadjoint.report.text import report
@@ -21,21 +21,28 @@ def reproduce(
     duration: float = PAPER_DURATION,
     overwrite: bool = False,
     progress: bool | None = None,
-) -> Reproduction:
+) -> Reproduction | None:
     """Compute the reproduction and write it to the folder `out`: figures, trajectories, summary.json and report.md.
 
-    dt, duration: s, by default the paper's. Raises FileError where `out` holds a run already or cannot be written.
+    dt, duration: s, by default the paper's. Returns None where `out` holds this reproduction already, unless
+    `overwrite`. Raises FileError where it holds another run or cannot be written.
     """
     configuration = f"[reproduce]\ndt = {dt!r}\nduration = {duration!r}\n"
-    with claimed(Path(out), configuration, overwrite) as folder:
+    with claimed(Path(out), configuration, overwrite) as claim:
+        if claim.complete:
+            claim.tidy()
+            return None
         found = compute(dt, duration, progress)
-        begin_results(folder)
-        for name in ("cayley", "exponential", "midpoint"):
-            found.runs[name].save(folder / f"{name}.nc", overwrite=overwrite)
-        draw(found, folder)
-        write_text(folder / "report.md", report(found))
-        write_text(folder / SUMMARY, to_json(found.summary()))
+        claim.results(lambda stage: _write(found, stage))
     return found
+
+
+def _write(found: Reproduction, folder: Path) -> None:
+    for name in ("cayley", "exponential", "midpoint"):
+        found.runs[name].save(folder / f"{name}.nc")
+    draw(found, folder)
+    write_text(folder / "report.md", report(found))
+    write_text(folder / SUMMARY, to_json(found.summary()))
 
 
 def draw(found: Reproduction, folder: Path) -> None:

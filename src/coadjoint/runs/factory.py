@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.report.beside import keep_beside
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.units import in_si, unknown
 
@@ -25,24 +25,15 @@ ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_
 """Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
 
 
-def require_file(factory: str, run_file: Path) -> Path:
-    """The Python file of a factory, relative to the run file; raises FileError if there is none."""
-    source = run_file.parent / factory.split(":")[0]
-    if not os.path.isfile(source):
-        raise FileError(f"There is no file {source}, which [system] factory = {factory!r} names.")
-    return source
-
-
 def from_factory(
-    factory: str, run_file: Path, parameters: dict[str, Any], initial: dict[str, Any]
+    factory: str, source: Path, parameters: dict[str, Any], initial: dict[str, Any]
 ) -> tuple[System, State]:
-    """The system and start of function(**parameters): a System, or a pair of it and a State.
+    """The system and start of function(**parameters) in the file `source`: a System, or a pair of it and a State.
 
     A system alone starts from [initial]: keywords of `System.state`, or an attitude in other words. Raises FileError
     for a file or function that does not exist, ArgumentError for keys that do not fit and for a factory that raises or
     returns something else.
     """
-    source = require_file(factory, run_file)
     function = _function(source, factory.split(":")[1])
     made = _called(function, source, _keywords(function, parameters))
     from coadjoint.mechanics.state import State
@@ -95,7 +86,9 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
     if specification is None or specification.loader is None:
         raise FileError(f"The file {source} is not a Python file: its name must end in .py.")
     module = module_from_spec(specification)
-    sys.path.insert(0, str(source.parent.resolve()))
+    home = source.parent.resolve()
+    sys.path.insert(0, str(home))
+    before = set(sys.modules)
     try:
         specification.loader.exec_module(module)
     except CoadjointError:
@@ -104,6 +97,9 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
         raise ArgumentError(f"The file {source} could not be run: {_told(error, source)}") from error
     finally:
         sys.path.pop(0)
+    for file in (getattr(sys.modules[name], "__file__", None) for name in set(sys.modules) - before):
+        if file and (path := Path(file).resolve()).is_relative_to(home) and "site-packages" not in path.parts:
+            keep_beside(source, path.relative_to(home).as_posix(), path)
     found = getattr(module, name, None)
     if not callable(found):
         functions = [key for key, value in vars(module).items() if inspect.isfunction(value)]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.extensions import Registry, located
+from coadjoint.report.folder import kept_inputs
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
@@ -40,16 +41,14 @@ class RunFile(Runnable):
     NEEDED: ClassVar = ("system", "run")
 
     @property
-    def companions(self) -> list[Path]:
-        from coadjoint.runs.factory import require_file
+    def names(self) -> list[str]:
+        return [self.system.factory.rsplit(":", 1)[0]] if self.system.factory else []
 
-        return [require_file(self.system.factory, self.path)] if self.system.factory else []
-
-    def beside_results(self) -> RunFile:
-        if not self.system.factory:
-            return self
-        source, function = self.system.factory.rsplit(":", 1)
-        return replace(self, system=replace(self.system, factory=f"{Path(source).name}:{function}"))
+    @property
+    def code(self) -> list[Path]:
+        home = self.path.parent.resolve()
+        found = [path.resolve() for name, path in self.inputs.items() if name not in self.places]
+        return [path for path in found if not path.is_relative_to(home)]
 
     def set_up(self) -> Setup:
         from coadjoint.models import catalogue
@@ -57,7 +56,8 @@ class RunFile(Runnable):
         from coadjoint.runs.setup import Setup
 
         if self.system.factory:
-            return Setup(*from_factory(self.system.factory, self.path, self.parameters, self.initial))
+            source = self.located(self.names[0])
+            return Setup(*from_factory(self.system.factory, source, self.parameters, self.initial))
         entry = catalogue[self.system.model]
         try:
             system = entry.make(**self.parameters)
@@ -97,7 +97,8 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     if changes:
         text = f"# {source.name} with {', '.join(changes)}\n\n{to_toml(table)}"
     readers = [reader for section, reader in KINDS.items() if section in table]
-    return located(readers[0])(table, source, text) if readers else from_table(table, source, text)
+    made = located(readers[0])(table, source, text) if readers else from_table(table, source, text)
+    return replace(made, places=kept_inputs(source))
 
 
 def _require_run(table: dict[str, Any], source: Path) -> None:

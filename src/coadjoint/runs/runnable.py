@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.runs.methods import map_name, method_name
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, section
 from coadjoint.runs.units import unknown
@@ -27,6 +28,8 @@ class Runnable(ABC):
     output: OutputSection = field(default_factory=OutputSection)
     path: Path = Path("run.toml")
     text: str = ""
+    places: Mapping[str, Path] = field(default_factory=dict)
+    """Where files are that it names, if not beside it."""
     WORD: ClassVar[str] = "run file"
     """What such a file is called."""
     SECTIONS: ClassVar[dict[str, type]] = {}
@@ -62,12 +65,27 @@ class Runnable(ABC):
 
     @property
     @abstractmethod
-    def companions(self) -> list[Path]:
-        """The files that it names; they are kept with the results. Raises FileError where one is not there."""
+    def names(self) -> list[str]:
+        """The files that it names; they are kept with the results."""
 
-    def beside_results(self) -> Self:
-        """The file as it reads in the folder of results, where its companions lie with it."""
-        return self
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Where the files are that it names; raises FileError where one is not there."""
+        return {name: self.located(name) for name in self.names}
+
+    @property
+    def code(self) -> list[Path]:
+        """Files of Python outside of the folder of the file that it would run."""
+        return []
+
+    def located(self, name: Any) -> Path:
+        """A file that it names, beside it or where the folder of results keeps it; raises FileError."""
+        if not isinstance(name, str):
+            raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
+        found = self.places.get(name, self.path.parent / name)
+        if not os.path.isfile(found):  # no error for names that no file can have
+            raise FileError(f"There is no file {found}, which {self.path} names.")
+        return found
 
     @abstractmethod
     def set_up(self) -> Setup:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +11,19 @@ from typing import TYPE_CHECKING, Any
 from coadjoint.errors import ArgumentError, FileError, StepError
 from coadjoint.log import logger
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, begin_results, claimed, require_free, require_writable
+from coadjoint.report.folder import (
+    RUN_FILE,
+    SUMMARY,
+    UNFINISHED,
+    Claim,
+    claimed,
+    held,
+    held_manifest,
+    require_free,
+    require_writable,
+)
 from coadjoint.report.summary import run_summary, to_json, versions
-from coadjoint.runs.resuming import UNFINISHED, discard, require_none_unfinished, unfinished
+from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
 
@@ -28,12 +37,16 @@ _log = logger(__name__)
 
 @dataclass(frozen=True)
 class Written:
-    """A run, the folder that holds it, and its summary; `failure` tells why it stopped early."""
+    """A run, the folder that holds it, and its summary; `failure` tells why it stopped early.
 
-    run: Run
+    `before`: whether the folder held it already; `run` is then what co.load reads, None where no step was saved.
+    """
+
+    run: Any
     folder: Path
     summary: dict[str, Any]
     failure: str | None = None
+    before: bool = False
 
 
 def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
@@ -41,21 +54,14 @@ def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
 
     What is mistaken in the file comes before what is in the way in the folder, where nothing is left behind.
     """
-    _ = file.companions
+    _ = file.inputs
     made = file.set_up()
     warnings = [*prepared(file, made).warnings, *made.warnings]
     try:
-        _require_folder(file, folder, overwrite)
-        require_writable(folder, file.text, overwrite)
+        require_writable(folder, file.text, file.inputs)
     except FileError as error:
         raise FileError(f"{file.path} is a run file, but its results have no place. {error}") from error
     return warnings
-
-
-def _require_folder(file: Runnable, folder: Path, overwrite: bool) -> None:
-    """Raise FileError where the folder holds another run."""
-    require_none_unfinished(folder, overwrite)
-    require_free(folder, file.text, overwrite)
 
 
 def prepared(file: Runnable, made: Setup) -> Run:
@@ -93,37 +99,57 @@ def _require_drawable(figures: list[str], run: Run) -> None:
 def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:
     """Run a run file and write run.toml, trajectory.nc, figures and summary.json to `folder`.
 
-    A step that fails ends the run; what was computed is written nevertheless, and the result tells. Until the results
-    are written the records are in `unfinished`, from which `resume` goes on. Raises FileError where the folder holds
-    another run or cannot be written, ArgumentError and LagrangianError before the run.
+    Where the folder holds this run already, one that was interrupted goes on, and of one that has finished the results
+    are returned, checked; `overwrite` begins it again. A step that fails ends the run; what was computed is written
+    nevertheless, and the result tells. Until the results are written the records are in `unfinished`. Raises FileError
+    where the folder holds another run or cannot be written, ArgumentError and LagrangianError before the run.
     """
-    _require_folder(file, folder, overwrite)
-    _ = file.companions
-    made = file.set_up()
-    if file.output.asked:
-        prepared(file, made)
-    with claimed(folder, file.text, overwrite):
-        discard(folder)
-        with _companions_kept(file.companions, folder):
-            return write(
-                file, folder, made, *_ended(lambda: simulate(file, made, progress, folder / UNFINISHED), folder)
-            )
+    require_free(folder, file.text, file.inputs)
+    if overwrite or not _complete(folder):
+        made = file.set_up()
+        if file.output.asked:
+            prepared(file, made)
+    else:
+        made = None
+    with claimed(folder, file.text, overwrite, file.inputs) as claim:
+        return _carried_on(file, claim, made, progress)
 
 
 def resume(folder: Path, progress: bool | None = None) -> Written:
-    """Go on with the run of a run file that was interrupted, and write what `execute` would have written.
+    """Go on with the run of a run file that was interrupted, from its folder alone, as `execute` does.
 
     Raises FileError where the folder holds no such run, or a damaged one; ArgumentError where the system has changed.
     """
-    from coadjoint.simulation.resume import resume as go_on
+    with held(folder) as claim:
+        file = read(folder / RUN_FILE)
+        return _carried_on(file, claim, None, progress)
 
-    file = unfinished(folder)
-    made = file.set_up()
 
-    def run() -> Run:
-        return go_on(folder / UNFINISHED, made.system, inputs=made.inputs, until=made.until, progress=progress)
+def _complete(folder: Path) -> bool:
+    held = held_manifest(folder)
+    return held is not None and bool(held.facts["complete"])
 
-    return write(file, folder, made, *_ended(run, folder))
+
+def _carried_on(file: Runnable, claim: Claim, made: Setup | None, progress: bool | None) -> Written:
+    """The run of a claimed folder from where it stands to its results."""
+    if claim.complete:
+        claim.tidy()
+        return finished(claim)
+    made = file.set_up() if made is None else made
+    run, failure = _ended(lambda: simulate(file, made, progress, claim.folder / UNFINISHED), claim.folder)
+    return claim.results(lambda stage: write(file, claim.folder, stage, made, run, failure))
+
+
+def finished(claim: Claim) -> Written:
+    """What a folder holds that is complete; raises FileError where any of its files is not what was written."""
+    from coadjoint.simulation.recording import load
+
+    if damaged := next(claim.manifest.problems(), None):
+        raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the run again.")
+    summary = json.loads((claim.folder / SUMMARY).read_text(encoding="utf-8"))
+    trajectory = claim.folder / TRAJECTORY
+    run = load(trajectory) if trajectory.exists() else None
+    return Written(run, claim.folder, summary, summary["failure"], before=True)
 
 
 def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
@@ -136,22 +162,6 @@ def _ended(run: Callable[[], Run], folder: Path) -> tuple[Run, str | None]:
         return error.run, error.sentence
     except KeyboardInterrupt:
         raise KeyboardInterrupt(*[folder] * (folder / UNFINISHED).exists()) from None
-
-
-@contextmanager
-def _companions_kept(sources: list[Path], folder: Path) -> Iterator[None]:
-    """Files that the run file names are copied to the folder of the run, so that it can go on from the folder alone."""
-    copies = [folder / source.name for source in sources]
-    new = [copy for copy in copies if not copy.exists()]
-    for source in sources:
-        _copy(source, folder)
-    try:
-        yield
-    except BaseException:
-        if not (folder / UNFINISHED).exists():
-            for copy in new:
-                copy.unlink(missing_ok=True)
-        raise
 
 
 def simulate(file: Runnable, made: Setup, progress: bool | None = None, store: Path | None = None) -> Run:
@@ -175,30 +185,18 @@ def simulate(file: Runnable, made: Setup, progress: bool | None = None, store: P
     )
 
 
-def write(file: Runnable, folder: Path, made: Setup, run: Run, failure: str | None) -> Written:
-    """The results, the summary last: with it the folder is complete."""
-    begin_results(folder)
+def write(file: Runnable, folder: Path, stage: Path, made: Setup, run: Run, failure: str | None) -> Written:
+    """Put the results that `folder` is to have into the folder `stage`."""
     figures: list[str] = []
     summary: dict[str, Any] = {}
     run.warnings += made.warnings
     if run.count:
         run.dataset.attrs.update(made.told)
         run.warnings += file.warnings(run)
-        run.save(folder / TRAJECTORY, overwrite=True)
-        summary, figures = file.results(folder, run)
+        run.save(stage / TRAJECTORY)
+        summary, figures = file.results(stage, run)
     certificate = {} if "members" in summary else run_summary(run)
     summary = {**certificate, **summary, "failure": failure, "figures": figures, "versions": versions()}
-    write_text(folder / SUMMARY, to_json(summary))
-    discard(folder)
+    write_text(stage / SUMMARY, to_json(summary))
     _log.info("%s: results are in %s.", run.title, folder)
     return Written(run, folder, summary, failure)
-
-
-def _copy(source: Path, folder: Path) -> None:
-    """Keep a file with the results that were made of it."""
-    try:
-        shutil.copyfile(source, folder / source.name)
-    except shutil.SameFileError:
-        return
-    except OSError as error:
-        raise FileError(f"{source} could not be copied to {folder}: {error.strerror or error}.") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from types import UnionType
 from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
@@ -106,6 +107,10 @@ class OutputSection:
     def __post_init__(self):
         from coadjoint.plotting.plots import figure_names
 
+        if Path(self.folder).is_absolute() or ".." in Path(self.folder).parts:
+            raise ArgumentError(
+                f"[output] folder must lie in the working directory, but is {self.folder!r}: name another one by --out."
+            )
         known = figure_names()
         wrong = [name for name in (self.figures if isinstance(self.figures, list) else []) if name not in known]
         if wrong:

@@ -18,11 +18,11 @@ class Lock:
     Its file is removed at `release`. That of a process that was killed stays, and holds nothing.
     """
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, folder: Path, name: str = LOCK):
+        self.folder, self.name = folder, name
         while True:
-            disk.before("lock", folder / LOCK)
-            self._handle: int | None = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            disk.before("lock", folder / name)
+            self._handle: int | None = os.open(folder / name, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 _hold(self._handle)
             except OSError as error:
@@ -38,7 +38,9 @@ class Lock:
     def held(self) -> bool:
         """Whether the folder is the one that was locked, and not one that was put in its place, or none."""
         try:
-            return self._handle is not None and os.path.samestat(os.fstat(self._handle), os.stat(self.folder / LOCK))
+            return self._handle is not None and os.path.samestat(
+                os.fstat(self._handle), os.stat(self.folder / self.name)
+            )
         except OSError:
             return False
 
@@ -46,8 +48,8 @@ class Lock:
         """Let others in; the operating system does the same for a process that was killed."""
         if self.held:
             with contextlib.suppress(OSError):
-                disk.before("unlock", self.folder / LOCK)
-                (self.folder / LOCK).unlink()
+                disk.before("unlock", self.folder / self.name)
+                (self.folder / self.name).unlink()
         self._close()
 
     def _close(self) -> None:

@@ -79,7 +79,8 @@ def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_pat
     told = json.loads(capsys.readouterr().out)
     folder = tmp_path / "dive"
     assert {path.name for path in folder.iterdir()} == {
-        *("run.toml", "trajectory.nc", "trajectory.csv", "summary.json", "track.png", "animation.html")
+        "manifest.json",
+        *("run.toml", "trajectory.nc", "trajectory.csv", "summary.json", "track.png", "animation.html"),
     }
     data = co.load(folder / "trajectory.nc").dataset
     found = told["mission"]
@@ -100,8 +101,8 @@ def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_pat
     with open(folder / "trajectory.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["depth_m"]) == pytest.approx(float(data.q[-1, 2]))
-    assert main(["run", "dive.toml"]) == 2
-    assert "--overwrite" in capsys.readouterr().err
+    assert main(["run", "dive.toml"]) == 0
+    assert "nothing was run" in capsys.readouterr().out
     assert np.allclose(data.q[-1], by_hand().final.q, atol=1e-9)
 
 
@@ -471,7 +472,7 @@ def test_a_mission_is_resumed_from_its_folder_alone(tmp_path, monkeypatch):
     assert float(data.time[-1]) == pytest.approx(10)
     assert float(data.inputs_heading[-1]) == pytest.approx(np.radians(40))
     with pytest.raises(FileError, match=r"legs\.csv"):
-        _ = read("dive.toml").companions
+        _ = read("dive.toml").inputs
 
 
 def test_every_key_of_a_mission_stands_on_its_page():

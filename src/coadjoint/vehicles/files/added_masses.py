@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.report.beside import keep_beside
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.table import Section, axes_of
 from coadjoint.vehicles.hydrodynamics.added_mass import added_mass_about
@@ -122,7 +123,10 @@ def _file(section: Section, form: str, density: float, folder: Path) -> np.ndarr
     from coadjoint.vehicles.hydrodynamics.capytaine import capytaine_added_mass
     from coadjoint.vehicles.hydrodynamics.wamit import wamit_added_mass
 
-    path = folder / section.text(form)
+    name = section.text(form)
+    path = folder / name
+    if path.is_file():
+        keep_beside(Path(section.book.path), name, path)
     panel_axes = section.text("axes", None, PANEL_AXES)
     origin = section.vector("origin", u.LENGTH) if "origin" in section else (0.0, 0.0, 0.0)
     try:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection
 
@@ -86,19 +85,10 @@ class MissionFile(Runnable):
     FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb")
 
     @property
-    def companions(self) -> list[Path]:
+    def names(self) -> list[str]:
         tables = [self.water, *(inner for inner in self.water.values() if isinstance(inner, dict))]
         names = [self.vehicle.file, self.mission.get("file", ""), *(table.get("file", "") for table in tables)]
-        return [self.located(name) for name in names if isinstance(name, str) and name]
-
-    def located(self, name: Any) -> Path:
-        """A file beside the mission file, or beside its results; raises FileError where there is none."""
-        if not isinstance(name, str):
-            raise ArgumentError(f"The name of a file must be a text, but in {self.path} is {name!r}.")
-        for place in (self.path.parent / name, self.path.parent / Path(name).name):
-            if os.path.isfile(place):  # no error for names that no file can have
-                return place
-        raise FileError(f"There is no file {self.path.parent / name}, which {self.path} names.")
+        return list(dict.fromkeys(name for name in names if isinstance(name, str) and name))
 
     def set_up(self) -> Setup:
         from coadjoint.vehicles.missions.craft import set_up

@@ -1,0 +1,40 @@
+"""`coadjoint verify`: whether a folder holds what was written there."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from coadjoint.cli import terminal
+
+OK, DAMAGED = 0, 1
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Compare every file of a folder of results with its manifest: `coadjoint verify dive`; status 0 if all agree."""
+
+    folder: tyro.conf.Positional[Path]
+    """A folder that `run` or `reproduce` wrote, finished or not, or one that co.simulate(store=…) wrote."""
+    json: bool = False
+    """Print what was found as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.report.verification import verify
+
+        found = verify(self.folder)
+        if self.json:
+            told = {"complete": found.complete, "files": found.files, "problems": found.problems}
+            print(json_text.dumps({**told, "unknown": found.unknown}, indent=2, ensure_ascii=False))
+        else:
+            for sentence in found.problems:
+                terminal.line(sentence)
+            if found.passed:
+                state = "a finished run" if found.complete else "an unfinished run"
+                terminal.line(f"{self.folder} holds {state}: {found.files} files are what was written.")
+            for name in found.unknown:
+                terminal.line(f"{name} is not of the run.")
+        return OK if found.passed else DAMAGED
