@@ -5,7 +5,9 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from coadjoint.identification.findings import _estimates
 from coadjoint.identification.fitting import _estimated
 from coadjoint.identification.least_squares import Solution
 
@@ -41,3 +43,28 @@ def test_the_noise_is_over_the_numbers_that_the_fit_left(missing):
     # All numbers less all columns: 20 of them less 7.
     assert left.sum() == pytest.approx(RUNS * SAMPLES * CHANNELS - missing - RUNS * OWN - SHARED)
     assert "jacobian" in Solution._fields
+
+
+@pytest.mark.parametrize("level", [0.5, 0.95, 0.99])
+@pytest.mark.parametrize("samples", [4, 10_000])
+def test_an_interval_has_the_width_that_its_level_asks_for(level, samples):
+    """Of so many numbers with normal noise, by Student's t: 95 % are ±1.96 standard errors where there are many."""
+    each = [
+        SimpleNamespace(
+            label=name, value=float, slope=lambda x: 1.0, prior=0.0, interval=lambda x, half: (x - half, x + half)
+        )
+        for name in "ab"
+    ]
+    shooting = SimpleNamespace(size=1, runs=1, unknowns=SimpleNamespace(each=each))
+    fit = SimpleNamespace(shooting=shooting, there=np.ones((1, samples, 2), bool))
+    found = SimpleNamespace(fit=fit, solution=SimpleNamespace(place=SimpleNamespace(shared=np.array([1.0, -2.0]))))
+    errors = np.array([0.1, 0.7])
+    estimates = _estimates(cast(Any, found), cast(Any, SimpleNamespace(error=errors)), level)
+    freedom = 2 * samples - 1 - 2
+    for name, x, error in zip("ab", (1.0, -2.0), errors, strict=True):
+        low, high = estimates[name].low, estimates[name].high
+        assert (low + high) / 2 == pytest.approx(x)
+        inside = stats.t.cdf((high - x) / error, freedom) - stats.t.cdf((low - x) / error, freedom)
+        assert inside == pytest.approx(level, rel=1e-9)
+        if (level, samples) == (0.95, 10_000):
+            assert (high - x) / error == pytest.approx(1.96, abs=1e-3)

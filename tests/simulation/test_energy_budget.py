@@ -160,8 +160,7 @@ def test_the_figure_of_a_budget(tmp_path):
         co.simulate(unforced, start, dt=0.01, steps=5).plot.budget()
 
 
-@pytest.mark.parametrize(("backend", "steps"), [("native", 1_000_000), ("xla", 10_000)])
-def test_a_ledger_of_a_million_steps_has_the_rounding_of_one(backend, steps):
+def test_a_ledger_of_a_million_steps_has_the_rounding_of_one():
     """A mass that is pushed: h f enters at each step; added up without the rest, 1e-11 of the sum would be lost."""
     body = co.System(
         co.Translation(1),
@@ -169,8 +168,8 @@ def test_a_ledger_of_a_million_steps_has_the_rounding_of_one(backend, steps):
         parameters={"mass": 2.0},
         forces=lambda motion, p: co.Force(torque=jnp.array([0.1])),
     )
-    given = {"dt": 0.01, "steps": steps, "save_every": steps, "accuracy": False, "progress": False}
-    run = co.simulate(body, body.state(xi=[0.0]), backend=backend, **given)
+    steps = 1_000_000
+    run = co.simulate(body, body.state(xi=[0.0]), dt=0.01, steps=steps, save_every=steps, backend="native")
     total, rest = np.asarray(run.final.ledger)
     assert total[-1] == pytest.approx(0.01 * 0.1 * steps, rel=4e-16)
     assert np.all(np.abs(rest) <= 2.0**-52 * np.abs(total))

@@ -13,9 +13,13 @@ import numpy as np
 from coadjoint.kernels.chunk import EnsembleChunk
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import xla
+from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink, widened
 from coadjoint.simulation.progress import Progress
+
+LONGEST = 5.0
+"""Seconds of a part of a block at most: what an interrupt may cost."""
 
 
 @dataclass
@@ -103,14 +107,14 @@ class EnsembleDriver:
         return position.steps < self.plan.steps
 
     def _stretch(self, position: MembersPosition, speed: float) -> None:
-        """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of one where blocks are long."""
+        """Run for about PATIENCE seconds: whole blocks of save_every steps, or a part of a long one for some more."""
         every, phase = self.plan.save_every, position.steps % self.plan.save_every
         left = self.plan.steps - position.steps
         wished = max(int(speed * PATIENCE), 1)
         if phase == 0 and min(wished, left) >= every:
             records, length = min(wished // every, left // every, self._capacity), every
         else:
-            records, length = 1, min(wished, left, every - phase)
+            records, length = 1, min(max(int(speed * self._patience(position)), 1), left, every - phase)
         began = time.perf_counter()
         chunk = self._run(position.state, records, length)
         position.seconds += time.perf_counter() - began
@@ -120,6 +124,15 @@ class EnsembleDriver:
         position.advance(chunk, records * length)
         self.sink.checkpoint(position)
         self.taking = False
+
+    def _patience(self, position: MembersPosition) -> float:
+        """Seconds for a part of a block: what it costs to take up many members counts less in longer ones.
+
+        Machine code is interrupted between groups of lanes, so that one group alone has to be short.
+        """
+        if self.plan.backend != "native":
+            return PATIENCE
+        return min(PATIENCE * max(len(position.codes) // (lanes() * cores()), 1), LONGEST)
 
     @property
     def _capacity(self) -> int:

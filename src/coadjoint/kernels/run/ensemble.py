@@ -27,7 +27,7 @@ def lanes() -> int:
     return 4 if features.get("avx") else 2
 
 
-def _cores() -> int:
+def cores() -> int:
     """How many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -66,7 +66,7 @@ def run_ensemble(
     p_groups, s_groups = (np.ascontiguousarray(x[np.minimum(groups, len(x) - 1)].swapaxes(1, 2)) for x in (p, s))
     inputs = (p_groups, np.ascontiguousarray(steps[np.minimum(groups, len(steps) - 1)]), s_groups)
     result = _empty(kernel, s_groups, records)
-    _launch(kernel, inputs, result, records, save_every, threads or _cores())
+    _launch(kernel, inputs, result, records, save_every, threads or cores())
     return _gathered(kernel, shape_s, result, count, save_every)
 
 
