@@ -30,6 +30,9 @@ FORMAT = 2
 """The number of the format of stored runs and folders of results; 1 had no manifest."""
 DAMAGED = "put back a copy of it; nothing has been changed"
 
+BEGINNING = b'{\n"facts"'
+"""How every manifest begins; files of other programs may have its name."""
+
 _LARGEST = 1 << 30
 _CHECKSUM = 4
 _END = '"\n}\n'
@@ -47,7 +50,7 @@ class Manifest:
         """Put it into its folder in one move."""
         facts = json.dumps({"format": FORMAT, **self.facts}, ensure_ascii=False)
         files = ",\n".join(f"{json.dumps(name)}: {json.dumps(self.files[name])}" for name in sorted(self.files))
-        body = f'{{\n"facts": {facts},\n"files": {{\n{files}\n}},\n"sha256": "'.encode()
+        body = f'{BEGINNING.decode()}: {facts},\n"files": {{\n{files}\n}},\n"sha256": "'.encode()
         disk.write(self.folder / MANIFEST, [body, hashlib.sha256(body).hexdigest().encode(), _END.encode()])
 
     @classmethod

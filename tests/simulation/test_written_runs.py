@@ -68,3 +68,36 @@ def test_what_is_no_path_is_said_in_a_sentence(run, path):
     for act in (run.save, co.load):
         with pytest.raises(co.ArgumentError, match=r"`path` must be the name of a file, such as .run\.nc., but is"):
             act(path)
+
+
+def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(tmp_path, monkeypatch):
+    import xarray
+
+    body = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
+    run = co.simulate(body, body.state(xi=[0.3]), dt=0.1, steps=5, progress=False)
+    write = xarray.Dataset.to_netcdf
+
+    def spoiled(self, *given, **more):
+        return write(self.assign(xi=self.xi + 1e-16 * (self.xi > 0) + 1e-12), *given, **more)
+
+    monkeypatch.setattr(xarray.Dataset, "to_netcdf", spoiled)
+    with pytest.raises(co.FileError, match=r"could not be written .*: what was read again of `xi` is not what"):
+        run.save(tmp_path / "run.nc")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_in_a_folder_of_results_is_compared_with_its_manifest(tmp_path):
+    from coadjoint.manifest import Manifest
+
+    body = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
+    for name, spin in (("trajectory.nc", 0.3), ("other.nc", 0.4)):
+        co.simulate(body, body.state(xi=[spin]), dt=0.1, steps=5, progress=False).save(tmp_path / name)
+    manifest = Manifest(tmp_path, {"kind": "results", "complete": True, "inputs": {}})
+    manifest.enter("trajectory.nc")
+    manifest.write()
+    assert co.load(tmp_path / "trajectory.nc").dataset.sizes["time"] == 6
+    (tmp_path / "other.nc").replace(tmp_path / "trajectory.nc")
+    with pytest.raises(co.FileError, match=r"trajectory.nc of the run is damaged: put back a copy"):
+        co.load(tmp_path / "trajectory.nc")
+    (tmp_path / "manifest.json").write_text("{}")  # of another program
+    assert co.load(tmp_path / "trajectory.nc").dataset.sizes["time"] == 6

@@ -10,8 +10,10 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from coadjoint import disk
 from coadjoint.errors import ArgumentError, FileError, shown
 from coadjoint.extensions import located
+from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.plotting.plots import Plots
 from coadjoint.sealed import readable, seal
 from coadjoint.simulation.csv_table import csv_table
@@ -74,9 +76,12 @@ class Recording:
             if text is not None:
                 temporary.write_text(text, encoding="utf-8")
             else:
-                self.dataset.assign(self._last_record()).to_netcdf(temporary, engine="h5netcdf")
+                whole = self.dataset.assign(self._last_record())
+                whole.to_netcdf(temporary, engine="h5netcdf")
+                _require_equal(temporary, whole)
                 seal(temporary)
-            os.replace(temporary, target)
+            disk.settle(temporary)
+            disk.move(temporary, target)
         except OSError as error:
             with contextlib.suppress(OSError):
                 temporary.unlink()
@@ -177,6 +182,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
         return SavedRun(saved_dataset(source.absolute()), system)
     if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
+    _require_listed(source)
     try:
         if not _begins(source, HDF5) or not readable(source):
             raise _unreadable(source)
@@ -189,6 +195,27 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     if "time" not in found or "card" not in found.attrs:
         raise FileError(f"The file {source} was not written by coadjoint: it holds no run.")
     return SavedRun(found, system)
+
+
+def _require_equal(file: Path, whole: xarray.Dataset) -> None:
+    """Raise OSError unless a file holds the values of a dataset, to the bit."""
+    import xarray
+
+    with xarray.open_dataset(file, engine="h5netcdf", decode_cf=False) as opened:
+        for name, given in whole.variables.items():
+            found = opened[name].values
+            if found.dtype.kind not in "OSU" and found.tobytes() != given.values.astype(found.dtype).tobytes():
+                raise OSError(f"what was read again of `{name}` is not what was written")
+
+
+def _require_listed(source: Path) -> None:
+    """Raise FileError where a manifest beside a file says that other bytes were written."""
+    listing = source.parent / MANIFEST
+    if not listing.is_file() or not _begins(listing, BEGINNING):  # of another program
+        return
+    manifest = Manifest.read(source.parent)
+    if source.name in manifest.files:
+        manifest.require(source.name)
 
 
 def _unreadable(source: Path) -> FileError:
