@@ -116,7 +116,7 @@ class Corpus:
         from coadjoint.runs.run_file import read
 
         file = read(self._file("changed.toml", mutated(TOP_OF_CATALOGUE.encode(), seed)))
-        _ = file.companions
+        _ = file.inputs
         file.set_up()
 
     def of_vehicle(self, seed: str) -> None:
@@ -128,7 +128,7 @@ class Corpus:
         from coadjoint.runs.run_file import read
 
         file = read(self._file("mission.toml", mutated(MISSION, seed)))
-        _ = file.companions
+        _ = file.inputs
         file.set_up()
 
     def csv(self, seed: str) -> None:
