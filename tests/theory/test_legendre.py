@@ -14,7 +14,7 @@ import coadjoint as co
 from coadjoint import theory
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.noether import isotropy_algebra
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 from discrete import at, random_group_system, random_path
 from systems import MAPS, flat, random_system
 

@@ -7,7 +7,7 @@ from coadjoint.methods.galerkin import Galerkin
 from coadjoint.methods.group_variational import GroupVariational
 from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint
 from coadjoint.methods.left_rectangle import LeftRectangle
-from coadjoint.methods.method import Claims, Method, Step
+from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.right_rectangle import RightRectangle
 from coadjoint.methods.schemes import (
@@ -20,6 +20,7 @@ from coadjoint.methods.schemes import (
     Yoshida4,
 )
 from coadjoint.methods.simpson import Simpson
+from coadjoint.methods.step import Step
 from coadjoint.methods.trapezoidal import Trapezoidal
 from coadjoint.methods.variable_step import VariableStep
 from coadjoint.methods.variational import Variational

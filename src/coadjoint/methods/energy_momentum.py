@@ -17,8 +17,9 @@ from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import Motion, State
 from coadjoint.mechanics.system import System, added
 from coadjoint.methods.increments import Halved
-from coadjoint.methods.method import Claims, Method, Step
+from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.quadrature import gauss
+from coadjoint.methods.step import Step
 
 MAX_POINTS = 8
 

@@ -14,8 +14,9 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
 from coadjoint.methods.quadrature import gauss
+from coadjoint.methods.step import Step
 
 
 class _Node(NamedTuple):

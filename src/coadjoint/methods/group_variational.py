@@ -15,7 +15,8 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
+from coadjoint.methods.step import Step
 from coadjoint.methods.variational import LagrangianSlopes, Variational
 
 SINGULAR = 1e-10

@@ -5,7 +5,7 @@ from __future__ import annotations
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 
 
 class Whole(Step):

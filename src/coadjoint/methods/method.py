@@ -1,4 +1,4 @@
-"""The contracts of a step and of a method, and how a method becomes a program for a kernel."""
+"""The contract of a method, and how it begins."""
 
 from __future__ import annotations
 
@@ -12,19 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps import Cayley, DifferenceMap
-from coadjoint.difference_maps.axioms import require_own_map
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.program import FLOOR
+from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.discrete import Node
-from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
-from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.over_step import advanced
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.step import Step
 
 Start = Literal["momentum", "velocity"]
 Energy = Literal["bounded", "exact", "quadratic", "discrete"]
@@ -50,197 +46,6 @@ class Claims(NamedTuple):
     def order_with_internal(self) -> int:
         """Of a system whose internal state has a rule: forces have its mean over a step, its course is left out."""
         return min(self.order, 2)
-
-
-class Step(ABC):
-    """One implicit stage: the left discrete Legendre transform solved for z = (ξ, y), then explicit.
-
-    A stage must give four members, which are abstract: `relative`, which the classes of `increments.py` have,
-    `equations`, `advance` and `sources`; besides these `nodes`, or where Λ is no sum over nodes, `energy` and `work`,
-    and `discrete_lagrangian` where there is a Λ. All else has a default.
-
-    y are the frame coordinates of the velocity ν at the rule's own node. A step is a static object;
-    `system`, `state`, `h` and z are its arguments. A *record* is a state with the unknowns of the step that starts
-    at it.
-    """
-
-    difference_map: DifferenceMap
-    tolerant = False
-    """Whether the method goes on where this step's equations have no solution: then it has `advance_if`."""
-
-    def blocks(self, system: System) -> tuple[int, ...]:
-        """How many unknowns, in their order, are of one kind and unit: Newton stops by each block's own scale."""
-        return system.group.dim, system.additional.dim(system.group)
-
-    def require_fit(self, system: System) -> None:
-        """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""
-        if system.verify:
-            require_own_map(self.difference_map, system.group)
-        self.difference_map.require_fit(system.group)
-
-    def remember(self, system: System, state: State) -> State:
-        """The state with the memory that a run of this step starts with."""
-        return state
-
-    def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
-        """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
-
-        parameters: a tree with an axis of members where `axes`, a tree like it, is 0. states: (members, …) each.
-        """
-        return
-
-    def turn(self, system: System, h: Array, xi: Array) -> Element | None:
-        """X with which ν of the rule's own node stands in the frame X⁻¹; None for e. h: one number. xi: (dim G,)."""
-        return None
-
-    def velocity(self, system: System, state: State, h: Array, xi: Array, y: Array) -> Array:
-        """ν = y on a flat Q; on a curved one X⁻¹(ρ(n, hE_n y) − n)/h, (ambient,).
-
-        xi: (dim G,). y: (dim Q,) in the frame E of n itself, which stays while the equations are solved.
-        """
-        group, Q, _ = system.places
-        if Q.flat:
-            return y
-        chord = Q.difference(group, state.n, h * Q.tangent(group, state.n, y)) / h
-        X = self.turn(system, h, xi)
-        return chord if X is None else Q.push(group, group.inverse(X), state.n, chord)
-
-    def coordinates(self, system: System, record: State, X: Element | None, b: Array) -> Array:
-        """A covector b (ambient,) at X⁻¹n: itself on a flat Q, on a curved one E_nᵀ X⁻* b (dim Q,), in n's frame."""
-        group, Q, _ = system.places
-        if Q.flat:
-            return b
-        carried = b if X is None else Q.pull(group, group.inverse(X), record.n, b)
-        return Q.coordinates(group, record.n, carried)
-
-    def record(self, system: System, state: State, h: Array, z: Array) -> State:
-        """`state` with the unknowns z = (ξ, y), (dim G + dim Q,), of the step that starts at it."""
-        xi, y = z[: system.group.dim], z[system.group.dim :]
-        return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
-
-    def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
-        """The equations of the step at the unknowns z; both of shape (unknowns,)."""
-        return self.equations(system, self.record(system, state, h, z), h)
-
-    def guess(self, system: System, state: State, h: Array) -> Array:
-        """Where Newton's iteration begins, (unknowns,): the last unknowns."""
-        group, Q, _ = system.places
-        if Q.flat:
-            return jnp.concatenate([state.xi, state.nu])
-        X = self.turn(system, h, state.xi)
-        nu = state.nu if X is None else Q.push(group, X, state.n, state.nu)
-        return jnp.concatenate([state.xi, Q.coordinates(group, state.n, nu)])
-
-    def nodes(self, system: System, record: State, h: Array) -> list[tuple[float, Node]]:
-        """The quadrature of the rule, Λ = h Σ w ℓ(node): pairs of a weight, one number, and what ℓ gives at a node."""
-        raise NotImplementedError
-
-    def discrete_lagrangian(self, system: System, record: State, h: Array) -> Array:
-        """Λ of the step that starts at the record, one number."""
-        return h * sum(weight * at.lagrangian for weight, at in self.nodes(system, record, h))
-
-    @abstractmethod
-    def relative(self, system: System, record: State, h: Array) -> Element:
-        """F = g_k⁻¹g_{k+1}, an element, of the step that starts at the record. h: one number, as in all members."""
-
-    @abstractmethod
-    def equations(self, system: System, record: State, h: Array) -> Array:
-        """The left discrete Legendre transform minus (μ_k, π_k), (unknowns,).
-
-        It is zero for the step that starts at the record.
-        """
-
-    @abstractmethod
-    def advance(self, system: System, record: State, h: Array) -> State:
-        """The state at t + h, from the right discrete Legendre transform and (P43), (P44). h: one number."""
-
-    def advance_if(self, system: System, record: State, h: Array, sound: Array) -> State:
-        """The state after a tolerant step.
-
-        sound: one number; where it is 0 the equations have no solution and z is the guess.
-        """
-        raise NotImplementedError
-
-    @abstractmethod
-    def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
-        """(Δ⁻, Δ⁺) ∈ 𝔤*, (dim G,) each, in frames k and k+1: I_{k+1} − I_k = ⟨𝒦_k, Δ⁻⟩ + ⟨𝒦_{k+1}, Δ⁺⟩ (Theorem 7)."""
-
-    def chart(self, system: System, record: State, h: Array) -> Array | float:
-        """How far the difference map is used into its chart, one number; below 1 is inside."""
-        return self.difference_map.chart(system.group, h * record.xi)
-
-    def energy(self, system: System, record: State, h: Array) -> Array:
-        """The rule's own discrete energy E_k = −∂_hΛ at fixed F and s, one number: Σ w E(node).
-
-        With the left rule it is K_k + U_k of (P68), (P69).
-        """
-        return sum(weight * at.energy for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
-
-    def size(self, record: State, h: Array) -> Array:
-        """The size of the step that starts at the record, one number."""
-        return h
-
-    def work(self, system: System, record: State, h: Array) -> Array:
-        """Σ hw (⟨T, ξ⟩ + ⟨f, ν⟩) of each force, then −Σ hw ∂_tℓ where ℓ depends on time, (lines,).
-
-        Their sum is E_{k+1} − E_k + O(h^{p+1}).
-        """
-        return h * sum(weight * at.power for weight, at in self.nodes(system, record, h))  # type: ignore[return-value]
-
-    def impulse(self, system: System, record: State, h: Array, after: State) -> Array:
-        """Ad*_{g_k⁻¹}Δ⁻ + Ad*_{g_{k+1}⁻¹}Δ⁺ ∈ 𝔤*, (dim G,).
-
-        By this the step changes the spatial momentum (Theorem 7).
-        """
-        group = system.group
-        ahead, behind = self.sources(system, record, h)
-        return group.Ad_dual(group.inverse(record.g), ahead) + group.Ad_dual(group.inverse(after.g), behind)
-
-    def balance(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|m_{k+1} − Ad*_F (m_k + Δ⁻) − Δ⁺|∞ relative to |μ| + |π||n|, one number: Theorem 7 as one vector identity."""
-        ahead, behind = self.sources(system, record, h)
-        F = self.relative(system, record, h)
-        expected = system.group.Ad_dual(F, total_momentum(system, record) + ahead) + behind
-        error = jnp.max(jnp.abs(total_momentum(system, after) - expected), initial=0.0)
-        return relative(error, momentum_scale(system, record) + jnp.max(jnp.abs(ahead) + jnp.abs(behind), initial=0.0))
-
-    def newton_residual(self, system: System, record: State, h: Array, after: State) -> Array:
-        """|equations|∞, the rows of μ relative to |μ| and those of π relative to |π|, the larger of both, one number.
-
-        |μ| is the largest at both nodes, or what ξ or ν alone would give where these cancel, and so is |π|. Round-off
-        counts as such: 16 ε of the terms that were added up, and the momentum of a velocity under `FLOOR`/h, with
-        which Newton's iteration stops. The torques in the rows of μ carry the round-off of π times a lever. So a body
-        that does not turn, or stays where forces balance, is solved to round-off, too.
-        """
-        rows, dim = jnp.abs(self.equations(system, record, h)), self.blocks(system)[0]
-        of_mu, of_pi = jnp.max(rows[:dim], initial=0.0), jnp.max(rows[dim:], initial=0.0)
-        turning, moving = _momentum_sizes(system, record, h)
-        mu = jnp.maximum(largest(record.mu, after.mu), turning.part)
-        pi = jnp.maximum(largest(record.pi, after.pi), moving.part)
-        torque = sum(largest(part) for part in self.sources(system, record, h))
-        lever = mu + momentum_scale(system, record) + pi * largest(h * record.nu) + torque
-        return jnp.maximum(above(of_mu, mu, lever, turning.least), above(of_pi, pi, pi, moving.least))
-
-
-class _Sizes(NamedTuple):
-    """Of one kind of momentum: what ξ alone or ν alone would give, and what velocities that count as 0 would."""
-
-    part: Array
-    least: Array
-
-
-def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _Sizes]:
-    """The sizes of μ and of π."""
-    least = FLOOR / jnp.abs(h)
-    xi, nu = record.xi + least, record.nu + least
-    by_xi_and_nu, speeds = alone(system, record, xi, nu), [largest(xi), largest(nu)]
-
-    def sizes(kind: int) -> _Sizes:
-        parts = [part[kind] for part in by_xi_and_nu]
-        of_least = [least * relative(part, speed) for part, speed in zip(parts, speeds, strict=True)]
-        return _Sizes(jnp.maximum(*parts), jnp.maximum(*of_least))
-
-    return sizes(0), sizes(1)
 
 
 _ADJOINTS: dict[type[Method], type[Method]] = {}

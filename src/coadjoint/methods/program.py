@@ -17,7 +17,8 @@ from coadjoint.mechanics.over_step import advanced, at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
+from coadjoint.methods.step import Step
 
 EVENTS = "values of events"
 """The monitor of a program that locates zeros of functions; no name of a user's quantity."""

@@ -12,7 +12,8 @@ from coadjoint.mechanics.discrete import Node, Point, node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Halved
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
+from coadjoint.methods.step import Step
 
 _END, _MIDDLE = 1 / 6, 4 / 6
 

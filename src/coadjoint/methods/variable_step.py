@@ -14,8 +14,9 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array, Element
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Claims, Method, Start, Step
+from coadjoint.methods.method import Claims, Method, Start
 from coadjoint.methods.simpson import Simpson
+from coadjoint.methods.step import Step
 
 BLUNT = 1e-10
 """The least |dE/dh|h along the solutions of the base rule, relative to |E| + |⟨μ, ξ⟩| + |⟨π, ν⟩|, that determines h.

@@ -18,7 +18,8 @@ from coadjoint.mechanics.discrete import power
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
+from coadjoint.methods.step import Step
 
 SYMMETRIC = 1e-10
 """How far Λ and its adjoint may differ, relative to them, by round-off."""

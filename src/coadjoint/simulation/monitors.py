@@ -15,7 +15,8 @@ from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Method, Step
+from coadjoint.methods.method import Method
+from coadjoint.methods.step import Step
 from coadjoint.simulation.watched import Monitor, Watched, monitor
 
 

@@ -31,8 +31,8 @@ from coadjoint.methods import (
     Variational,
 )
 from coadjoint.methods.increments import Halved
-from coadjoint.methods.method import Step
 from coadjoint.methods.quadrature import gauss
+from coadjoint.methods.step import Step
 from coadjoint.methods.variable_step import Paced
 
 NODES: dict[type, tuple[tuple[float, float], ...]] = {

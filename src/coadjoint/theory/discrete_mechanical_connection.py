@@ -16,7 +16,7 @@ from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.mechanical_connection import timeless
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 from coadjoint.spaces.numbers import float64
 
 

@@ -21,7 +21,7 @@ from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Galerkin, GroupVariational, Method, Variational
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 from coadjoint.theory.curves import NODES
 from coadjoint.theory.euler_poincare import advected, impulse
 from coadjoint.theory.instant import Instant, require_one

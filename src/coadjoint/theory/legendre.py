@@ -17,7 +17,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import Method
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 from coadjoint.theory.euler_poincare import Link, Momenta, advected, left_momenta, right_momenta
 from coadjoint.theory.instant import require_one
 from coadjoint.theory.slopes import legendre_transforms, slopes_of

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from coadjoint.groups.group import Array, LieGroup
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.methods.method import Step
+from coadjoint.methods.step import Step
 from coadjoint.theory.curves import Curve, Trial, trial
 from coadjoint.theory.euler_poincare import Link, Momenta
 from coadjoint.theory.instant import instants
