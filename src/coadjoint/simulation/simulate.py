@@ -99,8 +99,9 @@ def simulate(
     `at(times)`. With `co.each` in the parameters or the start, all members run at once, and what is returned is an
     `Ensemble`, with a dimension `member`; a member whose step fails is reported and masked, and the others go on.
 
-    Raises ArgumentError, GroupError or LagrangianError before the first step, FileError for a folder `store` that
-    is not empty or cannot be written, and StepError at a step that fails, with what was computed until then in `.run`.
+    Raises ArgumentError, GroupError or LagrangianError before the first step, ArgumentError where `store` holds another
+    run, FileError where it holds something else or cannot be written, and StepError at a step that fails, with what was
+    computed until then in `.run`.
 
     Source: the discrete Euler–Poincaré equations with additional dynamics (P43), (P44) and the Kelvin–Noether theorem
     (P27), Theorem 7.
@@ -120,7 +121,7 @@ def simulate(
         require_full(many, method.variable, store is not None, until is not None or bool(events))
     kernels.require_backend(backend)
     if store is not None and not isinstance(store, (str, os.PathLike)):
-        raise ArgumentError(f"Argument `store` must be the path of a new folder, but is {shown(store)}.")
+        raise ArgumentError(f"Argument `store` must be the path of a folder, but is {shown(store)}.")
     start, told = continued(system, start, keep)
     if store is not None and (events or (until is not None and count_of(system, start) is not None)):
         raise ArgumentError(
