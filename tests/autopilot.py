@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from threading import Thread
 from typing import Any
 
-from coadjoint.vehicles.serving.loop import Loop
+from coadjoint.vehicles.serving.loop import Answering, Loop
 
 RATE = 400
 
@@ -23,9 +23,9 @@ def packet(number: int, pulses: list[int], rate: int = RATE) -> bytes:
 
 
 @contextmanager
-def listening(loop: Loop, answers: int) -> Iterator[Callable[[bytes], bytes]]:
+def listening(loop: Loop, answering: Answering, answers: int) -> Iterator[Callable[[bytes], bytes]]:
     """A function that sends a datagram to a loop in a thread of its own and returns what comes back."""
-    thread = Thread(target=loop.run, args=(answers, 20.0), daemon=True)
+    thread = Thread(target=loop.run, args=(answering, answers, 20.0), daemon=True)
     address = loop.address
     thread.start()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json as json_text
+import sys
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -63,21 +65,23 @@ class Serve:
     """Print the figures at the end as JSON, and nothing else."""
 
     def __call__(self) -> int:
+        from coadjoint.vehicles.serving import ardupilot, plain
         from coadjoint.vehicles.serving.loop import Loop
 
         self._require()
-        answering, port, told = self._for_ardupilot() if self.ardupilot else self._plain()
-        loop = Loop(answering, self.host, port if self.port is None else self.port, self.paced)
+        usual = ardupilot.PORT if self.ardupilot else plain.PORT
+        loop = Loop(self.host, usual if self.port is None else self.port, self.paced)
         if not self.json:
-            for sentence in told:
-                terminal.line(sentence)
+            terminal.line(f"Setting up {self.vehicle} …")
+        answering, told = self._for_ardupilot() if self.ardupilot else self._plain()
+        if not self.json:
+            terminal.line(told)
             terminal.line(f"Listening at {loop.address[0]}:{loop.address[1]}; Ctrl-C ends it.")
+        sys.stdout.flush()
         try:
-            loop.run(self.answers, self.idle)
-        except KeyboardInterrupt:
-            pass
+            loop.run(answering, self.answers, self.idle)
         finally:
-            found = _figures(loop)
+            found = _figures(loop, answering.counts)
             terminal.line(json_text.dumps(found)) if self.json else terminal.fields(_rows(found))
         return 0
 
@@ -86,6 +90,11 @@ class Serve:
         for name, value in numbers.items():
             if not isfinite(value):
                 raise ArgumentError(f"--{name} must be finite, but is {value:g}.")
+        if self.depth < 0:
+            raise ArgumentError(f"--depth is measured downwards and must not be negative, but is {self.depth:g} m.")
+        for name, value in {"answers": self.answers, "idle": self.idle}.items():
+            if value is not None and not value > 0:
+                raise ArgumentError(f"--{name} must be positive, but is {value:g}.")
         if self.rate is not None and not 1 <= self.rate <= 100_000:
             raise ArgumentError(f"--rate must be from 1 to 100000 steps a second, but is {self.rate:g}.")
         if self.ardupilot and self.controller:
@@ -106,8 +115,8 @@ class Serve:
         )
         return craft, begin
 
-    def _for_ardupilot(self) -> tuple[Lockstep, int, list[str]]:
-        from coadjoint.vehicles.serving.ardupilot import PORT, Lockstep
+    def _for_ardupilot(self) -> tuple[Lockstep, str]:
+        from coadjoint.vehicles.serving.ardupilot import Lockstep
         from coadjoint.vehicles.serving.frames import motors, thrusters_of
         from coadjoint.vehicles.serving.served import Served
 
@@ -122,19 +131,18 @@ class Serve:
             return ready if asked == (self.rate or RATE) else Served(craft, begin(), 1.0 / asked, self.imu)
 
         names = ", ".join(f"{'-' if motor.sign < 0 else ''}{motor.thruster + 1}" for motor in found)
-        told = [f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."]
-        return Lockstep(start, thrusters, found), PORT, told
+        told = f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."
+        return Lockstep(start, thrusters, found), told
 
-    def _plain(self) -> tuple[Service, int, list[str]]:
-        from coadjoint.vehicles.serving.plain import PORT, Service
+    def _plain(self) -> tuple[Service, str]:
+        from coadjoint.vehicles.serving.plain import Service
         from coadjoint.vehicles.serving.served import Served
 
         craft, begin = self._craft()
         rate = 20.0 if self.rate is None else self.rate
         served = Served(craft, begin(), 1.0 / rate, self.imu)
         names = ", ".join(served.commands) or "none"
-        told = [f"{craft.vehicle.name} in steps of 1/{rate:g} s; its commands are {names}."]
-        return Service(served, craft.start), PORT, told
+        return Service(served, begin), f"{craft.vehicle.name} in steps of 1/{rate:g} s; its commands are {names}."
 
 
 def _rate(rate: int) -> int:
@@ -143,15 +151,12 @@ def _rate(rate: int) -> int:
     return rate
 
 
-def _figures(loop: Loop) -> dict[str, Any]:
-    answering: Any = loop.answering
-    found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused}
-    found |= (
-        {name: answering.counts[name] for name in ("frames", "duplicates", "lost", "restarts")}
-        if hasattr(answering, "counts")
-        else {}
-    )
-    found |= {"simulated_s": answering.t, "seconds": loop.seconds}
+COUNTED = ("answers", "refused", "requests", "errors", "frames", "duplicates", "late", "lost", "restarts")
+
+
+def _figures(loop: Loop, counts: Counter[str]) -> dict[str, Any]:
+    found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused, **counts}
+    found |= {"simulated_s": loop.simulated, "seconds": loop.seconds}
     if loop.paced and loop.answers:
         late = loop.lateness
         found["lateness_s"] = {"median": late.share(0.5), "p99": late.share(0.99), "largest": late.largest}
@@ -159,9 +164,10 @@ def _figures(loop: Loop) -> dict[str, Any]:
 
 
 def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
-    counted = ("answers", "refused", "frames", "duplicates", "lost", "restarts")
-    rows = [(name, str(found[name])) for name in counted if name in found]
-    rows.append(("simulated", f"{found['simulated_s']:.6g} s in {found['seconds']:.3g} s"))
+    rows = [(name, str(found[name])) for name in COUNTED if name in found]
+    rows.append(
+        ("simulated", f"{found['simulated_s']:.6g} s, from the first answer to the last {found['seconds']:.3g} s")
+    )
     if "lateness_s" in found:
         late = [f"{name} {1e3 * value:.3g} ms" for name, value in found["lateness_s"].items()]
         rows.append(("lateness", ", ".join(late)))

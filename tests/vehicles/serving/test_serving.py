@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -169,6 +170,23 @@ def test_frames_that_come_twice_are_answered_again_and_a_new_start_begins_anew(l
     assert lockstep.counts == {"frames": 4, "duplicates": 1, "lost": 3, "restarts": 1}
 
 
+def test_a_late_frame_moves_nothing_and_a_new_start_has_a_rate_of_its_own(fresh, caplog):
+    thrusters, rates = thrusters_of(fresh.craft.vehicle), []
+
+    def begin(rate: int) -> Served:
+        rates.append(rate)
+        return fresh
+
+    lockstep = Lockstep(begin, thrusters, motors("vectored_6dof", thrusters))
+    for number in range(20, 60):
+        last = lockstep.answer(packet(number, AHEAD))
+    assert lockstep.answer(packet(58, [1900] * 8)) == last == lockstep.answer(packet(50, AHEAD))
+    assert told(lockstep.answer(packet(60, AHEAD)))["timestamp"] == pytest.approx(41 / RATE)
+    assert told(lockstep.answer(packet(0, AHEAD, rate=100)))["timestamp"] == pytest.approx(1 / RATE)
+    assert rates == [RATE, 100] and lockstep.counts["late"] == 2 and lockstep.counts["restarts"] == 1
+    assert "ArduPilot began anew, at 100 Hz" in caplog.text
+
+
 def test_32_outputs_are_read_and_outputs_that_are_off_are_neutral(lockstep, fresh):
     assert unpacked(packet(7, [1500] * 32)) == (RATE, 7, (1500,) * 32)
     lockstep.answer(packet(0, [0] * 20))
@@ -182,8 +200,8 @@ def test_what_is_no_packet_is_told(lockstep, data):
 
 
 def test_frames_over_udp_are_none_lost_and_none_out_of_order(lockstep):
-    loop = Loop(lockstep, "127.0.0.1", 0)
-    with listening(loop, 301) as ask:
+    loop = Loop("127.0.0.1", 0)
+    with listening(loop, lockstep, 301) as ask:
         times = [told(ask(packet(number, AHEAD)))["timestamp"] for number in range(300)]
         assert told(ask(packet(299, AHEAD)))["timestamp"] == times[-1]
     np.testing.assert_allclose(times, np.arange(1, 301) / RATE, rtol=1e-12)
@@ -191,11 +209,11 @@ def test_frames_over_udp_are_none_lost_and_none_out_of_order(lockstep):
 
 
 def test_a_paced_loop_answers_no_sooner_than_the_time_of_the_craft(lockstep):
-    loop = Loop(lockstep, "127.0.0.1", 0, paced=True)
-    with listening(loop, 41) as ask:
+    loop = Loop("127.0.0.1", 0, paced=True)
+    with listening(loop, lockstep, 41) as ask:
         for number in range(41):
             ask(packet(number, AHEAD))
-    assert loop.seconds >= 39 / RATE
+    assert loop.seconds >= 39 / RATE and loop.simulated == pytest.approx(41 / RATE)
     assert 0 <= loop.lateness.share(0.5) <= loop.lateness.share(0.99) <= loop.lateness.largest
 
 
@@ -211,7 +229,7 @@ def test_shares_of_lateness_are_those_of_the_sample():
 
 @pytest.fixture
 def service(fresh: Served) -> Service:
-    return Service(fresh, fresh.craft.start)
+    return Service(fresh, partial(fresh.craft.start, position=(0, 0, 2.0), speed=0.0))
 
 
 def asked(service: Service, **request) -> dict:
@@ -225,6 +243,10 @@ def test_a_plain_request_is_carried_out_once(service):
     assert asked(service, id=2, steps=0)["t"] == first["t"]
     assert asked(service, steps=2)["t"] == pytest.approx(0.105)
     assert asked(service, reset=True, steps=0)["t"] == 0
+    assert asked(service, reset=True, steps=1)["actuators"] == {"thrusters": [1500] * 8}
+    assert asked(service, reset={}, steps=0)["position"] == [0, 0, 2]
+    fast = asked(service, reset={"velocity": [0, 0.3, 0]}, steps=0)["velocity"]
+    np.testing.assert_allclose(fast, [0.1, 0.1, 0], atol=1e-12)
     begun = asked(service, reset={"position": [0, 0, 9], "speed": 0.5}, steps=0)
     assert begun["position"] == [0, 0, 9]
     np.testing.assert_allclose(begun["velocity"], [0.6, -0.2, 0])
@@ -242,6 +264,9 @@ def test_a_plain_request_is_carried_out_once(service):
         (b"[1]", "A request is a JSON object"),
         (b"\xff\xfe", "A request is a JSON object"),
         (b'{"step": 1}', "but not step"),
+        (b'{"id": true}', "`id` must be a whole number or a text"),
+        (b'{"id": 1.0}', "`id` must be a whole number or a text"),
+        (b'{"id": "' + b"x" * 60_000 + b'"}', "`id` must be a whole number or a text of at most 200"),
         (b'{"steps": -1}', "`steps` must be a whole number"),
         (b'{"steps": 1.5}', "`steps` must be a whole number"),
         (b'{"steps": true}', "`steps` must be a whole number"),
@@ -268,7 +293,11 @@ def test_a_request_that_cannot_be_carried_out_is_one_sentence_and_moves_nothing(
     assert fresh.stepper.t == before
 
 
-def test_set_points_of_a_controller_must_be_given_once():
+def test_a_text_that_is_no_unicode_is_answered_as_it_came(service):
+    assert json.loads(service.answer(b'{"id": "\\ud800", "steps": 0}'))["id"] == "\ud800"
+
+
+def test_set_points_of_a_controller_must_be_given_at_each_start():
     vehicle = vehicles.load("remus_100")
     craft = Craft(vehicle, controller=vehicle.controller)
     served = Served(craft, craft.start(position=(0, 0, 3.0), speed=1.5, actuators={"propeller": 15.0}), 0.05)
@@ -278,6 +307,9 @@ def test_set_points_of_a_controller_must_be_given_once():
     served.advance({"depth": 4.0}, 100)
     assert 3.1 < served.reading().position[2] < 4.2
     assert set(served.reading().actuators) >= {"rudder", "stern_planes", "propeller"}
+    served.reset()
+    with pytest.raises(ArgumentError, match="have no value yet"):
+        served.advance({"depth": 3.0}, 1)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +320,11 @@ def test_set_points_of_a_controller_must_be_given_once():
         ([NAME, "--ardupilot", "--controller"], "leave --controller out"),
         ([NAME, "--rate", "0"], "--rate must be from 1"),
         ([NAME, "--depth", "nan"], "--depth must be finite"),
-        ([NAME, "--port", "99999"], "cannot be listened to"),
+        ([NAME, "--depth", "-1"], "must not be negative"),
+        ([NAME, "--idle", "-1"], "--idle must be positive"),
+        ([NAME, "--answers", "0"], "--answers must be positive"),
+        ([NAME, "--port", "99999"], "a number from 0 to 65535"),
+        ([NAME, "--host", "no.such.host.invalid"], "cannot be listened to"),
         (["bluerov"], "No vehicle `bluerov`"),
     ],
 )
@@ -300,4 +336,4 @@ def test_a_service_that_cannot_be_given_is_one_sentence(capsys, arguments, sente
 
 def test_the_command_ends_when_nothing_comes_and_prints_its_figures(capsys):
     assert main(["serve", NAME, "--ardupilot", "--port", "0", "--idle", "0.01", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["frames"] == 0
+    assert json.loads(capsys.readouterr().out)["answers"] == 0

@@ -5,6 +5,7 @@ Knows NumPy and an engine only, so that a saved stepper runs without JAX; `stepp
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 from collections.abc import Mapping
@@ -76,9 +77,17 @@ class Stepping(Standing):
         kept = self._commands.tobytes()
         try:
             self._put(command)
+            if self.face.members is None and not math.isfinite(sum(self._fast or self._commands.ravel())):
+                self._require_finite()
         except BaseException:
             self._commands[...] = np.frombuffer(kept).reshape(self._commands.shape)
             raise
+
+    def _require_finite(self) -> None:
+        """Raise ArgumentError where a command of a single one is not finite; one of many fails its step instead."""
+        for name, value in self.command.items():
+            if not np.all(np.isfinite(value)):
+                raise ArgumentError(f"Command `{name}` must be finite, but is {np.asarray(value).tolist()}.")
 
     def _put(self, command: Any) -> None:
         if self._pack is not None and command.__class__ in (tuple, list) and not truths(command):

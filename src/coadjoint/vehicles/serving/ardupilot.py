@@ -15,11 +15,16 @@ from typing import NamedTuple
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.attitude import to_quaternion
+from coadjoint.log import logger
 from coadjoint.vehicles.parts.thrusters import Thrusters
 from coadjoint.vehicles.serving.frames import Motor, commands
 from coadjoint.vehicles.serving.served import Reading, Served
 
 PORT = 9002
+LATE = 10
+"""By how many frames a packet may be late; one that is further back is of an autopilot that has started anew."""
+
+_log = logger(__name__)
 
 _LAYOUTS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
 _MAGIC = struct.Struct("<H")
@@ -61,9 +66,9 @@ def line(reading: Reading) -> bytes:
 class Lockstep:
     """Answers packets: one step for each new frame, the same answer again for a frame that comes twice.
 
-    begin: a craft to be stepped by a frame rate, Hz; it is called at the first packet. A count that goes back is an
-    autopilot that has started anew, and the craft begins anew, too. `counts` tells of frames, duplicates, lost ones
-    (which ArduPilot does not wait for) and restarts.
+    begin: a craft to be stepped by a frame rate, Hz; it is called at the first packet, and when the count goes back by
+    more than a few: an autopilot that has started anew, with which the craft begins anew, too. A frame that comes late
+    gets the last answer. `counts` tells of frames, duplicates, late and lost ones, and restarts.
     """
 
     def __init__(self, begin: Callable[[int], Served], thrusters: Thrusters, motors: Sequence[Motor]):
@@ -77,11 +82,13 @@ class Lockstep:
         packet = unpacked(data)
         if self.served is None:
             self.served = self.begin(packet.rate)
-        elif packet.number == self._last:
-            self.counts["duplicates"] += 1
+        elif packet.number == self._last or (packet.number and 0 < self._last - packet.number <= LATE):
+            self.counts["duplicates" if packet.number == self._last else "late"] += 1
             return self._answer
         elif packet.number < self._last:
             self.counts["restarts"] += 1
+            _log.warning("ArduPilot began anew, at %d Hz: the vehicle is back at its start.", packet.rate)
+            self.served = self.begin(packet.rate)
             self.served.reset()
         else:
             self._lose(packet.number - self._last - 1)

@@ -54,22 +54,24 @@ class Loop:
     """Answers datagrams on a UDP port, each to where it came from.
 
     paced: answers no sooner than the craft's time has passed on the clock since the first answer; `lateness` tells how
-    well. Raises ArgumentError where the port cannot be had.
+    well. `answers`, `refused` count; `simulated` is the time of the craft, over all its starts, s, and `seconds` that
+    of the clock from the first answer to the last. Raises ArgumentError where the port cannot be had.
     """
 
-    def __init__(self, answering: Answering, host: str, port: int, paced: bool = False):
-        self.answering, self.paced = answering, paced
-        self.answers = 0
-        self.refused = 0
+    def __init__(self, host: str, port: int, paced: bool = False):
+        self.paced = paced
+        self.answers = self.refused = 0
+        self.simulated = self.seconds = 0.0
         self.lateness = Lateness()
-        self.seconds = 0.0
+        self._first: float | None = None
         self._began: float | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
-            raise ArgumentError(f"Port {port} of {host} cannot be listened to: {error}. Take another --port.") from None
+            reason = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
+            raise ArgumentError(f"Port {port} of host {host} cannot be listened to: {reason}.") from None
         self._socket.settimeout(WAITING)
 
     @property
@@ -77,7 +79,7 @@ class Loop:
         """Host and port that are listened to."""
         return self._socket.getsockname()
 
-    def run(self, answers: int | None = None, idle: float | None = None) -> None:
+    def run(self, answering: Answering, answers: int | None = None, idle: float | None = None) -> None:
         """Answer until interrupted, until so many `answers`, or until nothing has come for `idle` seconds."""
         heard = time.monotonic()
         try:
@@ -89,31 +91,37 @@ class Loop:
                         return
                     continue
                 heard = time.monotonic()
-                self._answer(data, sender)
+                self._answer(answering, data, sender)
         finally:
             self._socket.close()
 
-    def _answer(self, data: bytes, sender: tuple[str, int]) -> None:
-        before = self.answering.t
+    def _answer(self, answering: Answering, data: bytes, sender: tuple[str, int]) -> None:
+        before = answering.t
         try:
-            answer = self.answering.answer(data)
+            answer = answering.answer(data)
         except ArgumentError as error:
             self.refused += 1
             if self.refused == 1:
                 _log.warning("%s", error)
             return
-        self._pace(before)
-        self._socket.sendto(answer, sender)
+        t = answering.t
+        self.simulated += t - before if t >= before else t
+        self._pace(before, t)
+        try:
+            self._socket.sendto(answer, sender)
+        except OSError as error:
+            _log.warning("An answer to %s:%d could not be sent: %s.", *sender[:2], error.strerror)
         self.answers += 1
 
-    def _pace(self, before: float) -> None:
-        """Wait until the craft's time; the clock begins anew at the first answer and when the craft goes back."""
-        now, t = time.monotonic(), self.answering.t
-        if self._began is None or t < before:
-            self._began = now - t
-        self.seconds = now - self._began
+    def _pace(self, before: float, t: float) -> None:
+        """Wait until the craft's time; its clock begins anew at the first answer and when the craft goes back."""
+        now = time.monotonic()
+        self._first = now if self._first is None else self._first
+        self.seconds = now - self._first
         if not self.paced:
             return
+        if self._began is None or t < before:
+            self._began = now - t
         due = self._began + t
         while (left := due - time.monotonic()) > 0:
             time.sleep(left)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -14,7 +15,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.vehicles.serving.served import Reading, Served
 
 PORT = 9010
-MOST_STEPS = 100_000
+MOST_STEPS, LONGEST_ID = 100_000, 200
 KEYS = ("id", "commands", "steps", "reset")
 
 
@@ -34,15 +35,16 @@ class Service:
     """Answers requests {"id": 7, "commands": {"propeller": 15.0}, "steps": 2} with what is known after the steps.
 
     All keys may be left out: without `commands` they stay, without `steps` there is one step, with 0 there is none.
-    `reset`: true goes back to the start, and an object to another one, as `Craft.start` takes it. A request with the
-    `id` of the last one is answered as that was, and not carried out again, so that what was lost can be sent again.
+    `reset`: true goes back to the start, and an object to another one, with keys of `start`; commands go back to where
+    they began. A request with the `id` of the last one, a whole number or a text, is answered as that was, and not
+    carried out again, so that what was lost can be sent again. `counts` tells of requests and of those with errors.
     An answer has `id`, and `error`, a sentence, where a request cannot be carried out: then nothing has moved. Where a
     step fails the craft stays at the last good node until `reset`.
     """
 
     def __init__(self, served: Served, start: Callable[..., State]):
         self.served, self.start = served, start
-        self.requests = 0
+        self.counts: Counter[str] = Counter()
         self._last: Any = None
         self._answer = b""
 
@@ -51,15 +53,16 @@ class Service:
         number = None
         try:
             request = _request(data)
-            number = request.get("id")
+            number = _number(request)
             if number is not None and number == self._last:
                 return self._answer
             self._carry_out(request)
             found: dict[str, Any] = fields(self.served.reading())
         except (ArgumentError, StepError) as error:
             found = {"error": str(error)}
-        self.requests += 1
-        answer = json.dumps({"id": number, **found}, ensure_ascii=False, allow_nan=False) + "\n"
+            self.counts["errors"] += 1
+        self.counts["requests"] += 1
+        answer = json.dumps({"id": number, **found}, allow_nan=False) + "\n"
         self._last, self._answer = number, answer.encode()
         return self._answer
 
@@ -103,9 +106,19 @@ def _request(data: bytes) -> dict[str, Any]:
     return found
 
 
+def _number(request: Mapping[str, Any]) -> int | str | None:
+    found = request.get("id")
+    whole = isinstance(found, int) and not isinstance(found, bool) and abs(found) < 2**63
+    if found is None or whole or (isinstance(found, str) and len(found) <= LONGEST_ID):
+        return found
+    raise ArgumentError(
+        f"`id` must be a whole number or a text of at most {LONGEST_ID} letters, but is {shown(found)}."
+    )
+
+
 def _started(start: Callable[..., State], given: Mapping[str, Any]) -> State:
     known = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators")
     unknown = [key for key in given if key not in known]
     if unknown:
         raise ArgumentError(f"`reset` has the keys {', '.join(known)}, but not {', '.join(unknown)}.")
-    return start(**given)
+    return start(**{"speed": None, **given}) if "velocity" in given else start(**given)

@@ -54,7 +54,7 @@ class Served:
         self.craft, self.dt = craft, dt
         self.place = vector(imu, "imu", 3)
         self.commands = _commands(craft)
-        self._missing = set(self.commands) if craft.controller is not None else set()
+        self._missing = self._needed
         self.stepper = Stepper(craft.system, start, dt=dt, inputs=self.commands, observe=self._observe())
 
     def _observe(self) -> dict[str, Any]:
@@ -71,6 +71,10 @@ class Served:
             **{_ACTUATOR + name: partial(_standing, name) for name in commanded},
         }
 
+    @property
+    def _needed(self) -> set[str]:
+        return set(self.commands) if self.craft.controller is not None else set()
+
     def advance(self, commands: Mapping[str, Any], steps: int) -> None:
         """`steps` steps with commands held over them; those that are left out stay as they are.
 
@@ -86,7 +90,8 @@ class Served:
         self._missing = set()
 
     def reset(self, start: State | None = None) -> None:
-        """Back to the start, or to another one."""
+        """Back to the start, or to another one; commands go back to where they began, set points must be given."""
+        self._missing = self._needed
         self.stepper.reset() if start is None else self.stepper.reset(start)
 
     def reading(self) -> Reading:
