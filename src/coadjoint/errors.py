@@ -66,7 +66,8 @@ class StepError(CoadjointError, ArithmeticError):
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C, or another interrupt, came during a computation: what had been computed until then is in `run`.
 
-    `run`: a `Run`, an `Ensemble` or a `Trajectory` of the steps that were done; the sentence tells how to go on.
+    sentence: what happened, and how to go on. run: a `Run`, an `Ensemble` or a `Trajectory` of the steps that were
+    done.
     A KeyboardInterrupt, so that `except Exception` does not catch it.
     """
 

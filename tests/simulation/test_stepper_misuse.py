@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.errors import ArgumentError, LagrangianError, StepError
 from driven_body import BODY, OBSERVE, REST, START, H, same, stepper
 
 HUGE = 10**400
