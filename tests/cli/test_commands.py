@@ -99,7 +99,7 @@ def test_a_folder_with_a_run_is_refused_with_status_2(tmp_path, capsys):
         (["info", "nowhere"], "There is no folder or file nowhere."),
         (["info", "."], "holds no results of coadjoint"),
         (["info", "top.py"], "is not a netCDF file"),
-        (["plot", "."], "holds no trajectories"),
+        (["plot", "."], "holds no results of coadjoint: there are no trajectories"),
         (["audit", "--out", "top.py"], "The folder top.py cannot be made"),
         (["models", "heavy_toop"], "did you mean `heavy_top`?"),
     ],
@@ -204,7 +204,7 @@ def test_an_interrupted_run_ends_cleanly_and_keeps_what_it_has(tmp_path, number,
         cwd=tmp_path,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while not (tmp_path / "top" / "unfinished").exists() and time.monotonic() < until:
         time.sleep(0.05)
     time.sleep(1.0)

@@ -22,7 +22,7 @@ def killed(tmp_path, monkeypatch):
     file = write(tmp_path, TOP)
     assert main(["run", str(file), *GRID, "--out", "whole"]) == 0
     process = subprocess.Popen([*MAIN, "run", str(file), *GRID, "--out", "cut"], stderr=subprocess.DEVNULL)
-    folder, until = tmp_path / "cut", time.monotonic() + 60
+    folder, until = tmp_path / "cut", time.monotonic() + 300
     while not (folder / "unfinished").exists() and process.poll() is None and time.monotonic() < until:
         time.sleep(0.002)
     time.sleep(0.2)
@@ -35,6 +35,9 @@ def killed(tmp_path, monkeypatch):
 
 
 def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
+    for command in ("info", "plot"):
+        assert main([command, "cut"]) == 2
+        assert "a run that has not finished, with which `coadjoint resume cut` goes on" in capsys.readouterr().err
     assert main(["resume", "cut"]) == 0
     assert "Kelvin–Noether" in capsys.readouterr().out
     whole, resumed = (co.load(f"{name}/trajectory.nc").dataset for name in ("whole", "cut"))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import FileError
-from coadjoint.report.folder import RUN_FILE, SUMMARY
+from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED
 from coadjoint.texts import read_table
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def recordings(source: Path) -> dict[str, SavedRun]:
     _require(source)
     files = sorted(source.glob("*.nc")) if source.is_dir() else [source]
     if not files:
-        raise FileError(f"The folder {source} holds no trajectories (*.nc).")
+        raise FileError(f"The folder {source} {_state(source)}: there are no trajectories (*.nc).")
     return {file.stem: load(file) for file in files}
 
 
@@ -51,8 +51,7 @@ def summary(source: Path) -> dict[str, Any]:
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        state = "a run that did not finish" if (source / RUN_FILE).exists() else "no results of coadjoint"
-        raise FileError(f"The folder {source} holds {state}: there is no {SUMMARY}.") from error
+        raise FileError(f"The folder {source} {_state(source)}: there is no {SUMMARY}.") from error
     except (OSError, ValueError) as error:
         raise FileError(f"The file {file} cannot be read: {error}.") from error
     if not isinstance(found, dict):
@@ -70,6 +69,13 @@ def cards(source: Path) -> list[str]:
         if "card" in found:
             return [str(found["card"]), *([str(found["failure"])] if found.get("failure") else [])]
     return [f"{name}\n{run}" for name, run in recordings(source).items()]
+
+
+def _state(source: Path) -> str:
+    """What a folder without results holds."""
+    if (source / UNFINISHED).exists():
+        return f"holds a run that has not finished, with which `coadjoint resume {source}` goes on"
+    return "holds a run that did not finish" if (source / RUN_FILE).exists() else "holds no results of coadjoint"
 
 
 def _require(source: Path) -> None:
