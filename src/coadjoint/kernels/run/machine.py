@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
 
@@ -13,6 +14,8 @@ from coadjoint.kernels.untraceable import Untraceable
 
 _RECIPE = "1"
 """Changes whenever `object_code` would make other code of the same assembly."""
+
+Made = TypeVar("Made")
 
 _lock = threading.Lock()
 _ready = False
@@ -50,9 +53,34 @@ def object_code(assembly: str) -> bytes:
 def machine(assembly: str) -> Machine:
     """A module, compiled or taken from the store, and loaded."""
     try:
-        return Machine(compiled(assembly))
+        return _aside(lambda: Machine(compiled(assembly)))
     except RuntimeError as error:
         raise Untraceable("step", f"LLVM refused its code ({str(error).splitlines()[0]})") from None
+
+
+def _aside(make: Callable[[], Made]) -> Made:
+    """What `make` returns or raises, in a thread of its own where this is the main one.
+
+    An interrupt reaches the main thread only. Between a call of LLVM and the note in Python of who owns what it made,
+    it would leave memory that is freed twice. The thread goes on to its end.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return make()
+    made: list[Made] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            made.append(make())
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=run, name="coadjoint compiles")
+    thread.start()
+    thread.join()
+    if failed:
+        raise failed[0]
+    return made[0]
 
 
 def compiled(assembly: str) -> bytes:
