@@ -22,7 +22,7 @@ def test_a_mission_runs_from_python_and_is_what_the_command_writes(tmp_path: Pat
     assert run.dataset.attrs["way_points"][:3] == [60.0, 0.0, 3.0]
     written = mission.write(tmp_path / "square")
     assert np.array_equal(run.dataset.q, written.run.dataset.q)
-    assert {"summary.json", "trajectory.nc", "trajectory.csv", "track.png"} <= {
+    assert {"summary.json", "trajectory.nc", "trajectory.csv", "mission.png"} <= {
         p.name for p in written.folder.iterdir()
     }
 
