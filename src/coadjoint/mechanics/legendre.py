@@ -12,7 +12,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.jaxprs import depends
 
 if TYPE_CHECKING:
-    from coadjoint.mechanics.system import System
+    from coadjoint.mechanics.reduced_functions import ReducedFunctions
 
 NEAR_TRIPS, FAR_TRIPS = 6, 100
 """Newton's iterations from momenta that are near, as those of the node where a step starts, and from zero."""
@@ -27,7 +27,7 @@ class Place(NamedTuple):
     z: (dim G + ambient,). n: (ambient,). a: (dim V*,). t: one number, s.
     """
 
-    system: System
+    system: ReducedFunctions
     z: Array
     n: Array
     a: Array

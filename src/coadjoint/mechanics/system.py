@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,21 +9,19 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from coadjoint.errors import ArgumentError, GroupError, LagrangianError, shown
+from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
-from coadjoint.mechanics import legendre
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
-from coadjoint.mechanics.signatures import keyword_only
+from coadjoint.mechanics.reduced_functions import ReducedFunctions
 from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, Motion, NodeMotion, Places, State
 from coadjoint.mechanics.system_arguments import (
-    NOWHERE,
     parameters_from,
     require_functions,
     require_plain,
@@ -35,7 +32,7 @@ from coadjoint.spaces.axioms import require_own_forms
 
 
 @dataclass(frozen=True, init=False)
-class System:
+class System(ReducedFunctions):
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
 
         def lagrangian(xi, a, p):  # a heavy top
@@ -186,95 +183,9 @@ class System:
         """A copy without its forces."""
         return replaced(self, forces=None)
 
-    def inputs_at(self, t, held) -> Any:
-        """The inputs that ℓ and forces read at time t of a step over which `held` is held."""
-        return held if self.inputs is None else self.inputs.at(t, held)
-
     def watching(self, quantities: Mapping[str, Callable[..., Any]]) -> System:
         """A copy whose runs observe more quantities: `co.simulate(top.watching(co.casimirs(top)), …)`."""
         return replaced(self, quantities=quantities_from(dict((*self.quantities, *quantities_from(quantities)))))
-
-    @property
-    def continuous(self) -> bool:
-        """Whether the continuous equations are known: by ℓ or by ℋ."""
-        return self.lagrangian is not None or self.hamiltonian is not None
-
-    def reduced_lagrangian(
-        self, xi, n, nu, a, t=0.0, inputs=None, internal=None, near: tuple[Array, Array] | None = None
-    ) -> Array:
-        """ℓ(ξ, n, ν, a), one number, with this system's parameters; of a Hamiltonian its Legendre transform (P8).
-
-        xi: (dim G,). n, nu: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held. near: (μ, π), from which
-        the Legendre transform is solved; by default from zero. Raises LagrangianError for a system without ℓ and ℋ.
-        """
-        if self.hamiltonian is not None:
-            place = legendre.Place(self, jnp.concatenate([xi, nu]), n, a, t, inputs, internal)
-            return legendre.lagrangian(place, None if near is None else jnp.concatenate(near))
-        if self.lagrangian is None:
-            raise LagrangianError(
-                "This system has a discrete Lagrangian only; use the method co.Variational(difference_map), or "
-                "co.GroupVariational(difference_map) where it is in group form."
-            )
-        arguments = self._views(xi, (n, nu), a)
-        return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))
-
-    def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
-        """ℋ(μ, π, n, a), one number, with this system's parameters; raises LagrangianError for a system without ℋ.
-
-        mu: (dim G,). n, pi: (ambient,). a: (dim V*,). t: s. inputs, internal: what is held.
-        """
-        if self.hamiltonian is None:
-            raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
-        return self.hamiltonian(*self._views(mu, (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal))
-
-    def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
-        """Λ(ξ, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
-
-        xi: (dim G,). n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
-        """
-        if self.discrete_lagrangian is None:
-            raise LagrangianError(
-                "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
-            )
-        arguments = self._views(xi, (n, s), a)
-        return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
-
-    def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
-        """Λ(F, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
-
-        F: an element of G. n, s: (ambient,). a: (dim V*,). h, t: s. inputs, internal: what is held.
-        """
-        if self.group_lagrangian is None:
-            raise LagrangianError(
-                "This system has no discrete Lagrangian in group form; pass `group_lagrangian` to co.System."
-            )
-        arguments = self._views(F, (n, s), a)
-        return self.group_lagrangian(*arguments, h, **self.keywords(self.group_lagrangian, t, inputs, internal))
-
-    def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
-        """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
-        arguments = [first]
-        if self.additional != NOWHERE:
-            arguments += [self.additional.view(self.group, x) for x in pair]
-        if self.advected != NOWHERE:
-            arguments.append(self.advected.view(self.group, a))
-        return arguments if self.parameters is None else [*arguments, self.parameters]
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether ℓ, ℋ or Λ depends on time, by itself or through signals, so that −∂_tℓ changes the energy."""
-        return self.takes("t") or (self.inputs is not None and self.takes("inputs"))
-
-    def takes(self, key: str) -> bool:
-        """Whether ℓ, ℋ or Λ takes the keyword `t`, `inputs` or `internal`."""
-        functions = (self.lagrangian, self.hamiltonian, self.discrete_lagrangian, self.group_lagrangian)
-        return any(f is not None and keyword_only(inspect.signature(f).parameters, key) for f in functions)
-
-    def keywords(self, function: Callable[..., Any], t, held, internal) -> dict[str, Any]:
-        """What a function of this system takes by keyword: `t`, `inputs`, `internal`."""
-        known = inspect.signature(function).parameters
-        values = {"t": lambda: t, "inputs": lambda: self.inputs_at(t, held), "internal": lambda: internal}
-        return {key: value() for key, value in values.items() if keyword_only(known, key)}
 
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
         """The motion that forces and inputs read."""

@@ -22,10 +22,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.accuracy.trajectory_error import require_full, with_trajectory_error
 from coadjoint.simulation.arguments import grid, require_kinds, truth, whole
 from coadjoint.simulation.carry_on import carry_on
-from coadjoint.simulation.ensemble import (
-    count_of,
-    require_room,
-)
+from coadjoint.simulation.ensemble import count_of, require_room
 from coadjoint.simulation.events import Event
 from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.run import Run
@@ -141,10 +138,15 @@ def simulate(
     if full:
         twice = (h / 2, 2 * steps, 2 * save_every, False)
         finer: Any = prepare(system, start, method, *twice, kelvin_noether, inputs, backend)
-        try:
-            with_trajectory_error(done, carry_on(finer, progress, began, False))  # type: ignore[arg-type]
-        except KeyboardInterrupt:
-            raise Interrupted(
-                "Interrupted in the second run, with dt/2, that judges the first: this one is whole, in `.run`.", done
-            ) from None
+        _judge_by(done, finer, progress, began)
     return done
+
+
+def _judge_by(run: Run, finer: Any, progress: bool | None, began: float) -> None:
+    """Do the run again with half its steps, and say on its card how far the two are from one another."""
+    try:
+        with_trajectory_error(run, carry_on(finer, progress, began, False))  # type: ignore[arg-type]
+    except KeyboardInterrupt:
+        raise Interrupted(
+            "Interrupted in the second run, with dt/2, that judges the first: this one is whole, in `.run`.", run
+        ) from None

@@ -31,14 +31,15 @@ from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.log import logger
-from coadjoint.manifest import Manifest, checksum, entry
+from coadjoint.manifest import Manifest, entry
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.simulation import checkpoint
+from coadjoint.simulation.chunks import Chunks, unset
 from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import Lock
-from coadjoint.simulation.reading import RECORDS, along_time, chunk_names, opened_arrays
+from coadjoint.simulation.reading import RECORDS
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import times
 
@@ -72,13 +73,11 @@ class Store:
         self.attributes: Callable[[], Mapping[str, Any]] = dict
         self.sample: Callable[[], Mapping[str, np.ndarray]] = dict
         self.sampled: Mapping[str, np.ndarray] = {}
-        self.count, self.seconds = 0, 0.0
+        self.seconds = 0.0
         self.ends: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.last: State | None = None
         self._pending: list[tuple[np.ndarray, State, Mapping[str, np.ndarray]]] = []
-        self._arrays: dict[str, Any] = {}
-        self._block: dict[str, np.ndarray] = {}
-        self._unsettled: set[Path] = set()
+        self._chunks = Chunks(manifest)
         self._slot = 0
         self._derive: Callable[[State], dict[str, Any]] | None = None
         self._due, self._kept = 0.0, 0
@@ -87,6 +86,16 @@ class Store:
     def folder(self) -> Path:
         """Where the run is."""
         return self.manifest.folder
+
+    @property
+    def count(self) -> int:
+        """The records that were taken."""
+        return self._chunks.count
+
+    @property
+    def length(self) -> int:
+        """The records of a chunk."""
+        return self._chunks.length
 
     @property
     def complete(self) -> bool:
@@ -121,7 +130,7 @@ class Store:
                 dtype=values.dtype,
                 compressors=[Crc32cCodec()],
                 chunk_key_encoding={"name": "default", "separator": "."},
-                fill_value=_unset(values.dtype),
+                fill_value=unset(values.dtype),
                 dimension_names=(*("member" for _ in lead), *dims),
                 attributes={**known.get(name, {})},
             )
@@ -144,8 +153,7 @@ class Store:
         self.manifest.files[name] = entry(data)
 
     def _open(self) -> None:
-        self._arrays = opened_arrays(self.manifest)
-        self._empty_block()
+        self._chunks.open()
         self._due = time.monotonic() + PERIOD
 
     def take_up(self, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], begun: Any) -> Any:
@@ -154,14 +162,10 @@ class Store:
         `begun` is where the run stood at its start.
         """
         position = checkpoint.position_at(header, arrays, begun)
-        self._open()
-        self.count = self._kept = header["records"]
+        self._due, self._kept = time.monotonic() + PERIOD, header["records"]
+        self._chunks.take_up(self._kept)
         if self.lock is not None:
-            for place in (self.folder, *(path for path in (self.folder / RECORDS).rglob("*") if path.is_dir())):
-                disk.sweep(place)
-        if filled := self.count % self.length:
-            for name, block in self._block.items():
-                block[:filled] = _read(self._arrays[name], self.count - filled, self.count)
+            self._chunks.sweep()
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
         self.last = checkpoint.state_like("record", arrays, begun.state) if self.count else None
         sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
@@ -195,11 +199,9 @@ class Store:
         began = time.monotonic()
         with self._writing():
             self._absorb()
-            if self.count % self.length:
-                self._write_block(complete)
-            for path in sorted(self._unsettled, reverse=True):  # files before the folders of their names
-                disk.settle(path)
-            self._unsettled.clear()
+            if self._chunks.partial:
+                self._chunks.write(complete)
+            self._chunks.settle()
             self.write_checkpoint(position, complete)
         self._kept = self.count
         ended = time.monotonic()
@@ -212,11 +214,6 @@ class Store:
             self.lock.release()
 
     # From records to rows, and from rows to chunks.
-
-    @property
-    def length(self) -> int:
-        """The rows of a chunk, the same for all variables."""
-        return self._arrays["time"].chunks[0]
 
     def _grid(self, steps: np.ndarray, records: State) -> Variables:
         time = times(self.plan.program, self.start, self.plan.h, steps, records)
@@ -244,50 +241,7 @@ class Store:
         steps, records, monitors = jax.tree.map(lambda *parts: np.concatenate(parts), *self._pending)
         self._pending.clear()
         found = self._variables(steps, records, monitors)
-        self._place({name: values for name, (_, values) in found.items()}, len(steps))
-
-    def _place(self, values: Mapping[str, np.ndarray], rows: int) -> None:
-        done = 0
-        while done < rows:
-            at = self.count % self.length
-            taken = min(self.length - at, rows - done)
-            for name, block in self._block.items():
-                block[at : at + taken] = values[name][done : done + taken]
-            done, self.count = done + taken, self.count + taken
-            if self.count % self.length == 0:
-                self._write_block()
-                self._empty_block()
-
-    def _empty_block(self) -> None:
-        for name, array in self._arrays.items():
-            axis = along_time(array)
-            shape = (self.length, *array.shape[:axis], *array.shape[axis + 1 :])
-            self._block[name] = np.full(shape, _unset(array.dtype), array.dtype)
-
-    def _write_block(self, complete: bool = False) -> None:
-        """Write the chunk of every variable that holds the last row."""
-        index = (self.count - 1) // self.length
-        rows = self.count - index * self.length
-        growing = rows < self.length and not complete
-        for name, array in self._arrays.items():
-            block, size = self._block[name], 1
-            if along_time(array):
-                size = array.chunks[0]
-                block = np.swapaxes(block, 0, 1)
-            for place, name_of in enumerate(chunk_names(array, index)):
-                part = block[place * size : (place + 1) * size] if along_time(array) else block
-                self._write_chunk(name_of, _filled(part, array.chunks, array.dtype), size if growing else 0, rows)
-
-    def _write_chunk(self, name: str, values: np.ndarray, blocks: int, rows: int) -> None:
-        """Write a chunk with its checksum; of one that grows the manifest counts `rows` of each of its blocks."""
-        data = values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes()
-        data += checksum(data)
-        used = rows * (len(data) - 4) // (blocks * self.length) if blocks else 0
-        path, counted = self.folder / name, name in self.manifest.files
-        # Rows that a manifest counts already must not be lost with the old version of the chunk.
-        disk.write(path, [data], forced=counted, named=False)
-        self.manifest.files[name] = entry(data, blocks, used)
-        self._unsettled |= {path.parent} if counted else {path, path.parent}
+        self._chunks.place({name: values for name, (_, values) in found.items()}, len(steps))
 
     def write_checkpoint(self, position: checkpoint.AnyPosition, complete: bool = False) -> None:
         """Write where the run stands, and the manifest that counts it."""
@@ -335,25 +289,6 @@ class Store:
 
 def _checkpoint(slot: int) -> str:
     return f"checkpoint-{slot}.npz"
-
-
-def _filled(values: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-    """Values as a whole chunk; what is beyond the array is unset."""
-    if values.shape == shape:
-        return values
-    whole = np.full(shape, _unset(dtype), dtype)
-    whole[tuple(map(slice, values.shape))] = values
-    return whole
-
-
-def _unset(dtype: Any) -> Any:
-    """What stands in rows that are not written yet: it is never shown."""
-    return np.nan if np.dtype(dtype).kind == "f" else -1
-
-
-def _read(array: Any, begin: int, end: int) -> np.ndarray:
-    """Rows of an array, nodes first."""
-    return np.swapaxes(array[:, begin:end], 0, 1) if along_time(array) else array[begin:end]
 
 
 def _plain(value: Any) -> Any:
