@@ -1,4 +1,4 @@
-"""What all tests share: one thread a process, no display, the seed in the header, `long` tests only when asked for."""
+"""What all tests share: one thread a process, no display, the seed in the header, and which tests run when."""
 
 from __future__ import annotations
 
@@ -9,6 +9,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+from collections import defaultdict
+
+import pytest
+
+import tiers
+
+
+def pytest_addoption(parser):
+    parser.addoption("--measure", action="store_true", help="write what each test costs to tests/seconds.txt")
+
+
+def pytest_configure(config):
+    if config.getoption("--measure"):
+        from measuring import Measuring
+
+        config.pluginmanager.register(Measuring(writes=not hasattr(config, "workerinput")))
+
 
 def pytest_report_header(config):
     from systems import SEED
@@ -16,8 +33,28 @@ def pytest_report_header(config):
     return f"seed of random systems: {SEED}"
 
 
+def _function(nodeid: str) -> str:
+    return nodeid.split("[", 1)[0]
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    if "long" in config.getoption("-m"):
-        return
-    config.hook.pytest_deselected(items=[item for item in items if "long" in item.keywords])
-    items[:] = [item for item in items if "long" not in item.keywords]
+    """Mark what a budget of processor time leaves to `-m long` and `-m exhaustive`; those run only when asked for."""
+    named = [_function(argument) for argument in config.args if "::" in argument]
+    functions: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if not any(_function(item.nodeid).endswith(name) for name in named):
+            functions[_function(item.nodeid)].append(item)
+    together = defaultdict(list)  # functions of a file with the same cases, which share what is prepared for each
+    for name, cases in functions.items():
+        together[name.split("::")[0], *(item.nodeid[len(name) :] for item in cases)].append(name)
+    known = tiers.seconds()
+    for names in together.values():
+        budgets = [functions[name][0].get_closest_marker("budget") for name in names]
+        more = [mark.args[0] if mark else tiers.LONG for mark in budgets]
+        further = ["further" in item.keywords for item in functions[names[0]]]
+        found = tiers.tiers(further, [known.get(name, 0.0) for name in names], more)
+        for name in names:
+            for item, tier in zip(functions[name], found, strict=True):
+                if tier:
+                    item.add_marker(tier)

@@ -233,7 +233,7 @@ def test_names_that_are_not_known_are_refused(flag, name, capsys):
     assert err.count("\n") == 1
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_every_claim_of_every_method_is_shown():
     found = audit(progress=False)
     assert found.passed, "\n".join(found.failures)

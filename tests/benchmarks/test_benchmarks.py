@@ -91,7 +91,7 @@ def test_results_stay_out_of_the_repository():
     assert not (ROOT / "docs" / "measured").exists()
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_the_quick_form_of_the_command_runs(tmp_path: Path):
     sections = ["one", "many_1", "gradients", "stepping", "instructions", "precision"]
     done = subprocess.run(

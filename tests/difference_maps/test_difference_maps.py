@@ -32,7 +32,7 @@ EXPENSIVE = {"SOn4", "SLn3", "Sp2", "SL2_dual", "nested"}
 
 
 def _marked(index: int, pair: tuple[str, str]):
-    return pytest.param(pair, marks=[pytest.mark.long] if pair[0] in EXPENSIVE and index % 5 else [])
+    return pytest.param(pair, marks=[pytest.mark.further] if pair[0] in EXPENSIVE and index % 5 else [])
 
 
 @pytest.fixture(params=[_marked(*numbered) for numbered in enumerate(PAIRS)], ids="-".join)

@@ -104,7 +104,7 @@ def test_maps_that_ship_satisfy_what_is_asked_of_others(tau, group):
     require_map(MAPS[tau], GROUPS[group])
 
 
-@pytest.mark.long
+@pytest.mark.further
 @pytest.mark.parametrize("tau", MAPS)
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_map_that_ships_satisfies_it_on_every_group_that_it_fits(tau, group):

@@ -24,6 +24,7 @@ LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 
+@pytest.mark.budget(300)
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.name)
 def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -39,7 +39,7 @@ def test_changed_files_end_in_a_result_or_a_sentence(corpus, kind):
     assert {number: what for number, what in found.items() if what not in ("result", "sentence")} == {}
 
 
-@pytest.mark.long
+@pytest.mark.further
 @pytest.mark.parametrize("kind", MANY)
 def test_many_changed_files_end_in_a_result_or_a_sentence(kind, tmp_path):
     """In a process of its own, which a crash or a hang in a library does not outlive."""

@@ -47,7 +47,7 @@ def test_intervals_of_a_vehicle_hold_the_truth(vehicle):
     assert 0.6 < np.std(scores) < 1.5
 
 
-@pytest.mark.long
+@pytest.mark.further
 @pytest.mark.parametrize("vehicle", ["torpedo", "hovering"])
 def test_each_interval_of_a_vehicle_covers_the_truth_in_at_least_90_of_100_logs(vehicle):
     made = getattr(page, vehicle)()

@@ -70,7 +70,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fine):
     assert misses > 0
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_each_interval_covers_the_truth_in_at_least_90_of_100_seeds():
     run = run_of(150.0, 0.005, 20)
     guess = guessed(SYSTEM)

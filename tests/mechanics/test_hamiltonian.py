@@ -74,7 +74,7 @@ FLAT_CASES = [case for case in pairwise_cases() if case[0] not in CURVED]
 @pytest.mark.parametrize(
     ("world", "tau", "rule"),
     [
-        pytest.param(*case, id="-".join(case), marks=() if i % 4 == 0 else pytest.mark.long)
+        pytest.param(*case, id="-".join(case), marks=() if i % 4 == 0 else pytest.mark.further)
         for i, case in enumerate(FLAT_CASES)
     ],
 )

@@ -94,7 +94,7 @@ CASES = [case for case in pairwise_cases() if case[0] in FLAT]
 @pytest.mark.parametrize(
     ("world", "tau", "rule"),
     [
-        pytest.param(*case, id="-".join(case), marks=() if i % 7 == 0 else pytest.mark.long)
+        pytest.param(*case, id="-".join(case), marks=() if i % 7 == 0 else pytest.mark.further)
         for i, case in enumerate(CASES)
     ],
 )

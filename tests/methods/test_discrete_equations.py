@@ -41,7 +41,7 @@ def forced_run(world: str, tau: str, rule: str) -> Run:
 @pytest.fixture(
     scope="module",
     params=pairwise_cases()
-    + [pytest.param(case, marks=pytest.mark.long) for case in all_cases() if case not in pairwise_cases()],
+    + [pytest.param(case, marks=pytest.mark.further) for case in all_cases() if case not in pairwise_cases()],
     ids="-".join,
 )
 def run(request) -> Run:
@@ -72,6 +72,7 @@ def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
     return co.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 
+@pytest.mark.budget(120)
 def test_consecutive_steps_satisfy_the_discrete_equations(run):
     system = run.stepper.system
 

@@ -25,7 +25,7 @@ from two_form import carry, tangents
 H, ROUND_OFF = 0.15, 2e-13
 QUICK = [("SO3 alone", "cayley", 3), ("SO3", "exponential", 2), ("SE2", "squared", 2), ("SL2", "bent", 2)]
 OTHERS = [(world, list(MAPS)[i % len(MAPS)], 2) for i, world in enumerate(WORLDS) if world != "SO3 on a sphere"]
-CASES = [*QUICK, *(pytest.param(*case, marks=pytest.mark.long) for case in OTHERS if case not in QUICK)]
+CASES = [*QUICK, *(pytest.param(*case, marks=pytest.mark.further) for case in OTHERS if case not in QUICK)]
 """Every world with the maps in turn, a few of them always."""
 
 cases = pytest.mark.parametrize(("world", "tau", "degree"), CASES, ids=lambda part: str(part).replace(" ", "_"))
@@ -179,8 +179,8 @@ def test_degree_1_is_the_midpoint_rule(world, tau):
 # (world, map, forced, degree, steps a second): errors from 1e-5 to 1e-12, above the round-off of the reference.
 ORDERS = [
     ("SO3", "cayley", True, 2, 8),
-    pytest.param("SE2", "squared", False, 2, 8, marks=pytest.mark.long),
-    pytest.param("SO3", "exponential", True, 3, 5, marks=pytest.mark.long),
+    pytest.param("SE2", "squared", False, 2, 8, marks=pytest.mark.further),
+    pytest.param("SO3", "exponential", True, 3, 5, marks=pytest.mark.further),
     ("SE2", "cayley", False, 3, 5),
     ("SO3", "cayley", True, 4, 6),
     ("SO3 alone", "cayley", False, 4, 4),

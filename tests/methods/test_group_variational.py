@@ -198,7 +198,7 @@ def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
         co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_native_code_and_xla_take_the_same_steps():
     system, start = random_group_system("SO3 alone")
     method = co.GroupVariational(co.Cayley(), "velocity")
@@ -219,7 +219,7 @@ def test_the_last_increment_is_kept_where_a_run_goes_on_or_is_resumed(tmp_path):
     np.testing.assert_array_equal(stored.dataset.R.values, whole.records.g)
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_the_derivative_of_a_run_is_that_of_its_difference_quotient():
     """By the start's angular velocity, through the chart that is centred at the last increment."""
     import jax

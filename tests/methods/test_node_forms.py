@@ -52,7 +52,7 @@ def test_node_form_is_the_derivative_of_the_discrete_lagrangian(world, tau, rule
     _check(world, tau, rule)
 
 
-@pytest.mark.long
+@pytest.mark.further
 @pytest.mark.parametrize(("world", "tau", "rule"), [case for case in all_cases() if case[2] != "pair"])
 def test_every_node_form_is_the_derivative_of_its_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)

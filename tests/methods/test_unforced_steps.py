@@ -35,7 +35,7 @@ class Run(NamedTuple):
 @pytest.fixture(
     scope="module",
     params=pairwise_cases()
-    + [pytest.param(case, marks=pytest.mark.long) for case in all_cases() if case not in pairwise_cases()],
+    + [pytest.param(case, marks=pytest.mark.further) for case in all_cases() if case not in pairwise_cases()],
     ids="-".join,
 )
 def run(request) -> Run:
@@ -57,6 +57,7 @@ def run(request) -> Run:
     return Run(system, leaps, forms, max(np.max(np.abs(m)) for m in momenta))
 
 
+@pytest.mark.budget(240)
 def test_steps_are_symplectic(run):
     for before, after, size in run.two_forms:
         assert abs(before) > 1e-4 * size, "a two-form of nothing proves nothing"

@@ -294,7 +294,7 @@ def test_native_code_says_that_steps_that_may_fail_have_no_derivative():
         jax.grad(lambda inertia: turned(inertia, "native"))(np.diag([1.0, 2.0, 3.0]))
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_gradients_go_through_xla():
     with co.float64():
         slope = jax.grad(turned)(np.diag([1.0, 2.0, 3.0]))

@@ -115,7 +115,7 @@ def test_the_momentum_of_the_cat_is_that_of_its_two_bodies_in_space():
     assert np.max(np.abs(evaluate(momentum, np.float64(0.0)) - state.mu)) <= 1e-16
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_a_cat_moved_by_its_muscles_turns_over_as_the_horizontal_lift_of_its_shapes():
     """Torques in the joint leave the momentum at zero, whatever they are."""
     entry = catalogue["falling_cat"]

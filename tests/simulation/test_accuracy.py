@@ -34,7 +34,7 @@ QUICK = (
 
 
 def selected(cases):
-    marks = {True: (), False: (pytest.mark.long,)}
+    marks = {True: (), False: (pytest.mark.further,)}
     return [pytest.param(case, id=case.name, marks=marks[case.name in QUICK]) for case in cases]
 
 
@@ -203,7 +203,7 @@ WHOLE = (
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(case, id=case.name, marks=() if case.name in FULL[:2] else (pytest.mark.long,))
+        pytest.param(case, id=case.name, marks=() if case.name in FULL[:2] else (pytest.mark.further,))
         for case in RESOLVED
         if case.name in WHOLE
     ],

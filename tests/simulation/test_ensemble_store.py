@@ -58,10 +58,10 @@ def chunks(dataset, name):
 
 
 PATHS = [
-    pytest.param(fleet, "native", marks=pytest.mark.long),
+    pytest.param(fleet, "native", marks=pytest.mark.further),
     (fleet, "xla"),
     (stiff, "native"),
-    pytest.param(stiff, "xla", marks=pytest.mark.long),
+    pytest.param(stiff, "xla", marks=pytest.mark.further),
 ]
 """Each ensemble by one path always, by the other in `long`."""
 
@@ -179,7 +179,7 @@ def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypat
     assert len(co.simulate(system, begun, **RUN, store=tmp_path / "run").dataset.time) == 102
 
 
-@pytest.mark.parametrize("grow", ["nodes", pytest.param("members", marks=pytest.mark.long)])
+@pytest.mark.parametrize("grow", ["nodes", pytest.param("members", marks=pytest.mark.further)])
 def test_memory_stays_flat_while_an_ensemble_streams(tmp_path, grow):
     """Eight times the records, 330 MB of them, in the same memory but for the states of the members."""
     script = f"""

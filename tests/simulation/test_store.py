@@ -91,7 +91,7 @@ def test_runs_killed_at_random_moments_go_on_to_the_same_bits(tmp_path, vehicle,
     assert kill_and_resume(tmp_path, vehicle, whole, moments) >= 2
 
 
-@pytest.mark.long
+@pytest.mark.further
 def test_runs_killed_at_fifty_random_moments_go_on_to_the_same_bits(tmp_path, vehicle, whole):
     generator = random.Random(SEED + 1)
     moments = [(generator.uniform(0, 1.2), False) for _ in range(40)]
@@ -116,7 +116,7 @@ def stopped_after(monkeypatch, looks: int) -> None:
         (co.Midpoint(co.Cayley()), "native"),
         (co.Midpoint(co.Cayley()), "xla"),
         (co.LeftRectangle(co.Exponential(), start="velocity"), "native"),
-        pytest.param(co.LeftRectangle(co.Exponential(), start="velocity"), "xla", marks=pytest.mark.long),
+        pytest.param(co.LeftRectangle(co.Exponential(), start="velocity"), "xla", marks=pytest.mark.further),
     ],
     ids=lambda part: getattr(part, "title", part),
 )

@@ -54,7 +54,7 @@ def test_a_body_of_random_data_is_stable_above_its_threshold_and_unstable_below_
     assert_right_on_both_sides(make, 1788, units)
 
 
-@pytest.mark.long
+@pytest.mark.further
 @pytest.mark.parametrize("make", [sleeping_top, spinning_body])
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_fifty_bodies_of_random_data_are_judged_right_on_both_sides_in_any_units(make, units):

@@ -40,7 +40,7 @@ def motion(name: str, rule: str):
 
 # A step of the reduced algorithm is traced for each case, which takes seconds.
 QUICK = [("SO3", "midpoint"), ("SE2", "trapezoidal"), ("SL2", "right")]
-SOME = [case if case in QUICK else pytest.param(*case, marks=pytest.mark.long) for case in CASES]
+SOME = [case if case in QUICK else pytest.param(*case, marks=pytest.mark.further) for case in CASES]
 
 
 @pytest.mark.parametrize(("name", "rule"), SOME)
@@ -149,7 +149,7 @@ def driven(name: str) -> tuple[co.System, co.State]:
 
 
 @pytest.mark.parametrize(
-    ("name", "rule"), [pytest.param("SE2", "trapezoidal", marks=pytest.mark.long), ("SO3", "midpoint")]
+    ("name", "rule"), [pytest.param("SE2", "trapezoidal", marks=pytest.mark.further), ("SO3", "midpoint")]
 )
 def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rule):
     """Lagrange–d'Alembert–Poincaré: (B35), (B36) with (T∓, φ∓), whatever the connection, against co.simulate."""

@@ -89,7 +89,7 @@ def run_of(name: str):
     return co.simulate(system, start, dt=H, steps=5, method=method, monitors=False)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in METHODS])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.further) if n in LONG else n for n in METHODS])
 def test_the_right_transform_of_a_step_is_the_left_one_of_the_next(name):
     """F⁺_{k} = F⁻_{k+1} and J⁺_k = J⁻_{k+1}, and both are the momenta that the method carries; forced and timed."""
     run = run_of(name)

@@ -55,7 +55,7 @@ def test_a_row_holds_in_its_first_case(row):
     assert max(islice(row.cases(), 1)) <= row.bound
 
 
-@pytest.mark.long
+@pytest.mark.further
 @each_row
 def test_every_residual_of_the_table_is_round_off(row):
     assert row.residual() <= row.bound
@@ -95,7 +95,7 @@ def test_an_error_in_a_function_of_a_row_is_detected(number, name, kind):
     assert detected(row, name, kind)
 
 
-@pytest.mark.long
+@pytest.mark.further
 @each_row
 def test_every_mutation_of_a_row_is_detected_or_equivalent(row):
     tried = mutations(row)

@@ -117,7 +117,7 @@ def exact(craft: Craft, start: co.State, inputs: dict[str, Any]) -> np.ndarray:
     return np.array(places)
 
 
-SLOW = pytest.mark.long
+SLOW = pytest.mark.further
 NAMES = [name if name == "remus_100" else pytest.param(name, marks=SLOW) for name in MISSIONS]
 
 
