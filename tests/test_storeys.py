@@ -33,7 +33,7 @@ STOREYS = (
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "model", "trim", "controllers", "files", "remus", "logs", "figures"),
-    *("serving", "missions", "extension"),
+    *("serving", "missions", "environments", "extension"),
 )
 """From the ground up, too."""
 ROOMS_OF_KERNELS = (

@@ -6,7 +6,8 @@
     run = co.vehicles.load_mission("square.toml").run()
 
 The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
-`logs`, `figures`, `missions`, `serving` (for other programs, over UDP). Axes are north, east, down and forward,
+`logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
+`environments` (for learning, by Gymnasium). Axes are north, east, down and forward,
 starboard, down; see `axes`.
 """
 
@@ -19,6 +20,7 @@ from coadjoint.lazy import lazy
 if TYPE_CHECKING:
     from coadjoint.vehicles import axes as axes
     from coadjoint.vehicles import controllers as controllers
+    from coadjoint.vehicles import environments as environments
     from coadjoint.vehicles import figures as figures
     from coadjoint.vehicles import files as files
     from coadjoint.vehicles import hydrodynamics as hydrodynamics
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import serving as serving
     from coadjoint.vehicles import trim as trim
     from coadjoint.vehicles import water as water
+    from coadjoint.vehicles.environments.make import environment as environment
     from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
     from coadjoint.vehicles.files.registry import load_vehicle as load  # noqa: F401
     from coadjoint.vehicles.files.registry import vehicle_names as names  # noqa: F401

@@ -40,10 +40,10 @@ class Buffers(NamedTuple):
             observations=np.zeros((groups * lanes, sizes[1])),
         )
 
-    def with_parameters(self, rows: np.ndarray) -> Buffers:
-        """The same memory with parameters (members, size); shared where all are the same."""
+    def with_parameters(self, rows: np.ndarray, shared: bool | None = None) -> Buffers:
+        """The same memory with parameters (members, size); shared where all are the same, if not said otherwise."""
         groups, _, lanes = self.state.shape
-        shared = bool(np.all(rows == rows[0]))
+        shared = bool(np.all(rows == rows[0])) if shared is None else shared
         return self._replace(parameters=_grouped(rows[:1] if shared else rows, 1 if shared else groups, lanes))
 
     def copy(self) -> Buffers:

@@ -16,6 +16,7 @@ from coadjoint.kernels.run.pieces import PieceLength
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.numbers import real, seeds
+from coadjoint.simulation.steppers.prepared import Prepared
 from coadjoint.simulation.steppers.sentences import failed_step
 from coadjoint.simulation.steppers.turn import Turn
 
@@ -117,6 +118,18 @@ class Standing:
         """States (k, size) with random numbers of these seeds (k,)."""
         raise ArgumentError("A saved stepper begins with the random numbers of its start: leave out `seed`.")
 
+    def begin(self, starts: Prepared, rows: np.ndarray, members: np.ndarray) -> dict[str, np.ndarray]:
+        """Members (k,) begin at these rows (k,) of prepared starts, with the parameters prepared for them.
+
+        What `reset` goes back to stays what it was. Returns what is observed there.
+        """
+        with self._turn.alone():
+            if starts.parameters is not None:
+                if len(self._buffers.parameters) < self._groups:
+                    self._take_memory(self._buffers.with_parameters(self._all_parameters(), shared=False))
+                put(self._buffers.parameters, members, starts.parameters[rows])
+            return self._go(members, starts.states[rows])
+
     def restore(self, state: Any, *, mask: Any = None) -> dict[str, np.ndarray]:
         """Go on from what `state` showed before, or as a clone would, to the bit, and return what is observed there.
 
@@ -145,6 +158,16 @@ class Standing:
         put(self._buffers.status, which, status)
         self.event = other.event
         return found
+
+    def _all_parameters(self) -> np.ndarray:
+        """Parameters (members, size)."""
+        return np.broadcast_to(self._parameter_rows(), (self.face.count, self.face.parameters.size))
+
+    def _parameter_rows(self) -> np.ndarray:
+        """Parameters (members or 1, size)."""
+        rows = by_member(self._buffers.parameters)
+        own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
+        return rows[: self.face.count] if own else rows[:1]
 
     def _take_parameters(self, other: Any, which: np.ndarray) -> None:
         """Have the parameters of these members of a clone."""

@@ -47,6 +47,7 @@ from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
 from coadjoint.simulation.steppers.observing import Observe, watch
+from coadjoint.simulation.steppers.prepared import Prepared
 from coadjoint.simulation.steppers.stepping import Stepping
 from coadjoint.simulation.steppers.trees import Shapes, rows_of, rows_where, shapes_of, spread
 from coadjoint.simulation.steppers.twin import commanded
@@ -242,6 +243,23 @@ class Stepper(Stepping):
         if not isinstance(state, State):
             return super()._rows(rows, state, which)
         return self._beginning.rows(state, self._parameter_rows())[which]
+
+    def prepared(self, states: State, parameters: Any = None) -> Prepared:
+        """k starts that the method begins at once, for `begin`: going to one of them costs a copy of its numbers.
+
+        states: velocities and configurations as system.state(…) gives them, of single members, each leaf with a first
+        axis (k, …). parameters: those of the system at each start, with `co.each` of k where they differ; by default
+        as they are now.
+        """
+        count, rows = len(states.t), None
+        if parameters is not None:
+            rows = rows_where(*stacked(parameters))
+            rows = np.broadcast_to(rows, (count, rows.shape[1]))
+            if columns := self.face.compiled_out(rows):
+                self._recompile(columns, rows)
+        given = self._parameter_rows()[:1] if rows is None else rows
+        held = None if self._beginning.held is None else spread(self._beginning.held, (count,))
+        return Prepared(self._beginning.begun(states, given, held), rows)
 
     def _seeded(self, rows: np.ndarray, seeds: np.ndarray) -> np.ndarray:
         """By the rule's own seeded(internal, seeds): internal states (k, …) with random numbers of seeds (k,)."""

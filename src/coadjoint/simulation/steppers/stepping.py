@@ -201,16 +201,6 @@ class Stepping(Standing):
         found = [name for name, _, place in self.face.parameters.places() if set(columns) & set(_numbers(place))]
         return ", ".join(f"`{name}`" for name in found)
 
-    def _all_parameters(self) -> np.ndarray:
-        """Parameters (members, size)."""
-        return np.broadcast_to(self._parameter_rows(), (self.face.count, self.face.parameters.size))
-
-    def _parameter_rows(self) -> np.ndarray:
-        """Parameters (members or 1, size)."""
-        rows = by_member(self._buffers.parameters)
-        own = len(self._buffers.parameters) == self._groups and np.any(rows[: self.face.count] != rows[0])
-        return rows[: self.face.count] if own else rows[:1]
-
 
 def opened(content: bytes) -> Stepping:
     """The stepper whose file has this content."""

@@ -68,7 +68,7 @@ class Served:
             "body_velocity": lambda s: group.matrix(s.g).T @ s.qdot,
             "angular_velocity": lambda s, p: measured(s, p).angular_velocity,
             "specific_force": lambda s, p: measured(s, p).specific_force,
-            **{_ACTUATOR + name: partial(_standing, name) for name in commanded},
+            **{_ACTUATOR + name: partial(standing, name) for name in commanded},
         }
 
     @property
@@ -113,7 +113,7 @@ def _commands(craft: Craft) -> dict[str, Any]:
     return found
 
 
-def _standing(name: str, state: State) -> Any:
+def standing(name: str, state: State) -> Any:
     """Where an actuator stands: a number, an array, or the numbers of its state one after another."""
     found = getattr(state.internal, name)
     leaves: Sequence[Any] = list(found.asdict().values()) if isinstance(found, Named) else [found]

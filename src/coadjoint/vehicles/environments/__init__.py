@@ -1,0 +1,15 @@
+"""Vehicles to learn from: Gymnasium environments, alone or thousands at once, with tasks, rewards and ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.environments.hold_station import HoldStation as HoldStation
+    from coadjoint.vehicles.environments.make import environment as environment
+    from coadjoint.vehicles.environments.task import End as End
+    from coadjoint.vehicles.environments.task import Task as Task
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]
