@@ -27,10 +27,13 @@ def partial(path: Path) -> Path:
 
 
 def make(folder: Path) -> None:
-    """Make a folder and those above it, unless they are there."""
+    """Make a folder and those above it, unless they are there; their names are forced to the disk."""
     if not folder.is_dir():
         before("make", folder)
+        new = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
+        for path in new:
+            settle(path.parent)
 
 
 def write(path: Path, parts: Iterable[Any], forced: bool = True, named: bool = True) -> None:
@@ -81,8 +84,7 @@ def remove(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
         hidden = partial(path)
         _remove_all(hidden)
-        before("move", hidden)
-        os.replace(path, hidden)
+        move(path, hidden)  # Its name goes first, on the disk, too: it is there whole or not at all.
         _remove_all(hidden)
     elif path.exists() or path.is_symlink():
         before("remove", path)

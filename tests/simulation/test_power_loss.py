@@ -1,0 +1,64 @@
+"""The power fails while a run writes to its folder: the same call again finishes it, to the same bits."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.report.verification import verify
+from coadjoint.simulation import store as streaming
+from power_loss import LOST, losses, put, recorded
+
+RUN = {"dt": 0.01, "steps": 23, "save_every": 2, "progress": False, "monitors": False, "accuracy": False}
+RUN |= {"backend": "native"}
+
+
+def simulate(members, place):
+    if members == 1:
+        body = co.System(co.SO2(), lambda xi: 0.5 * xi @ xi)
+    else:
+        mass = co.each(np.arange(1.0, 1 + members))
+        body = co.System(co.SO2(), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": mass})
+    return co.simulate(body, body.state(xi=[0.3]), **RUN, store=place / "run")
+
+
+@pytest.mark.parametrize(
+    ("members", "seeds", "share"),
+    [(1, 0, 7), pytest.param(1, 3, 1, marks=pytest.mark.long), pytest.param(3, 2, 2, marks=pytest.mark.long)],
+)
+def test_a_run_goes_on_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, members, seeds, share):
+    monkeypatch.setattr(streaming, "PERIOD", 0.0)
+    monkeypatch.setattr(streaming, "BURDEN", 0.0)
+    monkeypatch.setattr(streaming, "BLOCK_ROWS", 6)
+    (tmp_path / "whole").mkdir()
+    history = recorded(tmp_path / "whole", lambda: simulate(members, tmp_path / "whole"))
+    whole = simulate(members, tmp_path / "whole").dataset.load()
+    put(history.left(len(history.trees) - 1, LOST), tmp_path / "ended")
+    assert verify(tmp_path / "ended" / "run").complete, "what was returned is on the disk"
+    monkeypatch.setattr(os, "fsync", lambda handle: None)
+    place = tmp_path / "left"
+    for number, (moment, left) in enumerate(losses(history, seeds)):
+        if number % share:
+            continue
+        put(left, place)
+        promised = counted(history.left(moment, LOST))
+        assert promised is None or len(co.load(place / "run").dataset.time) >= promised
+        found = simulate(members, place).dataset
+        for name, values in whole.variables.items():
+            np.testing.assert_array_equal(found[name], values, err_msg=f"{name} after moment {moment}")
+        checked = verify(place / "run")
+        assert checked.complete and checked.passed and not checked.unknown
+        assert [path.name for path in place.iterdir()] == ["run"]
+        shutil.rmtree(place)
+    assert number > 60
+
+
+def counted(left):
+    """The records that are on the disk for certain."""
+    manifest = left.get("run/manifest.json")
+    return None if manifest is None else json.loads(manifest)["facts"]["records"]
