@@ -173,5 +173,5 @@ def test_a_disk_that_refuses_is_told_and_nothing_stays(tmp_path, monkeypatch):
 
 
 def test_of_two_runs_at_once_one_gets_the_folder(tmp_path):
-    with claimed(tmp_path, RUN, False), pytest.raises(FileError, match="in use by another process"):
+    with claimed(tmp_path, RUN, False), pytest.raises(FileError, match=f"in use by process {os.getpid()}"):
         finish(tmp_path)

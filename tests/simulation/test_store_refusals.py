@@ -292,7 +292,7 @@ sys.stdin.read()
             lambda: co.resume(cut, vehicle),
             lambda: co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=cut),
         ):
-            with pytest.raises(co.FileError, match="in use by another process"):
+            with pytest.raises(co.FileError, match=f"in use by process {process.pid}: wait"):
                 going_on()
         assert 0 < len(co.load(cut).dataset.time) < 1001
     finally:

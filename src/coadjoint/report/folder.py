@@ -228,8 +228,13 @@ class _Released(Exception):
 
 
 def _locked(folder: Path) -> Claim:
-    disk.make(folder)
-    lock = Lock(folder, _LOCK)
+    while True:
+        disk.make(folder)
+        try:
+            lock = Lock(folder, _LOCK)
+            break
+        except FileNotFoundError:  # A process that began here at the same time has just taken its empty folder away.
+            continue
     try:
         return Claim(folder, held_manifest(folder) or Manifest(folder), lock)
     except BaseException:

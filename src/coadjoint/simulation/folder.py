@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,11 +26,8 @@ def create(path: Path, run: Run | Ensemble, facts: Mapping[str, Any], configurat
     made = disk.partial(path)
     lock: Lock | None = None
     try:
-        disk.make(made)
-        lock = Lock(made)
-        for left in made.iterdir():
-            if left.name != LOCK:
-                disk.remove(left)
+        lock = _reserved(made, path)
+        _clear(made)
         store = Store(run, Manifest(made, {"kind": "records", **facts}), lock)
         store.put(CONFIGURATION, packed(*configuration))
         store.lay_out(*run.one)
@@ -38,17 +35,50 @@ def create(path: Path, run: Run | Ensemble, facts: Mapping[str, Any], configurat
         disk.move(made, path)
         lock.folder = path
     except OSError as error:
+        if lock is None and isinstance(error, FileError):
+            raise
         if lock is not None and lock.held:
-            shutil.rmtree(made, ignore_errors=True)
-            lock.release()
+            _give_up(made, lock)
         raise FileError(f"The folder {path} cannot be made: {error.strerror or error}.") from error
     except BaseException:
         if lock is not None:
-            shutil.rmtree(made, ignore_errors=True)
-            lock.release()
+            _give_up(made, lock)
         raise
     store.move_to(path)
     return store
+
+
+def _reserved(made: Path, path: Path) -> Lock:
+    """The lock of the folder that is to become `path`, and has the hidden name `made`."""
+    while True:
+        disk.make(made)
+        try:
+            return Lock(made, of=path)
+        except FileNotFoundError:  # A process that found `path` finished has just swept it away.
+            continue
+
+
+def sweep_beside(path: Path) -> None:
+    """Remove what a process left beside a run that was killed when it began the same one at the same time."""
+    made = disk.partial(path)
+    with contextlib.suppress(OSError):
+        if made.is_dir():
+            _give_up(made, Lock(made))
+
+
+def _clear(made: Path) -> None:
+    for left in made.iterdir():
+        if left.name != LOCK:
+            disk.remove(left)
+
+
+def _give_up(made: Path, lock: Lock) -> None:
+    """Remove the folder that was to become a run; the lock goes last, so that nobody begins in what is removed."""
+    with contextlib.suppress(OSError):
+        _clear(made)
+    lock.release()
+    with contextlib.suppress(OSError):  # It is another process's already.
+        made.rmdir()
 
 
 def tidy(folder: Path) -> None:
@@ -64,8 +94,9 @@ def tidy(folder: Path) -> None:
 def holds_run(path: Path) -> bool:
     """Whether a folder holds a run already; raises FileError where it holds something else, or cannot be made."""
     try:
-        held = (path / MANIFEST).exists() or (path / CONFIGURATION).exists()
         other = path.exists() and (not path.is_dir() or any(path.iterdir()))
+        # After that, for another process may have moved a run to this place meanwhile.
+        held = (path / MANIFEST).exists() or (path / CONFIGURATION).exists()
         home = path.parent.is_dir()
     except OSError as error:
         raise FileError(f"The folder {path} cannot be looked at: {error.strerror or error}.") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import socket
 from pathlib import Path
 
 from coadjoint import disk
@@ -15,10 +16,11 @@ LOCK = "lock"
 class Lock:
     """Holds a folder until `release`, or until the process ends in whatever way; raises FileError if it is held.
 
-    Its file is removed at `release`. That of a process that was killed stays, and holds nothing.
+    Its file, which names process and computer, is removed at `release`. That of a process that was killed stays, and
+    holds nothing. Errors speak of the folder `of`, where the one that is held has another name for a while.
     """
 
-    def __init__(self, folder: Path, name: str = LOCK):
+    def __init__(self, folder: Path, name: str = LOCK, of: Path | None = None):
         self.folder, self.name = folder, name
         while True:
             disk.before("lock", folder / name)
@@ -26,11 +28,14 @@ class Lock:
             try:
                 _hold(self._handle)
             except OSError as error:
+                holder = _holder(self._handle)
                 self._close()
                 raise FileError(
-                    f"The folder {folder} is in use by another process that runs or resumes: wait until it ends."
+                    f"The folder {of or folder} is in use by {holder}: wait until it ends, then the same call "
+                    "again goes on with the run, or returns it."
                 ) from error
             if self.held:
+                _sign(self._handle)
                 return
             self._close()  # The process that had it has just removed it.
 
@@ -56,6 +61,24 @@ class Lock:
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
+
+
+def _sign(handle: int) -> None:
+    """Write who holds a lock into its file, for others to tell."""
+    with contextlib.suppress(OSError):  # of a disk that is full
+        os.ftruncate(handle, 0)
+        os.write(handle, f"{os.getpid()} {socket.gethostname()}".encode())
+
+
+def _holder(handle: int) -> str:
+    """Who holds a lock, in words, as far as its file tells."""
+    with contextlib.suppress(OSError, ValueError):
+        number, _, computer = os.read(handle, 300).decode("ascii").partition(" ")
+        here = computer == socket.gethostname()
+        if here and hasattr(os, "sched_yield"):  # not Windows, where signal 0 ends a process
+            os.kill(int(number), 0)  # raises where nobody has this number: who had the folder before was killed
+        return f"process {int(number)}" if here else f"process {int(number)} on {computer}"
+    return "another process"
 
 
 def _hold(handle: int) -> None:

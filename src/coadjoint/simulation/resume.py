@@ -24,7 +24,7 @@ from coadjoint.simulation.configuration import method_form, method_from, start_f
 from coadjoint.simulation.dataset import attributes, ensemble_attributes
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.fingerprint import fingerprint
-from coadjoint.simulation.folder import create, holds_run, tidy
+from coadjoint.simulation.folder import create, holds_run, sweep_beside, tidy
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.reading import read_configuration, run_manifest, standing
@@ -141,6 +141,7 @@ def resume(
 def _taken_up(run: Run | Ensemble, folder: Path) -> StreamedRun | StreamedEnsemble:
     """A run that was set up again, at the place where the folder stands; a finished one is only read."""
     complete = run_manifest(folder).facts["complete"]
+    sweep_beside(folder)
     if complete:
         with contextlib.suppress(OSError):  # of a folder that may only be read, or that another process tidies
             tidy(folder)
