@@ -6,13 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 from coadjoint.errors import LagrangianError
-from coadjoint.kernels.trace.digest import digest
+from coadjoint.kernels.trace.digest import digest, opaque
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.over_step import applied
 from coadjoint.mechanics.reading import IMPURE, in_words
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+
+OPAQUE = " opaque"
 
 _UNREAD = {
     "forces": "The forces",
@@ -27,7 +29,8 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
 
     A function that reads a global number is another function when that number has changed: what has been traced and
     compiled for it must not be used again. Unless they are known to be `pure`, forces and Λ are read twice: raises
-    LagrangianError where the readings differ.
+    LagrangianError where the readings differ. It ends in OPAQUE where a function holds another, such as a derivative of
+    its own, that is not seen by tracing it.
     """
     s = state
     arguments = (s.g, s.xi, s.n, s.nu, s.a, s.t, s.inputs, s.internal, system.parameters)
@@ -36,7 +39,7 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
         def function(g, xi, n, nu, a, t, inputs, internal, parameters):
             here = replace_parameters(system, parameters)
             if name == "forces":
-                return here.body_force(here.motion(xi, n, nu, a, t, inputs, internal))
+                return here.body_forces(here.motion(xi, n, nu, a, t, inputs, internal))
             if name == "internal":
                 there = state.replace(g=g, xi=xi, n=n, nu=nu, a=a, t=t, inputs=inputs, internal=internal)
                 return tuple(applied(here, there, t))
@@ -59,4 +62,5 @@ def version(system: System, state: State, *more: Callable[[State], Any], pure: b
             readings = [digest(jaxpr_of(at(name), *arguments)[0]) for _ in range(2)]
         if readings[0] != readings[1]:
             raise LagrangianError(IMPURE.format(_UNREAD[name]))
-    return digest(*(jaxpr_of(at(name), *arguments)[0] for name in given), *others)
+    read = [*(jaxpr_of(at(name), *arguments)[0] for name in given), *others]
+    return digest(*read) + (OPAQUE if any(map(opaque, read)) else "")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,13 +12,16 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.identity import identity
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
+from coadjoint.mechanics.identity import parts
 from coadjoint.mechanics.ledger import entered, with_jump
 from coadjoint.mechanics.over_step import advanced, at_node, stepped
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.version import OPAQUE
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -69,6 +74,19 @@ def _with_inputs(system: System, state: State, renewal: Array | None) -> State:
     return with_jump(system, INPUTS, state, state.replace(inputs=inputs))
 
 
+_current: ContextVar[str | None] = ContextVar("current", default=None)
+
+
+@contextmanager
+def as_read(version: str) -> Iterator[None]:
+    """Here functions do what they did when this version was read of them, just before."""
+    token = _current.set(version)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
 @dataclass(frozen=True)
 class StepProgram:
     """A method on a system as a kernel's `Program`: pure functions of parameters, state and h."""
@@ -84,6 +102,18 @@ class StepProgram:
     """A function of a state whose change of sign stops a stepper at the node before."""
     direction: Literal["rising", "falling", "both"] = "both"
     """Which changes of its sign do so."""
+
+    @property
+    def identity(self) -> str | None:
+        """What this program does, the same in every process; None where that cannot be told.
+
+        Functions that are not the library's own are told by `version`, while they are known to do what it was read of.
+        """
+        found = identity(parts(self.skeleton), self.method, self.observed, self.events, self.until, self.direction)
+        if found is None or found.whole:
+            return None if found is None else found.digest
+        told = self.version == _current.get() and not self.version.endswith(OPAQUE)
+        return f"{found.digest} {self.version}" if told else None
 
     @property
     def stages(self) -> tuple[StepStage, ...]:

@@ -1,9 +1,14 @@
-"""Starts of runs that have been checked in this process, by what their functions do and by the numbers in them.
+"""Starts of runs that have been checked, by what their functions do and by the numbers in them.
 
 Every run reads all functions once and takes the digest of what it read (`mechanics.version`). What was checked for the
-same digest, the same numbers, method and step size is not checked again: whatever changes what a function of the
-system, its inputs, events or quantities does, be it a closure, a global, an array, an attribute or a function of a
-library, changes its digest. Groups, spaces, difference maps and methods count by their classes and fields.
+same digest, the same numbers, method and step size is not checked again in this process: whatever changes what a
+function of the system, its inputs, events or quantities does, be it a closure, a global, an array, an attribute or a
+function of a library, changes its digest. Groups, spaces, difference maps and methods count by their classes and
+fields.
+
+A system of which all functions are the library's own, such as a shipped vehicle, is not read: it is known by the files
+of the library and by what the functions hold (`kernels.trace.identity`). What checks found is kept on disk for other
+processes (`kernels.run.kept`), where groups, spaces, maps and methods are the library's.
 """
 
 from __future__ import annotations
@@ -16,11 +21,15 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.digest import digest
+from coadjoint.kernels.trace.identity import identity
+from coadjoint.kernels.trace.library import library
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.identity import parts
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
+from coadjoint.mechanics.version import OPAQUE, version
 from coadjoint.methods.program import StepProgram
 
 KEPT = 64
@@ -37,29 +46,41 @@ class Known(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The digest of all functions as they were read, and the key of what was found for it."""
+    """The digest of all functions as they were read, the key of what was found for it, and its name on disk, if any."""
 
     version: str
     key: tuple[Any, ...]
+    name: str | None
 
 
 _known: OrderedDict[tuple[Any, ...], Known] = OrderedDict()
 _lock = threading.Lock()
 
 
-def read(system: System, start: State, functions: list[Callable[[State], Any]], *more: Any) -> Reading | None:
+def read(
+    system: System, start: State, functions: list[Callable[[State], Any]], events: Any, observed: Any, *more: Any
+) -> Reading | None:
     """Read all functions once; None where they cannot be read, which the checks put into words, or compared.
 
-    more: what else the checks depend on, hashable.
+    functions: those of a state, events, Events by names, among them. observed: objects that observe. more: what else
+    the checks depend on.
     """
     try:
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
-        seen = version(system, start, *functions)
-        key = (replace_parameters(system, None), structure, seen, digest(numbers), *more)
+        own, here = identity(parts(system), events, observed), library()
+        if own is not None and own.whole and here is not None:
+            seen = f"{here} {own.digest}"
+            key = (structure, seen, digest(numbers), *more)
+        else:
+            seen = version(system, start, *functions)
+            key = (replace_parameters(system, None), structure, seen, digest(numbers), events, observed, *more)
         hash(key)
+        plain, name = repr(structure), None
+        if own is not None and here is not None and not seen.endswith(OPAQUE) and " at 0x" not in plain:
+            name = kept.name("start", own.digest, seen, plain, numbers, *more)
     except Exception:
         return None
-    return Reading(seen, key)
+    return Reading(seen, key, name)
 
 
 def found(reading: Reading | None) -> Known | None:
@@ -71,6 +92,17 @@ def found(reading: Reading | None) -> Known | None:
         if known is not None:
             _known.move_to_end(reading.key)
     return None if known is None else _copied(known)
+
+
+def found_before(reading: Reading | None) -> dict[str, Any] | None:
+    """What checks found for this reading in another process: `warnings`, and what is `watching`."""
+    return None if reading is None else kept.find(reading.name)
+
+
+def keep(reading: Reading | None, found: dict[str, Any]) -> None:
+    """Keep what checks found for other processes."""
+    if reading is not None:
+        kept.keep(reading.name, found)
 
 
 def remember(reading: Reading | None, known: Known) -> None:

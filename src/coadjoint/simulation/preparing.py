@@ -22,7 +22,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
-from coadjoint.methods.program import RENEWED, Constants, StepProgram
+from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
 from coadjoint.simulation import known
 from coadjoint.simulation import monitors as observe
 from coadjoint.simulation.arguments import require_kinds, require_quantities
@@ -64,8 +64,8 @@ def prepare(
     system, start = with_inputs(system, start, inputs, method.start == "velocity")
     watched, noether = watched_events(until, events), _quantities(kelvin_noether)
     functions = _functions(system, noether, monitors, watched)
-    observed = (*observe.BEFORE, *observe.AFTER) if monitors else ()
-    reading = known.read(system, start, functions, method, h, observed, tuple(noether), watched)
+    observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
+    reading = known.read(system, start, functions, watched, observed, method, h)
     begun = known.found(reading)
     if begun is None:
         begun = _checked(system, start, method, h, monitors, noether, watched, reading)
@@ -73,7 +73,7 @@ def prepare(
     state, warnings, program, watching = begun
     warnings = internal_warnings(system, h) + warnings
     constants = _constants(system, watching)
-    with nodes_traced_once():
+    with nodes_traced_once(), as_read(program.version):
         chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
@@ -85,14 +85,20 @@ def _checked(
     watched: Watched, reading: known.Reading | None,
 ) -> known.Known:  # fmt: skip
     """What all checks of a run and its start find; raises what they raise."""
-    require_internal(system, start, h)
-    warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
+    before, warnings = known.found_before(reading), []
+    if before is None:
+        require_internal(system, start, h)
+        warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
     state = with_ledger(system, method.begin(system, start, h), monitors)
-    require_chart(system, method, state, h)
-    require_events(method, state, watched)
+    if before is None:
+        require_chart(system, method, state, h)
+        require_events(method, state, watched)
+        before = {"warnings": warnings, "watching": _watching(system, state, chosen, monitors)}
+        known.keep(reading, before)
     digest = None if reading is None else reading.version
-    program, constants = _program(system, method, state, chosen, monitors, watched, digest)
-    return known.Known(state, warnings, program, constants.monitors)
+    watching = before["watching"]
+    program, _ = _program(system, method, state, chosen, monitors, watching, watched, digest)
+    return known.Known(state, before["warnings"], program, watching)
 
 
 def watched_events(until: Any, events: Any) -> Watched:
@@ -124,22 +130,27 @@ def require_fit(system: System, start: State, method: Method, h: float, inputs: 
     require_events(method, state, watched_events(until, None))
 
 
-def _program(
-    system, method, state, chosen, monitors, events=(), digest: str | None = None
-) -> tuple[StepProgram, Constants]:
-    """The program, and its constants; digest: that of the functions, where they have been read."""
-    observed, watching = (), {}
+def _watching(system: System, state: State, chosen: list[KelvinNoether], monitors: bool) -> dict[str, Any]:
+    """What monitors observe with; raises what is wrong with what they observe."""
+    found: dict[str, Any] = {}
     if monitors:
         for quantity in chosen:
             quantity.require_equivariant(system, state)
-        if chosen:
-            noether = observe.chosen(chosen)
-        else:
-            watching["c0"] = isotropy_algebra(system, state)
-            noether = observe.kelvin_noether if len(watching["c0"]) else None
+        if not chosen:
+            found["c0"] = isotropy_algebra(system, state)
         if system.quantities:
             require_quantities(system, state)
-        observed = observe.watching(system, method, state, noether)
+    return found
+
+
+def _program(
+    system, method, state, chosen, monitors, watching, events=(), digest: str | None = None
+) -> tuple[StepProgram, Constants]:
+    """The program, and its constants; digest: that of the functions, where they have been read."""
+    observed = ()
+    if monitors:
+        own = observe.kelvin_noether if len(watching.get("c0", ())) else None
+        observed = observe.watching(system, method, state, observe.chosen(chosen) if chosen else own)
     digest = digest or version(system, state, *_functions(system, chosen, monitors, events))
     crossing = tuple(event.function for _, event in events)
     program = StepProgram(replace_parameters(system, None), method, observed, digest, crossing)
@@ -188,7 +199,9 @@ def _prepare_members(
     require_chart(first, method, state, h)
     watched = watched_events(until, events)
     require_events(method, state, watched)
-    program, constants = _program(first, method, state, _quantities(kelvin_noether), monitors, watched)
+    noether = _quantities(kelvin_noether)
+    watching = _watching(first, state, noether, monitors)
+    program, constants = _program(first, method, state, noether, monitors, watching, watched)
     program, constants, axes = with_own_directions(program, constants, members, warnings)
     chosen = kernels.choose(program, member_constants(constants, axes), state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
@@ -53,9 +54,20 @@ def object_code(assembly: str) -> bytes:
 def machine(assembly: str) -> Machine:
     """A module, compiled or taken from the store, and loaded."""
     try:
-        return _aside(lambda: Machine(compiled(assembly)))
+        return _aside(lambda: Machine(compiled(assembly), name_of(assembly)))
     except RuntimeError as error:
         raise Untraceable("step", f"LLVM refused its code ({str(error).splitlines()[0]})") from None
+
+
+def kept_machine(name: str) -> Machine | None:
+    """The module of this name from the store, loaded, or None."""
+    code = store.fetch(name)
+    return None if code is None else _aside(lambda: Machine(code, name))
+
+
+def name_of(assembly: str) -> str:
+    """The name of a module's machine code in the store."""
+    return store.key(_RECIPE, *processor(), assembly)
 
 
 def _aside(make: Callable[[], Made]) -> Made:
@@ -85,7 +97,7 @@ def _aside(make: Callable[[], Made]) -> Made:
 
 def compiled(assembly: str) -> bytes:
     """The machine code of a module for this processor, compiled or taken from the store."""
-    name = store.key(_RECIPE, *processor(), assembly)
+    name = name_of(assembly)
     code = store.fetch(name)
     if code is None:
         code = object_code(assembly)
@@ -93,6 +105,7 @@ def compiled(assembly: str) -> bytes:
     return code
 
 
+@cache
 def processor() -> tuple[str, ...]:
     """What machine code depends on in addition to the assembly: LLVM, the kind of machine, and its features."""
     version = ".".join(map(str, llvm.llvm_version_info))
@@ -106,7 +119,9 @@ class Machine:
     Elementary functions come from the C library's libm, which NumPy has loaded.
     """
 
-    def __init__(self, code: bytes) -> None:
+    def __init__(self, code: bytes, name: str = "") -> None:
+        """name: that of the code in the store, if it is there."""
+        self.name = name
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()

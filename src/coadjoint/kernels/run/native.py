@@ -15,7 +15,8 @@ from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
 from coadjoint.kernels.packing import Layout, layout, pack
 from coadjoint.kernels.program import Code, Program
-from coadjoint.kernels.run.machine import Machine, machine
+from coadjoint.kernels.run import kept, plans
+from coadjoint.kernels.run.machine import Machine, kept_machine, machine
 from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 
 KEPT = 128
@@ -71,8 +72,7 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
         if known is not None:
             _kernels.move_to_end(key)
             return known
-    *_, pattern, monitors, width = key
-    made = load(plan(program, parameters, state, pattern, monitors), width)
+    made = _kept(program, parameters, state, key[1:])
     with _lock:
         _kernels[key] = made
         while len(_kernels) > KEPT:
@@ -80,17 +80,31 @@ def kernel_for(program: Program, parameters: Any, state: Any, key: tuple) -> Ker
     return made
 
 
+def _kept(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
+    """The kernel as it is kept on disk, or planned and kept."""
+    _, shape, pattern, monitors, width = key
+    name = plans.name(program, parameters, state, "kernel", pattern, monitors, width)
+    found = kept.find(name)
+    code = None if found is None else kept_machine(found["code"])
+    if found is not None and code is not None:
+        monitored = {one: tuple(shape) for one, shape in found["monitors"]}
+        return _kernel(code, shape, monitored, tuple(found["certificates"]))
+    planned = plan(program, parameters, state, pattern, monitors)
+    made = load(planned, width)
+    if made.record == shape:
+        shapes = list(made.monitor_shapes.items())
+        kept.keep(name, {"code": made.machine.name, "monitors": shapes, "certificates": list(made.certificates)})
+    return made
+
+
 def load(planned: StepPlan, width: int) -> Kernel:
     """The kernel of a plan; `record` is a layout of the plan's record, or a row of numbers if that was replaced."""
-    code = machine(assemble(planned, width))
-    return Kernel(
-        machine=code,
-        function=code.function(NAME, *_SIGNATURE),
-        record=_record_layout(planned),
-        monitor_shapes=planned.monitor_shapes,
-        certificates=tuple(planned.certificates),
-        pace=PieceLength(),
-    )
+    code, names = machine(assemble(planned, width)), tuple(planned.certificates)
+    return _kernel(code, _record_layout(planned), planned.monitor_shapes, names)
+
+
+def _kernel(code: Machine, record: Layout, monitors: dict[str, tuple[int, ...]], certificates: tuple[str, ...]):
+    return Kernel(code, code.function(NAME, *_SIGNATURE), record, monitors, certificates, PieceLength())
 
 
 def _record_layout(planned: StepPlan) -> Layout:

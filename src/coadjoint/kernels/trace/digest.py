@@ -30,6 +30,16 @@ def digest(*values: Any) -> str:
     return hasher.hexdigest()[:32]
 
 
+def opaque(jaxpr: Any) -> bool:
+    """Whether a jaxpr holds Python functions, of which it shows nothing: derivatives of a user's own, and callbacks."""
+    for equation in jaxprs.equations(jaxpr):
+        hidden = equation.name.startswith(("custom_jvp", "custom_vjp")) or "callback" in equation.name
+        functions = [one for one in equation.parameters.values() if callable(one) and not isinstance(one, type)]
+        if hidden or functions or any(map(opaque, jaxprs.inner_jaxprs(equation.parameters))):
+            return True
+    return False
+
+
 _written: WeakKeyDictionary[Any, list[bytes]] = WeakKeyDictionary()
 """What jaxprs within others feed to a hash. JAX keeps those of its own functions, which come in every trace again."""
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.kernels.run import kept
 from coadjoint.vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way
@@ -34,6 +35,22 @@ def propose(controller: Any, vehicle: Any) -> Any:
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
+    return _with(controller, kept.recalled(("cruise", controller, vehicle), lambda: _gains(controller, vehicle)))
+
+
+def _with(controller: Any, found: dict[str, Any], **more: Any) -> Any:
+    """The controller with what was found for it: its allocation, and the fields that were left out."""
+    mixed = Allocation(found["matrix"], tuple(found["names"]))
+    return replace(controller, allocation=mixed, **found["chosen"], **more)
+
+
+def _found(controller: Any, mixed: Allocation, given: dict[str, Any]) -> dict[str, Any]:
+    left_out = {name: value for name, value in given.items() if getattr(controller, name) is None}
+    chosen = {name: value if np.ndim(value) else float(value) for name, value in left_out.items()}
+    return {"matrix": mixed.matrix, "names": list(mixed.names), "chosen": chosen}
+
+
+def _gains(controller: Any, vehicle: Any) -> dict[str, Any]:
     motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     screws = propulsion(motion)
@@ -58,8 +75,7 @@ def propose(controller: Any, vehicle: Any) -> Any:
         "fin_limit": fin,
         "thrust_limit": thrust,
     }
-    chosen = {key: value for key, value in given.items() if getattr(controller, key) is None}
-    return replace(controller, allocation=mixed, **chosen)
+    return _found(controller, mixed, given)
 
 
 class TurningModel(NamedTuple):
@@ -92,6 +108,11 @@ def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningMod
 
 def propose_attitude(controller: Any, vehicle: Any) -> Any:
     """An attitude controller with its model of a vehicle at controller.speed, and with the gains that were left out."""
+    made = kept.recalled(("attitude", controller, vehicle), lambda: _attitude_gains(controller, vehicle))
+    return _with(controller, made, model=TurningModel(*made["model"]))
+
+
+def _attitude_gains(controller: Any, vehicle: Any) -> dict[str, Any]:
     motion = under_way(vehicle, controller.speed)
     mixed = allocation(motion)
     fin, _, wanted = means(controller, vehicle, motion)
@@ -103,9 +124,7 @@ def propose_attitude(controller: Any, vehicle: Any) -> Any:
         "fin_limit": fin,
         "thrust_limit": motion.limits[screws].min(),
     }
-    model = turning_model(motion, mixed, fin)
-    chosen = {key: value for key, value in given.items() if getattr(controller, key) is None}
-    return replace(controller, allocation=mixed, model=model, **chosen)
+    return {**_found(controller, mixed, given), "model": list(turning_model(motion, mixed, fin))}
 
 
 def means(controller: Any, vehicle: Any, motion: UnderWay) -> tuple[float, float, float]:

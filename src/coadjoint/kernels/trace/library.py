@@ -1,0 +1,131 @@
+"""Which library runs here: a digest of its files, and of the packages that decide how a function is traced.
+
+There is none where the files may not be what runs: a file is younger than this process, or a function, class or
+constant of the library has been replaced in memory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import threading
+import time
+import types
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import jax
+
+NAME = __name__.partition(".")[0]
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "llvmlite")
+"""What traces, and what emits machine code."""
+
+_IMPORTS = {NAME, *PACKAGES, *sys.stdlib_module_names}
+_BEGAN = time.time()
+_lock = threading.Lock()
+_first: dict[int, _Held] = {}
+"""What every module and class of the library held when it was first seen, by its address."""
+
+
+def library() -> str | None:
+    """The digest, or None."""
+    files = None if _changed() else _files()
+    return None if files is None else hashlib.sha256(f"{files} {_versions()} {_settings()}".encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _files() -> str | None:
+    """The digest of all files of the library, read once."""
+    hasher = hashlib.sha256()
+    try:
+        for path in _paths():
+            with open(path, "rb") as file:
+                if os.fstat(file.fileno()).st_mtime >= _BEGAN:
+                    return None
+                content = file.read()
+            hasher.update(f"{os.path.relpath(path, ROOT)} {len(content)} ".encode() + content)
+    except OSError:
+        return None
+    return hasher.hexdigest()
+
+
+def edited() -> bool:
+    """Whether a file of the library has been written since this process began; modules loaded later may be others."""
+    try:
+        return any(os.stat(path).st_mtime >= _BEGAN for path in _paths())
+    except OSError:
+        return True
+
+
+def _paths() -> list[str]:
+    """All files of the library, but not those that Python writes there."""
+    found = []
+    for folder, folders, names in os.walk(ROOT):
+        folders[:] = sorted(name for name in folders if name != "__pycache__")
+        found += [os.path.join(folder, name) for name in sorted(names)]
+    return found
+
+
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    return " ".join([sys.version, *(f"{name} {metadata.version(name)}" for name in PACKAGES)])
+
+
+def _settings() -> str:
+    """JAX's settings, some of which change what is traced."""
+    return repr(sorted((str(name), repr(value)) for name, value in jax.config.values.items()))
+
+
+def _changed() -> bool:
+    """Whether anything of the library is not in memory what it was when it was first seen, or is somebody else's."""
+    with _lock:
+        owners = [module for name, module in list(sys.modules.items()) if name.startswith(f"{NAME}.")]
+        come = set(map(id, owners))
+        for owner in owners:  # classes are added behind the modules that define them
+            now, known = vars(owner), _first.get(id(owner))
+            if known is None:
+                known = _first[id(owner)] = _Held(owner)
+            if known.foreign or any(now.get(name) is not value for name, value in known.values):
+                return True
+            if any(getattr(part, name, None) is not inner for part, name, inner in known.inside):
+                return True
+            if isinstance(owner, type) and len(now) != known.size and known.grown():
+                return True
+            owners += [one for one in known.classes if id(one) not in come]
+            come.update(map(id, known.classes))
+    return False
+
+
+class _Held:
+    """What lasts of a module or class: values by name, what is inside functions, and the classes that it defines."""
+
+    def __init__(self, owner: Any) -> None:
+        self.owner, self.size = owner, len(vars(owner))
+        self.values = [(name, value) for name, value in list(vars(owner).items()) if _lasting(name, value)]
+        functions = [getattr(value, "__func__", value) for _, value in self.values]
+        functions = [one for one in functions if isinstance(one, types.FunctionType)]
+        self.inside = [(one, name, getattr(one, name)) for one in functions for name in ("__code__", "__defaults__")]
+        self.foreign = any(map(_foreign, functions))
+        module = owner.__name__ if isinstance(owner, types.ModuleType) else owner.__module__
+        classes = [value for _, value in self.values if isinstance(value, type) and value.__module__ == module]
+        self.classes = [one for one in classes if one is not owner]
+
+    def grown(self) -> bool:
+        """Whether a class has something new, which may stand before what it inherits."""
+        before = {name for name, _ in self.values}
+        return any(_lasting(name, value) and name not in before for name, value in list(vars(self.owner).items()))
+
+
+def _lasting(name: str, value: Any) -> bool:
+    """Whether this stays what it is, as functions, classes and constants do; others are set at their first use."""
+    return callable(value) or isinstance(value, (staticmethod, classmethod, property)) or name.strip("_").isupper()
+
+
+def _foreign(value: Any) -> bool:
+    """Whether a function was written neither in the library nor in a package that it imports."""
+    root = str(getattr(value, "__module__", "")).partition(".")[0]
+    return root not in _IMPORTS and (root == "__main__" or root in sys.modules)
