@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import trim as trim
     from coadjoint.vehicles import water as water
     from coadjoint.vehicles.environments.make import environment as environment
+    from coadjoint.vehicles.environments.make import vector_environment as vector_environment
     from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
     from coadjoint.vehicles.files.registry import load_vehicle as load  # noqa: F401
     from coadjoint.vehicles.files.registry import vehicle_names as names  # noqa: F401

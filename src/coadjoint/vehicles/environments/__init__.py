@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint.vehicles.environments.cross_current import CrossCurrent as CrossCurrent
+    from coadjoint.vehicles.environments.dock import Dock as Dock
+    from coadjoint.vehicles.environments.follow_path import FollowPath as FollowPath
     from coadjoint.vehicles.environments.hold_station import HoldStation as HoldStation
     from coadjoint.vehicles.environments.make import environment as environment
+    from coadjoint.vehicles.environments.make import vector_environment as vector_environment
     from coadjoint.vehicles.environments.task import End as End
     from coadjoint.vehicles.environments.task import Task as Task
+    from coadjoint.vehicles.environments.uncertainties import Uncertain as Uncertain
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

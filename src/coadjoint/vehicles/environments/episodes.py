@@ -16,6 +16,7 @@ from coadjoint.mechanics.each import each, stacked
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.steppers.prepared import Prepared
+from coadjoint.vehicles.environments.nested import nested
 from coadjoint.vehicles.environments.simulated import Simulated
 from coadjoint.vehicles.model.craft import Craft
 
@@ -27,13 +28,10 @@ KEYS = ("position", "euler_zyx", "velocity", "speed", "angular_velocity")
 
 
 class Episodes:
-    """The episodes of `count` members: every one has its own random numbers, so that what it meets is its own alone.
+    """The episodes of `count` members: every one has its own random numbers, so that what it meets is its own alone."""
 
-    draw: random → parameters by paths, those that are uncertain; None for none.
-    """
-
-    def __init__(self, simulated: Simulated, draw: Callable[[np.random.Generator], dict[str, Any]] | None):
-        self.simulated, self.draw = simulated, draw
+    def __init__(self, simulated: Simulated):
+        self.simulated = simulated
         self.count = 1 if simulated.members is None else simulated.members
         self.random: list[np.random.Generator | None] = [None] * self.count
         self.varying: list[np.random.Generator | None] = [None] * self.count
@@ -102,9 +100,9 @@ class Episodes:
         """Parameters by paths, and the seed of a random current."""
         random, varying = self.random[member], self.varying[member]
         assert random is not None and varying is not None
-        found = dict(self.simulated.task.parameters(random)) if self.simulated.wanted.water is None else {}
+        found = dict(self.simulated.task.parameters(random)) if self.simulated.drawn else {}
         seed = int(random.integers(LARGEST)) if self.simulated.craft.water.start() else 0
-        return {**found, **(self.draw(varying) if self.draw else {})}, seed
+        return {**found, **(self.simulated.uncertain(varying) if self.simulated.uncertain else {})}, seed
 
     def _checked(self, given: Any) -> dict[str, Any]:
         """Position, attitude, velocity through the water and ω of a start; raises ArgumentError."""
@@ -128,7 +126,7 @@ class Episodes:
         paths = filled[0][1][0]
         if paths:
             values = {path: each(np.array([found[path] for _, (found, _) in filled])) for path in paths}
-            parameters = parameters.replace(**_nested(values))
+            parameters = parameters.replace(**nested(values))
         seeds = np.array([seed for _, (_, seed) in filled])
         states = self._states_of(parameters, starts, seeds)
         return stepper.prepared(states, parameters if paths else None)
@@ -175,16 +173,4 @@ def _three(value: Any, name: str) -> np.ndarray:
         found = np.asarray(None)
     if found.shape != (3,) or not np.all(np.isfinite(found)):
         raise ArgumentError(f"`{name}` of a start must be three finite numbers, but is {shown(value)}.")
-    return found
-
-
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Dictionaries in dictionaries, from paths."""
-    found: dict[str, Any] = {}
-    for path, value in values.items():
-        *rooms, name = path.split(".")
-        place = found
-        for room in rooms:
-            place = place.setdefault(room, {})
-        place[name] = value
     return found

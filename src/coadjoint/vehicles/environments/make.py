@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.simulation.arguments import whole
+from coadjoint.vehicles.environments.cross_current import CrossCurrent
+from coadjoint.vehicles.environments.dock import Dock
 from coadjoint.vehicles.environments.episodes import Episodes
+from coadjoint.vehicles.environments.follow_path import FollowPath
 from coadjoint.vehicles.environments.hold_station import HoldStation
 from coadjoint.vehicles.environments.simulated import Simulated, Wanted
 from coadjoint.vehicles.environments.task import Function, Task
@@ -19,9 +24,15 @@ from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.water.water import Water
 
 if TYPE_CHECKING:
+    from coadjoint.vehicles.environments.many import VehicleVectorEnv
     from coadjoint.vehicles.environments.single import VehicleEnv
 
-TASKS: dict[str, type[Task]] = {"hold_station": HoldStation}
+TASKS: dict[str, type[Task]] = {
+    "hold_station": HoldStation,
+    "follow_path": FollowPath,
+    "dock": Dock,
+    "cross_current": CrossCurrent,
+}
 
 
 def environment(
@@ -38,6 +49,8 @@ def environment(
     dt: float = 0.05,
     period: float = 0.1,
     seconds: float | None = None,
+    randomise: bool | Mapping[str, Any] = False,
+    randomise_seed: int | None = None,
     render_mode: str | None = None,
 ) -> VehicleEnv:
     """A vehicle with a task as a `gymnasium.Env`.
@@ -54,20 +67,70 @@ def environment(
     or `End`, in place of the task's. bounds: name → (lowest, highest), of set points. controller: whose set points
     actions are, by default that of the task. water: in place of the task's, which is still by default.
     dt: h, s. period: how long an action is held, a whole number of dt, s. seconds: after which an episode is truncated,
-    by default those of the task. render_mode: "rgb_array" or None.
+    by default those of the task.
+    randomise: True, and every episode has parameters with the uncertainties that the vehicle file states; or path →
+    standard deviation, in the parameter's unit (SI) or a share such as "5 %" (`Uncertain`). randomise_seed: a seed of
+    their own; by default they begin anew with that of `reset`. render_mode: "rgb_array" or None.
     Raises ArgumentError for what does not fit, and where Gymnasium is not installed.
     """
     _require_gymnasium()
     from coadjoint.vehicles.environments.single import VehicleEnv
+    from coadjoint.vehicles.environments.spaces import whole_or_none
 
+    whole_or_none(randomise_seed, "randomise_seed")
     if render_mode not in (None, "rgb_array"):
         raise ArgumentError(f'Argument `render_mode` must be "rgb_array" or None, but is {shown(render_mode)}.')
     wanted = Wanted(
         actions=actions, observe=observe, reward=reward, ends=ends, bounds=bounds, controller=controller, water=water,
         dt=dt, period=period, seconds=seconds,
     )  # fmt: skip
-    simulated = Simulated(_vehicle(vehicle), _task(task), wanted, None, ())
-    return VehicleEnv(simulated, Episodes(simulated, None), None, render_mode)
+    simulated, episodes = _made(vehicle, task, wanted, None, randomise)
+    return VehicleEnv(simulated, episodes, randomise_seed, render_mode)
+
+
+def vector_environment(
+    vehicle: str | os.PathLike[str] | Vehicle,
+    task: str | Task = "hold_station",
+    *,
+    num_envs: int,
+    autoreset: str = "next_step",
+    threads: int = 1,
+    randomise: bool | Mapping[str, Any] = False,
+    randomise_seed: int | None = None,
+    **wanted: Any,
+) -> VehicleVectorEnv:
+    """Many vehicles with a task as a `gymnasium.vector.VectorEnv`; a period of all of them is one call of machine code.
+
+        envs = co.vehicles.vector_environment("bluerov2_heavy_von_benzon", task="hold_station", num_envs=2048)
+
+    num_envs: how many. autoreset: when a member whose episode has ended begins anew, "next_step" (its next step does
+    only that), "same_step" (at once; the last observation is in `infos["final_obs"]`), or "disabled" (by `reset` with
+    `options={"reset_mask": …}`). threads: how many share the members. wanted: the other arguments of `environment`,
+    without render_mode. vehicle, task, randomise, randomise_seed: as there; member i has randomise_seed + i.
+    Raises ArgumentError.
+    """
+    _require_gymnasium()
+    from coadjoint.vehicles.environments.many import MODES, VehicleVectorEnv
+    from coadjoint.vehicles.environments.spaces import whole_or_none
+
+    whole_or_none(randomise_seed, "randomise_seed")
+    if not isinstance(autoreset, str) or autoreset not in MODES:
+        raise ArgumentError(f"Argument `autoreset` must be one of {', '.join(MODES)}, but is {shown(autoreset)}.")
+    known = [field.name for field in fields(Wanted)]
+    wanted.pop("render_mode", None)
+    if unknown := [name for name in wanted if name not in known]:
+        near = get_close_matches(unknown[0], known, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"there are {', '.join(known)}."
+        raise ArgumentError(f"There is no argument `{unknown[0]}` of a vector environment: {hint}")
+    count, threads = whole(num_envs, "num_envs"), whole(threads, "threads")
+    simulated, episodes = _made(vehicle, task, Wanted(**wanted), count, randomise)
+    simulated.stepper.threads = threads
+    return VehicleVectorEnv(simulated, episodes, randomise_seed, autoreset)
+
+
+def _made(vehicle: Any, task: Any, wanted: Wanted, members: int | None, randomise: Any) -> tuple[Simulated, Episodes]:
+    simulated = Simulated(_vehicle(vehicle), _task(task), wanted, members, randomise)
+    return simulated, Episodes(simulated)
 
 
 def _vehicle(given: Any) -> Vehicle:

@@ -16,6 +16,7 @@ from coadjoint.simulation.steppers.stepper import Stepper
 from coadjoint.vehicles.environments.actions import Actions, actuator_actions, set_point_actions
 from coadjoint.vehicles.environments.observations import Common, actuators, chosen, observable, of_feedback
 from coadjoint.vehicles.environments.task import End, Function, Task
+from coadjoint.vehicles.environments.uncertainties import Uncertain, of_file
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.model.vehicle import Vehicle
 from coadjoint.vehicles.water.water import Water
@@ -47,7 +48,7 @@ class Simulated:
     each observation in a row.
     """
 
-    def __init__(self, vehicle: Vehicle, task: Task, wanted: Wanted, members: int | None, changing: tuple[str, ...]):
+    def __init__(self, vehicle: Vehicle, task: Task, wanted: Wanted, members: int | None, randomise: Any = False):
         self.task, self.wanted, self.members = task, wanted, members
         self.steps = _periods(wanted.period, wanted.dt, "period", "dt")
         self.seconds = task.seconds if wanted.seconds is None else wanted.seconds
@@ -59,6 +60,10 @@ class Simulated:
         known = observable(self.common, self.actions, task.observations())
         asked = task.observed if wanted.observe is None else wanted.observe
         self.base = self.craft.start(actuators=task.actuators(vehicle))
+        self.uncertain = _uncertain(self.craft, randomise)
+        self.drawn = {} if wanted.water is not None else dict(task.parameters(np.random.default_rng(0)))
+        if both := sorted(set(self.drawn) & set(self.uncertain.nominal if self.uncertain else ())):
+            raise ArgumentError(f"The task draws `{both[0]}` itself: leave it out of `randomise`.")
         self._shown = chosen(self.common, known, asked)
         self._shapes: dict[str, tuple[int, ...]] = {}
         self._reward = self._rewarded()
@@ -69,7 +74,7 @@ class Simulated:
             inputs=self.actions.starts,
             observe={ROW: self._row},
             members=members,
-            changing=changing,
+            changing=(*self.drawn, *(self.uncertain.nominal if self.uncertain else ())),
         )
         self.fields = {name: place for name, _, place in Fields.of(self._shapes).places()}
         self.width = Fields.of(self._shapes).size
@@ -86,6 +91,8 @@ class Simulated:
     def _rewarded(self) -> Callable[[State, Any], Any]:
         """r − c mean(a²) + Σ of the rewards of the ends that have come; a reward of one's own is without the effort."""
         given, effort = self.wanted.reward, self.task.effort
+        if given is not None and not callable(given):
+            raise ArgumentError(f"Argument `reward` must be a function of the Feedback, but is {shown(given)}.")
         places = actuators(self.craft) if given is None and effort else None
         inner = of_feedback(self.common, self.task.reward if given is None else given)
 
@@ -157,6 +164,16 @@ def _actions(craft: Craft, task: Task, wanted: Wanted) -> Actions:
     if not isinstance(wanted.bounds or {}, Mapping):
         raise ArgumentError(f"Argument `bounds` must be name → (lowest, highest), but is {shown(wanted.bounds)}.")
     return set_point_actions(craft, {**known, **(wanted.bounds or {})})
+
+
+def _uncertain(craft: Craft, given: Any) -> Uncertain | None:
+    if isinstance(given, Mapping):
+        return Uncertain(craft, given) if given else None
+    if not isinstance(given, bool):
+        raise ArgumentError(
+            f"Argument `randomise` must be True, False, or path → standard deviation, but is {shown(given)}."
+        )
+    return Uncertain(craft, of_file(craft)) if given else None
 
 
 def _ends(given: Any) -> dict[str, End]:

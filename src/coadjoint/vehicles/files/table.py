@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
@@ -13,7 +14,9 @@ from coadjoint.vehicles.axes import Axes
 from coadjoint.vehicles.model.vehicle import Quantity
 
 BODY_AXES: dict[str, Axes] = {"FRD": "NED/FRD", "FLU": "ENU/FLU"}
-QUANTITY_KEYS = ("value", "unit", "source", "note")
+QUANTITY_KEYS = ("value", "unit", "source", "note", "uncertainty")
+SHARE = re.compile(r"\d+(\.\d*)?\s*%")
+"""A share of a number, as in "5 %"."""
 LARGEST = 1e15
 """Numbers beyond it are mistakes in any unit."""
 
@@ -110,7 +113,7 @@ class Section:
             si = f'unit = "{dimension.si}"' if dimension else 'unit = "SI"'
             shown = "has no unit" if unit is None else f"has the unit {_shown(unit)}"
             raise self.fail(f"{name} {shown}: add {si}, or the unit that its numbers are in.")
-        self._remember(name, given, value, unit)
+        self._remember(name, given, value, unit, self._uncertainty(name, given, unit, dimension, special))
         if unit in special or (dimension is None and unit == "SI"):
             return value, unit
         if dimension is None:
@@ -196,7 +199,31 @@ class Section:
             raise self.book.fail(f"{what} = {value:g} is larger than anything at sea.")
         return float(value)
 
-    def _remember(self, name: str, given: dict[str, Any], value: Any, unit: str) -> None:
+    def _uncertainty(
+        self, name: str, given: dict[str, Any], unit: str, dimension: Dimension | None, special: tuple[str, ...]
+    ) -> Any:
+        """The standard deviation of a quantity: a share of it such as "5 %", or in SI units; None if there is none."""
+        found = given.get("uncertainty")
+        if found is None:
+            return None
+        what = f"{name}: its uncertainty must be "
+        if isinstance(found, str):
+            share = SHARE.fullmatch(found.strip())
+            if share is None:
+                raise self.fail(f'{what}a share such as "5 %", or numbers in {unit}, but is {_shown(found)}.')
+            return found
+        numbers = self._numbers(found, f"{self.title} {name}: its uncertainty")
+        if _shape(numbers) not in ((), _shape(given["value"])):
+            raise self.fail(f"{what}one number, or as many as its value, but is {_shown(found)}.")
+        if any(number < 0 for number in _flat(numbers)):
+            raise self.fail(f"{what}at least 0, but is {_shown(found)}.")
+        if unit in special:
+            raise self.fail(
+                f'{what}a share such as "5 %", because its numbers are in "{unit}", but is {_shown(found)}.'
+            )
+        return numbers if dimension is None else in_si(numbers, unit, dimension, f"{self.title} {name}")
+
+    def _remember(self, name: str, given: dict[str, Any], value: Any, unit: str, uncertainty: Any = None) -> None:
         texts = {}
         for key in ("source", "note"):
             texts[key] = given.get(key, "")
@@ -210,12 +237,17 @@ class Section:
         self.book.used.add(source)
         if not source:
             self.book.without_source.append(f"{self.key}.{name}")
-        self.book.provenance[f"{self.key}.{name}"] = Quantity(value, unit, source, texts["note"])
+        self.book.provenance[f"{self.key}.{name}"] = Quantity(value, unit, source, texts["note"], uncertainty)
 
 
 def axes_of(section: Section, otherwise: Axes) -> Axes:
     """The body axes of a section: its key `axes`, or those of the file."""
     return BODY_AXES[section.text("axes", None, tuple(BODY_AXES))] if "axes" in section else otherwise
+
+
+def _flat(value: Any) -> list[float]:
+    """The numbers of lists in lists."""
+    return [number for inner in value for number in _flat(inner)] if isinstance(value, list) else [value]
 
 
 def _shape(value: Any) -> tuple[int, ...]:

@@ -136,6 +136,9 @@ def _line(key: str, value: Any, dimension: Dimension | None, told: Quantity | No
     words = [f"value = {_value(value)}", f"unit = {_text(unit)}"]
     if told is not None:
         words += [f"{name} = {_text(text)}" for name, text in (("source", told.source), ("note", told.note)) if text]
+        if told.uncertainty is not None:
+            of = told.uncertainty
+            words.append(f"uncertainty = {_text(of) if isinstance(of, str) else _value(of)}")
     return f"{key} = {{ {', '.join(words)} }}"
 
 

@@ -19,12 +19,16 @@ from coadjoint.vehicles.parts.part import Part
 
 
 class Quantity(NamedTuple):
-    """A number with its unit, the key of its source, and a note."""
+    """A number with its unit, the key of its source, and a note.
+
+    uncertainty: its standard deviation, a share such as "5 %" or numbers in SI units; None where nothing is known.
+    """
 
     value: Any
     unit: str = ""
     source: str = ""
     note: str = ""
+    uncertainty: Any = None
 
 
 def _six_semidefinite(value: Any, name: str) -> Any:

@@ -1,0 +1,131 @@
+"""What goes wrong with environments is one sentence each."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.vehicles.environments import HoldStation, environment, vector_environment
+
+NAME = "bluerov2_heavy_von_benzon"
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"task": "hold_statoin"}, "did you mean `hold_station`"),
+        ({"task": 3}, "must be a Task or one of"),
+        ({"actions": "torques"}, '"actuators" or "set_points"'),
+        ({"bounds": {"depth": (0, 1)}}, 'is for actions="set_points"'),
+        ({"actions": "set_points", "bounds": {"depht": (0, 1)}}, "names `depht`"),
+        ({"actions": "set_points", "bounds": {"depth": (1, 0)}}, "the lower one first"),
+        ({"actions": "set_points", "bounds": 3}, "name → \\(lowest, highest\\)"),
+        ({"observe": ("offset", "velocty")}, "did you mean `velocity`"),
+        ({"observe": ()}, "must be names"),
+        ({"observe": {"deep": 3.0}}, "must be a name or a function"),
+        ({"reward": 3.0}, "Argument `reward` must be a function"),
+        ({"ends": [1]}, "name → function"),
+        ({"ends": {"late": 3.0}}, "must be a function of the Feedback"),
+        ({"period": 0.12}, "whole number of times `dt`"),
+        ({"period": -0.1}, "positive number of seconds"),
+        ({"seconds": 0.25}, "whole number of times `period`"),
+        ({"render_mode": "human"}, '"rgb_array" or None'),
+        ({"randomise": True}, "states no uncertainties"),
+        ({"randomise": "all"}, "True, False, or path"),
+        ({"randomise": {"weight": "2 %"}}, "no parameter `weight`"),
+        ({"randomise": {"mass": "2 percent"}}, 'a share such as "5 %"'),
+        ({"randomise": {"mass": -1.0}}, "at least 0"),
+        ({"randomise": {"mass": 0.1}, "randomise_seed": 1.5}, "`randomise_seed` must be a whole number"),
+        ({"task": "cross_current", "randomise": {"water.velocity": 0.1}}, "draws `water.velocity` itself"),
+        ({"controller": "hover", "actions": "set_points"}, "must be a Controller"),
+    ],
+)
+def test_a_mistake_is_one_sentence(given, sentence):
+    with pytest.raises(ArgumentError, match=sentence) as raised:
+        environment(NAME, **given)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"num_envs": 0}, "`num_envs` must be"),
+        ({"num_envs": 2, "autoreset": "never"}, "next_step, same_step, disabled"),
+        ({"num_envs": 2, "reword": None}, "did you mean `reward`"),
+        ({"num_envs": 2, "threads": 0}, "`threads` must be"),
+    ],
+)
+def test_a_mistake_of_a_vector_environment_is_one_sentence(given, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        vector_environment(NAME, **given)
+
+
+@pytest.fixture(scope="module")
+def env():
+    return environment(NAME)
+
+
+def test_actions_and_resets_are_checked(env):
+    env.reset(seed=1)
+    for action, sentence in (
+        (np.zeros(7), "shape \\(8,\\)"),
+        (np.full(8, np.nan), "must be finite"),
+        ("ahead", "must be numbers"),
+        (0.5, "must be numbers of shape"),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            env.step(action)
+    before = env.stepper.state.q
+    assert np.array_equal(env.stepper.state.q, before)
+    for options, sentence in (
+        ({"strat": {}}, "but has 'strat'"),
+        ({"start": 3}, "must be a dictionary"),
+        ({"start": {"place": (0, 0, 0)}}, "but has 'place'"),
+        ({"start": {"position": (0, 0)}}, "three finite numbers"),
+        ({"start": {"speed": 1, "velocity": (1, 0, 0)}}, "not both"),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            env.reset(options=options)
+    with pytest.raises(ArgumentError, match="`seed` must be"):
+        env.reset(seed=-3)
+
+
+def test_nothing_is_stepped_before_the_first_reset():
+    env = environment(NAME)
+    with pytest.raises(ArgumentError, match="call reset"):
+        env.step(np.zeros(8))
+    many = vector_environment(NAME, num_envs=3)
+    with pytest.raises(ArgumentError, match="call reset"):
+        many.step(np.zeros((3, 8)))
+    for mask in ([True, False, True], np.ones(2, bool)):
+        with pytest.raises(ArgumentError, match="`reset_mask` must be"):
+            many.reset(options={"reset_mask": mask})
+    with pytest.raises(ArgumentError, match="first reset"):
+        many.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(ArgumentError, match="one for each of 3"):
+        many.reset(seed=[1, 2])
+
+
+def test_a_reward_that_is_not_finite_is_named(env):
+    with pytest.raises(CoadjointError, match=r"not finite|must be finite"):
+        mad = environment(NAME, HoldStation(), reward=lambda feedback: 1.0 / feedback.velocity[0])
+        mad.reset(seed=1)
+
+
+def test_without_gymnasium_the_library_is_whole_and_an_environment_says_what_to_install():
+    script = f"""
+import sys
+sys.modules["gymnasium"] = None
+import coadjoint as co
+assert co.vehicles.names()
+try:
+    co.vehicles.environment({NAME!r})
+except co.errors.ArgumentError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert 'pip install "coadjoint[learn]"' in done.stdout
