@@ -27,7 +27,18 @@ STOREYS = (
         "mechanics",
         "methods",
     ),
-    *("models", "theory", "plotting", "simulation", "stability", "identification", "report", "audit", "runs"),
+    *(
+        "models",
+        "theory",
+        "plotting",
+        "simulation",
+        "stability",
+        "identification",
+        "control",
+        "report",
+        "audit",
+        "runs",
+    ),
     *("vehicles", "cli", "__main__"),
 )
 """From the ground up."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint import control as control
     from coadjoint import identification as identification
     from coadjoint import models as models
     from coadjoint import stability as stability
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from coadjoint.errors import GroupError as GroupError
     from coadjoint.errors import Interrupted as Interrupted
     from coadjoint.errors import LagrangianError as LagrangianError
+    from coadjoint.errors import OptimumError as OptimumError
     from coadjoint.errors import StepError as StepError
     from coadjoint.groups import SE2 as SE2
     from coadjoint.groups import SE3 as SE3

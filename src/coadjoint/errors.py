@@ -63,6 +63,10 @@ class StepError(CoadjointError, ArithmeticError):
         self.run = run
 
 
+class OptimumError(CoadjointError, ArithmeticError):
+    """No optimal motion was found: the sentence says why, and which constraint resists most."""
+
+
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C, or another interrupt, came during a computation: what had been computed until then is in `run`.
 

@@ -13,7 +13,7 @@ from coadjoint.audit.one_step import irreversibility, symplectic_defect
 from coadjoint.audit.order import Convergence, convergence
 from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped, audited
 from coadjoint.audit.stepper import AuditStepper
-from coadjoint.audit.systems import PROBLEMS, Problem
+from coadjoint.audit.systems import PROBLEMS, AuditSystem
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.simulation.progress import Progress
@@ -36,7 +36,7 @@ WANDERING = 10 * ROUND_OFF
 def audit(
     methods: Sequence[Shipped] = SHIPPED,
     maps: dict[str, DifferenceMap] = MAPS,
-    problems: Sequence[Problem] = tuple(PROBLEMS.values()),
+    problems: Sequence[AuditSystem] = tuple(PROBLEMS.values()),
     *,
     steps: int = STEPS,
     progress: bool | None = None,
@@ -57,7 +57,7 @@ def audit(
     return Audit(tuple(cells), time.perf_counter() - began)
 
 
-def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, problem: Problem, steps: int) -> Cell:
+def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, problem: AuditSystem, steps: int) -> Cell:
     """The findings of one method on one system, or the sentence by which it refuses it."""
     method = shipped.make(difference_map)
     claims = method.claims

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.audit.stepper import AuditStepper, distance, exact, uncertainty
-from coadjoint.audit.systems import Problem
+from coadjoint.audit.systems import AuditSystem
 from coadjoint.errors import StepError
 
 CLEAR = 50.0
@@ -42,7 +42,7 @@ class Convergence(NamedTuple):
     order: float
 
 
-def convergence(stepper: AuditStepper, problem: Problem) -> Convergence:
+def convergence(stepper: AuditStepper, problem: AuditSystem) -> Convergence:
     """The errors at the end of `problem.duration` over refined steps, and their slope."""
     claims = stepper.method.claims
     expected = claims.order_with_internal if problem.internal else claims.order
@@ -67,7 +67,7 @@ def fit(h: np.ndarray, error: np.ndarray, usable: np.ndarray, count: int) -> Con
     return Convergence(h, error, fitted, float(slope))
 
 
-def error_after(stepper: AuditStepper, problem: Problem, h: float, steps: int) -> float:
+def error_after(stepper: AuditStepper, problem: AuditSystem, h: float, steps: int) -> float:
     """The distance from the exact motion after the steps; infinite where a step is too large to be solved."""
     try:
         end = stepper.end(h, steps)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
-from coadjoint.audit.systems import QUICK, Problem
+from coadjoint.audit.systems import QUICK, AuditSystem
 from coadjoint.difference_maps import Cayley, DifferenceMap, Exponential, Pade, SecondKind, Squared
 from coadjoint.groups import SE3
 from coadjoint.groups.group import Array, Element
@@ -145,7 +145,7 @@ SHIPPED: tuple[Shipped, ...] = (
 """A method that is not here is not audited: a test holds this list complete."""
 
 
-def audited(shipped: Shipped, tau: str, problem: Problem) -> bool:
+def audited(shipped: Shipped, tau: str, problem: AuditSystem) -> bool:
     """Whether a method over a map on a system is audited.
 
     Left out are maps that are not `FOR_EVERY_METHOD` with methods over order 2 and on systems that are not `QUICK`, and

@@ -7,7 +7,7 @@ from functools import lru_cache
 import jax
 import numpy as np
 
-from coadjoint.audit.systems import Problem
+from coadjoint.audit.systems import AuditSystem
 from coadjoint.errors import StepError
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
@@ -63,13 +63,13 @@ def distance(one: State, other: State) -> float:
 
 
 @lru_cache(maxsize=64)
-def exact(problem: Problem, time: float) -> State:
+def exact(problem: AuditSystem, time: float) -> State:
     """The motion at a time, by steps of REFERENCE_STEP of a method of high order, or the problem's own."""
     return problem.exact(time) if problem.exact is not None else _fine(problem, time, REFERENCE_STEP)
 
 
 @lru_cache(maxsize=64)
-def uncertainty(problem: Problem) -> float:
+def uncertainty(problem: AuditSystem) -> float:
     """How far `exact` may be off: its distance from the same with other steps; of a problem's own, its tolerance."""
     if problem.exact is not None:
         return REFERENCE_TOLERANCE
@@ -77,7 +77,7 @@ def uncertainty(problem: Problem) -> float:
     return distance(_fine(problem, time, 0.7 * REFERENCE_STEP), exact(problem, time))
 
 
-def _fine(problem: Problem, time: float, h: float) -> State:
+def _fine(problem: AuditSystem, time: float, h: float) -> State:
     """By Galerkin's method of order 6, or by a composition of order 4 with steps a tenth as long."""
     stepper = _reference(problem)
     span = time - float(problem.start.t)
@@ -86,7 +86,7 @@ def _fine(problem: Problem, time: float, h: float) -> State:
 
 
 @lru_cache(maxsize=64)
-def _reference(problem: Problem) -> AuditStepper:
+def _reference(problem: AuditSystem) -> AuditStepper:
     """Galerkin's, save on a curved Q, where it does not go, and on SE(3), where its kernel takes long to make."""
     small = problem.system.additional.flat and problem.system.group.dim <= 3
     return AuditStepper(Galerkin(degree=3) if small else Suzuki4(LeftRight()), problem.system, problem.start)

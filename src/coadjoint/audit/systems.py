@@ -20,7 +20,7 @@ from coadjoint.spaces import Adjoint, Defining, Sphere
 
 
 @dataclass(frozen=True)
-class Problem:
+class AuditSystem:
     """A system with a start; `duration` (s) is that of the runs for the order.
 
     Unless `conservative`, forces act, and order and symmetry alone are measured. `quadratic`: ℋ is quadratic in
@@ -152,17 +152,17 @@ def pendulum_on_body() -> tuple[System, State]:
     return body, body.state(g=attitude.zyx(0.3, -0.2, 0.5), q=q, qdot=qdot, xi=[0.4, -0.3, 0.7], a0=[0, 0, 1])
 
 
-PROBLEMS: dict[str, Problem] = {
+PROBLEMS: dict[str, AuditSystem] = {
     problem.name: problem
     for problem in (
-        Problem("heavy top", heavy_top, 2.0, quadratic=True, highest=10),
-        Problem("body in fluid", body_in_fluid, 4.0, quadratic=True, highest=10),
-        Problem("free rigid body", free_rigid_body, 3.0, quadratic=True, of_velocity=True, highest=10),
-        Problem("rigid motion", rigid_motion, 2.0),
-        Problem("plane motion", plane_motion, 4.0, highest=10),
-        Problem("pendulum on body", pendulum_on_body, 2.0, highest=4),
-        Problem("driven top", driven_top, 2.0, conservative=False),
-        Problem("steered top", steered_top, 2.0, conservative=False, exact=steered_exactly),
+        AuditSystem("heavy top", heavy_top, 2.0, quadratic=True, highest=10),
+        AuditSystem("body in fluid", body_in_fluid, 4.0, quadratic=True, highest=10),
+        AuditSystem("free rigid body", free_rigid_body, 3.0, quadratic=True, of_velocity=True, highest=10),
+        AuditSystem("rigid motion", rigid_motion, 2.0),
+        AuditSystem("plane motion", plane_motion, 4.0, highest=10),
+        AuditSystem("pendulum on body", pendulum_on_body, 2.0, highest=4),
+        AuditSystem("driven top", driven_top, 2.0, conservative=False),
+        AuditSystem("steered top", steered_top, 2.0, conservative=False, exact=steered_exactly),
     )
 }
 

@@ -9,7 +9,7 @@ from coadjoint.audit.audit import QUICK_STEPS, STEPS, audit
 from coadjoint.audit.findings import Audit
 from coadjoint.audit.page import write
 from coadjoint.audit.shipped import MAPS, SHIPPED, Shipped
-from coadjoint.audit.systems import PROBLEMS, QUICK, Problem
+from coadjoint.audit.systems import PROBLEMS, QUICK, AuditSystem
 from coadjoint.audit.tables import COLUMNS, rows
 from coadjoint.cli import terminal
 from coadjoint.errors import ArgumentError
@@ -29,7 +29,7 @@ def chosen_methods(names: Sequence[str]) -> tuple[Shipped, ...]:
     return tuple(shipped for shipped in SHIPPED if not names or shipped in wanted)
 
 
-def chosen_systems(names: Sequence[str], quick: bool) -> tuple[Problem, ...]:
+def chosen_systems(names: Sequence[str], quick: bool) -> tuple[AuditSystem, ...]:
     """The systems of these names; all without any, four with `quick`. Raises ArgumentError."""
     plain = {letters(name): problem for name, problem in PROBLEMS.items()}
     for name in names:

@@ -20,8 +20,8 @@ from coadjoint.kernels.trace.symbolic import expression_rules, lift, nodes
 class Tracer:
     """A graph and the interpreter that fills it."""
 
-    def __init__(self) -> None:
-        self.graph = Graph()
+    def __init__(self, graph: Graph | None = None) -> None:
+        self.graph = Graph() if graph is None else graph
         self._interpreter = Interpreter(NUMERIC, CONTROL, expression_rules(self.graph))
         self._jaxprs: dict[tuple, Any] = {}
 

@@ -1,0 +1,23 @@
+"""Optimal motion: the steps of a variational integrator as constraints, solved by the solvers of CasADi.
+
+problem = co.control.Problem(system, start, dt=0.05, duration=5.0, inputs={...}, cost=..., end=co.control.End(...))
+print(problem.solve())
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.control.exported import ExportedStep as ExportedStep
+    from coadjoint.control.exported import step_function as step_function
+    from coadjoint.control.functions import casadi_function as casadi_function
+    from coadjoint.control.optimum import Optimum as Optimum
+    from coadjoint.control.problem import Problem as Problem
+    from coadjoint.control.statement import Bounds as Bounds
+    from coadjoint.control.statement import End as End
+    from coadjoint.control.statement import Input as Input
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

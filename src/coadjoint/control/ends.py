@@ -1,0 +1,112 @@
+"""Where a motion ends, as equations of full rank at the last node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.control.statement import End, Statement
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+Residual = Callable[[System, State], Array]
+
+
+def ends(problem: Statement) -> list[tuple[str, Residual]]:
+    """What is zero at the last node, (rows,) of a system and its state, by what it is.
+
+    Raises ArgumentError for values that do not fit the system.
+    """
+    end = problem.end
+    if not isinstance(end, End):
+        return []
+    if not end.given:
+        raise ArgumentError("co.control.End is empty: give at least one of g, q, xi, qdot, mu, pi, or leave it out.")
+    target = end_state(problem)
+    return [(f"`{name}` at the end", _RESIDUALS[name](target)) for name in end.given]
+
+
+def end_state(problem: Statement) -> State:
+    """The state at the end, where what is free is as at the start; raises ArgumentError for wrong shapes."""
+    end = problem.end if isinstance(problem.end, End) else End()
+    start, system = problem.start, problem.system
+    group, Q, V = system.places
+    given: dict[str, Any] = {"g": start.g if end.g is None else end.g, "t": start.t}
+    if Q.dim(group):
+        given["q"] = start.q if end.q is None else end.q
+    if V.dim(group):
+        given["a0"] = evaluate(lambda s: V.act(group, s.g, s.a), start)
+    if start.internal is not None:
+        given["internal"] = start.internal
+    for name in ("xi", "qdot", "mu", "pi"):
+        if getattr(end, name) is not None:
+            given[name] = getattr(end, name)
+    return system.state(**given, inputs=start.inputs)
+
+
+def _element(target: State) -> Residual:
+    """(g⁻¹ g_N − e)'s orthogonal projection onto 𝔤, (dim G,): the identity on 𝔤 to first order, so of full rank."""
+
+    def residual(system: System, state: State) -> Array:
+        group = system.group
+        between = group.compose(group.inverse(target.g), state.g)
+        return group.vee(group.matrix(between) - jnp.eye(group.matrix_size))
+
+    return residual
+
+
+def _point(target: State) -> Residual:
+    """q_N − q in the frame of the space at q, (dim Q,)."""
+    goal = np.asarray(target.q)
+
+    def residual(system: System, state: State) -> Array:
+        group, Q, _ = system.places
+        here = Q.act(group, state.g, state.n)
+        return here - goal if Q.flat else Q.coordinates(group, goal, here - goal)
+
+    return residual
+
+
+def _velocity(target: State) -> Residual:
+    """q̇_N − q̇ in the frame of the space at q_N, (dim Q,)."""
+    goal = np.asarray(target.qdot)
+
+    def residual(system: System, state: State) -> Array:
+        group, Q, _ = system.places
+        here = Q.push(group, state.g, state.n, state.nu) - goal
+        return here if Q.flat else Q.coordinates(group, Q.act(group, state.g, state.n), here)
+
+    return residual
+
+
+def _field(name: str) -> Callable[[State], Residual]:
+    def of(target: State) -> Residual:
+        goal = np.asarray(getattr(target, name))
+
+        def residual(system: System, state: State) -> Array:
+            here = getattr(state, name) - goal
+            return here if name in ("xi", "mu") or system.additional.flat else _tangent(system, state, here)
+
+        return residual
+
+    return of
+
+
+def _tangent(system: System, state: State, covector: Array) -> Array:
+    return system.additional.coordinates(system.group, state.n, covector)
+
+
+_RESIDUALS: dict[str, Callable[[State], Residual]] = {
+    "g": _element,
+    "q": _point,
+    "xi": _field("xi"),
+    "qdot": _velocity,
+    "mu": _field("mu"),
+    "pi": _field("pi"),
+}

@@ -1,0 +1,86 @@
+"""Functions written with JAX as CasADi functions, with named arguments and sparse derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from coadjoint.control.expressions import casadi_expressions
+from coadjoint.control.library import casadi
+from coadjoint.errors import ArgumentError, LagrangianError, shown
+from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.mechanics.reading import in_words
+from coadjoint.spaces.numbers import float64
+
+
+def casadi_function(
+    function: Callable[..., Any], arguments: Mapping[str, Any], name: str = "function", result: str = "value"
+) -> Any:
+    """`function` as a `casadi.Function` of arguments with these names: y = f(x₁, x₂, …).
+
+        energy = co.control.casadi_function(lambda xi: 0.5 * xi @ xi, {"xi": np.zeros(3)})
+        energy(xi=[1, 2, 3])["value"], energy.factory("slope", ["xi"], ["grad:value:xi"])
+
+    function: pure, of arrays, written with jax.numpy; it returns one number, a vector or a matrix.
+    arguments: name → an array of the shape of the argument, up to two axes; its numbers do not matter.
+    name, result: what the function and its result are called in CasADi, by default "function" and "value".
+
+    Raises ArgumentError for other arguments and where CasADi is not installed, LagrangianError for a function that
+    JAX cannot trace, or that needs an operation that CasADi does not have, by the name of the operation.
+    """
+    if not callable(function):
+        raise ArgumentError(f"Argument `function` must be a function of arrays, but is {shown(function)}.")
+    ca, tracer = casadi(), Tracer()
+    known: dict[Any, Any] = {}
+    symbols, columns = [], []
+    for key, example in arguments.items():
+        array = float64(example, f"Argument `arguments` under `{key}`")
+        if array.ndim > 2:
+            raise ArgumentError(f"Argument `arguments` under `{key}` must have at most two axes, but has {array.ndim}.")
+        tree = tracer.symbols(f"{key} ", array)
+        column = ca.SX.sym(key, *matrix_shape(array.shape))
+        known.update(zip(flat(tree), entries(column, array.shape), strict=True))
+        symbols.append(tree)
+        columns.append(column)
+    value = traced(tracer, "The function", function, *symbols)
+    outputs = matrix(ca, casadi_expressions(flat(value), known), np.shape(value))
+    return ca.Function(name, columns, [outputs], list(arguments), [result])
+
+
+def traced(tracer: Tracer, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """function(*arguments) as expressions; raises LagrangianError for what cannot be one."""
+    try:
+        with in_words(what):
+            return tracer.trace(function, *arguments)
+    except LagrangianError as error:
+        if isinstance(error.__cause__, Untraceable):
+            primitive = error.__cause__.primitive
+            raise LagrangianError(
+                f"{what} needs the operation `{primitive}`, which has no scalar expressions: write it without."
+            ) from error
+        raise
+
+
+def matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Rows and columns of an array as CasADi's matrix; vectors are columns."""
+    return (*shape, 1, 1)[:2]  # type: ignore[return-value]
+
+
+def entries(column: Any, shape: tuple[int, ...]) -> list[Any]:
+    """The scalars of CasADi's matrix in NumPy's order."""
+    rows, width = matrix_shape(shape)
+    return [column[i, j] for i in range(rows) for j in range(width)]
+
+
+def matrix(ca: Any, scalars: list[Any], shape: tuple[int, ...]) -> Any:
+    """CasADi's matrix of scalars in NumPy's order."""
+    if len(shape) > 2:
+        raise LagrangianError(f"The function must return at most two axes for CasADi, but returns {len(shape)}.")
+    rows, width = matrix_shape(shape)
+    made = ca.SX(rows, width)
+    for k, scalar in enumerate(scalars):
+        made[k // width, k % width] = scalar
+    return ca.sparsify(made)

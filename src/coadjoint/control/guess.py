@@ -1,0 +1,148 @@
+"""Where a solver begins: states, velocities and momenta that fit each other."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any
+
+import jax
+import numpy as np
+import scipy.linalg
+
+from coadjoint.control.ends import end_state
+from coadjoint.control.stage import numbers_of
+from coadjoint.control.statement import End
+from coadjoint.control.transcription import Split, Transcription
+from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.each import each
+from coadjoint.mechanics.state import State
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.run import Run
+from coadjoint.simulation.simulate import simulate
+
+
+def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
+    """The variables (n,) where the solver begins.
+
+    guess: a run of the same number of steps, every node saved; "simulate", the motion with the inputs' guesses;
+    "interpolate", along exp(s log g₀⁻¹g_N) on the group and a straight line in q, with s = 3τ² − 2τ³, so that it rests
+    at both ends; None, interpolated where the end gives g or q, else simulated.
+    """
+    end = transcription.problem.end
+    if guess is None:
+        placed = isinstance(end, End) and (end.g is not None or end.q is not None)
+        guess = "interpolate" if placed else "simulate"
+    if isinstance(guess, Run):
+        states, inputs = _of_run(transcription, guess)
+    elif guess == "interpolate":
+        states, inputs = _interpolated(transcription), None
+    elif guess == "simulate":
+        states, inputs = _simulated(transcription), None
+    else:
+        raise ArgumentError(
+            f'Argument `guess` must be a run, "interpolate", "simulate" or None, but is {shown(guess)}.'
+        )
+    return _variables(transcription, states, inputs)
+
+
+def _variables(transcription: Transcription, states: State, inputs: np.ndarray | None) -> np.ndarray:
+    problem, graph = transcription.problem, transcription.graph
+    _, nu, nz, _ = transcription.sizes
+    x = graph.numbers(states)[:, transcription.live]
+    x[0] = graph.numbers(transcription.beginning.state)[transcription.live]
+    if inputs is None:
+        guesses = [np.ravel(given.guess) for _, given in transcription.inputs]
+        inputs = np.tile(np.concatenate(guesses) if guesses else np.zeros(0), (problem.count, 1))
+    limits = [np.zeros(nu), np.zeros(nu)]
+    for side, name in enumerate(("lower", "upper")):
+        of = [np.ravel(getattr(given, name)) for _, given in transcription.inputs]
+        limits[side] = np.concatenate(of) if of else limits[side]
+    z = _unknowns(transcription, jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states))
+    known = transcription.beginning.system.parameters
+    parameters = [numbers_of(getattr(known, name)) for name in problem.parameters]
+    numbers = np.concatenate(parameters) if parameters else np.zeros(0)
+    h = problem.dt if problem.free_duration is None else float(np.clip(problem.length, *problem.free_duration))
+    h = h if problem.free_duration is None else h / problem.count
+    return transcription.joined(Split(x, np.clip(inputs, *limits), z.reshape(problem.count, nz), numbers, h))
+
+
+def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
+    """z of every step, (N, nz): what Newton's iteration would begin with in each stage."""
+    system, method, h, state = transcription.beginning
+    program = StepProgram(system, method)
+    steps = [step for step, _ in method.stages]
+
+    def of_step(one: State) -> Any:
+        one = one.replace(memory=None, inputs=state.inputs, ledger=None)
+        begun = reduce(lambda found, step: step.remember(system, found), steps, one)
+        constants = Constants(system.parameters, {})
+        return [
+            stage.guess(constants, begun, part * stage.fraction * h)
+            for part in program.substeps
+            for stage in program.stages
+        ]
+
+    found = evaluate(jax.vmap(of_step), states)
+    return np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
+
+
+def _of_run(transcription: Transcription, run: Run) -> tuple[State, np.ndarray | None]:
+    records, problem = run.records, transcription.problem
+    if np.size(records.t) != problem.count + 1 or records.places != problem.system.places:
+        raise ArgumentError(
+            f"Argument `guess` must be a run of this system with {problem.count} steps, every node saved, but has "
+            f"{np.size(records.t)} records."
+        )
+    held = records.inputs
+    if held is None or set(held) != {name for name, _ in transcription.inputs}:
+        return records, None
+    columns = [np.asarray(getattr(held, name)).reshape(problem.count + 1, -1) for name, _ in transcription.inputs]
+    return records, np.concatenate(columns, axis=1)[:-1]
+
+
+def _simulated(transcription: Transcription) -> State:
+    problem = transcription.problem
+    inputs = {name: getattr(value, "guess", value) for name, value in problem.inputs.items()} or None
+    try:
+        run = simulate(
+            problem.system, problem.start, dt=problem.dt, steps=problem.count, method=problem.method, inputs=inputs,
+            monitors=False, accuracy=False, progress=False,
+        )  # fmt: skip
+    except StepError as error:
+        raise ArgumentError(
+            f"The motion with the inputs' guesses, where the solver would begin, fails ({error.sentence}): give "
+            "another `guess`, or a smaller dt."
+        ) from error
+    return run.records
+
+
+def _interpolated(transcription: Transcription) -> State:
+    problem = transcription.problem
+    start, target = problem.start, end_state(problem)
+    group, Q, V = problem.system.places
+    tau = np.linspace(0.0, 1.0, problem.count + 1)
+    s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
+    between = evaluate(lambda a, b: group.matrix(group.compose(group.inverse(a), b)), start.g, target.g)
+    log: Any = scipy.linalg.logm(between)
+    whole = np.asarray(evaluate(group.vee, np.real(log)))
+
+    def element(s: Any) -> Any:
+        return group.compose(start.g, group.exp(s * whole))
+
+    given: dict[str, Any] = {
+        "g": each(evaluate(jax.vmap(element), s)),
+        "xi": each(speed[:, None] * whole),
+    }
+    if Q.dim(group):
+        q, goal = np.asarray(start.q), np.asarray(target.q)
+        if not Q.flat:
+            raise ArgumentError('A curved space of q has no straight lines: take guess="simulate", or a run.')
+        given["q"] = each(q + s[:, None] * (goal - q))
+        given["qdot"] = each(speed[:, None] * (goal - q))
+    if V.dim(group):
+        given["a0"] = evaluate(lambda st: V.act(group, st.g, st.a), start)
+    if start.internal is not None:
+        given["internal"] = start.internal
+    states = problem.system.state(**given, inputs=start.inputs)
+    return states.replace(t=float(start.t) + problem.length * tau)

@@ -1,0 +1,18 @@
+"""CasADi, which the extra `[control]` installs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from coadjoint.errors import ArgumentError
+
+
+def casadi() -> Any:
+    """The module; raises ArgumentError where it is not installed."""
+    try:
+        import casadi as module
+    except ImportError as error:
+        raise ArgumentError(
+            'Optimal control needs CasADi, which is not installed: pip install "coadjoint[control]".'
+        ) from error
+    return module

@@ -1,0 +1,118 @@
+"""An optimal motion: what the solver found, flown again by `co.simulate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coadjoint.control.program import NonlinearProgram
+from coadjoint.control.statement import Input
+from coadjoint.control.transcription import Split, Transcription
+from coadjoint.errors import OptimumError, StepError
+from coadjoint.mechanics.signals import Held
+from coadjoint.mechanics.state import NodeMotion
+from coadjoint.simulation.run import Run
+from coadjoint.simulation.simulate import simulate
+
+ROUND_OFF = 1e-13
+"""What counts as no violation of a step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """What `Problem.solve` returns; printed, it is a card, with the certificate of the run below.
+
+    run: the motion, flown again by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
+    step. cost: the least value found. duration: s. parameters: name → value, of those that were chosen. costates:
+    (N, nx), the multipliers of x_{k+1} = Φ, in
+    the order of `names`. violation: how far the solver left the constraints. difference: the largest
+    |x − x of the run| of any number of the state. iterations, and seconds of building, solving: of the solver.
+    """
+
+    run: Run
+    inputs: dict[str, np.ndarray]
+    cost: float
+    duration: float
+    parameters: dict[str, np.ndarray]
+    costates: np.ndarray
+    names: list[str]
+    violation: float
+    difference: float
+    iterations: int
+    build_seconds: float
+    solve_seconds: float
+    solver: str
+
+    def __str__(self) -> str:
+        rows = [
+            ("optimum", f"cost {self.cost:.9g} over {self.duration:.6g} s, {len(self.run.records.t) - 1} steps"),
+            ("solver", f"{self.solver}, {self.iterations} iterations in {self.solve_seconds:.3g} s, "
+                       f"built in {self.build_seconds:.3g} s"),
+            ("constraints", f"violated by at most {self.violation:.1e}; the run differs from the optimum by at most "
+                            f"{self.difference:.1e}"),
+            *((f"parameter {name}", f"{np.array2string(value, precision=6)}")
+              for name, value in self.parameters.items()),
+        ]  # fmt: skip
+        steps = len(self.run.records.t) - 1
+        if self.difference > 10 * steps * max(self.violation, ROUND_OFF):
+            rows.append(("warning", "the run leaves the optimum by more than ten times what the violations of all "
+                                    "steps add up to: the motion is unstable, or the tolerance too large"))  # fmt: skip
+        return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
+
+
+def flown(
+    transcription: Transcription, program: NonlinearProgram, numbers: dict[str, np.ndarray], iterations: int,
+    seconds: tuple[float, float], solver: str,
+) -> Optimum:  # fmt: skip
+    """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
+    problem, parts = transcription.problem, transcription.split(numbers["x"])
+    commands = transcription.commands(parts.u)
+    chosen = _parameters(transcription, parts)
+    system = problem.system.replace(**chosen) if chosen else problem.system
+    given = {
+        name: _held(commands[name], float(problem.start.t), parts.h) if isinstance(value, Input) else value
+        for name, value in problem.inputs.items()
+    }
+    try:
+        run = simulate(
+            system, problem.start, dt=parts.h, steps=problem.count, method=problem.method, inputs=given or None,
+            progress=False,
+        )  # fmt: skip
+    except StepError as error:
+        raise OptimumError(
+            f"The optimum cannot be flown: {error.sentence} Take a smaller dt, so that the steps stay in their chart."
+        ) from error
+    rows = transcription.graph.numbers(run.records)[:, transcription.live]
+    lower, upper = program.limits
+    excess = np.maximum(np.maximum(lower - numbers["g"], numbers["g"] - upper), 0.0)
+    nx, _, nz, _ = transcription.sizes
+    equations = numbers["lam_g"][: problem.count * (nx + nz)].reshape(problem.count, -1)
+    difference = float(np.max(np.abs(rows - parts.x), initial=0.0))
+    return Optimum(
+        run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen, equations[:, nz:],
+        [transcription.graph.names()[i] for i in transcription.live],
+        float(np.max(excess, initial=0.0)), difference, iterations, *seconds, solver,
+    )  # fmt: skip
+
+
+def _parameters(transcription: Transcription, parts: Split) -> dict[str, Any]:
+    found, begin = {}, 0
+    known: Any = transcription.problem.system.parameters
+    for name in transcription.problem.parameters:
+        shape = np.shape(getattr(known, name))
+        size = int(np.prod(shape))
+        found[name] = parts.parameters[begin : begin + size].reshape(shape)
+        begin += size
+    return found
+
+
+def _held(values: np.ndarray, begin: float, h: float) -> Any:
+    """values[k] over the step k, as a function of the motion, which a run takes once a step, at its node."""
+    signal = Held(begin + h * np.arange(len(values)), values)
+
+    def command(motion: NodeMotion) -> Any:
+        return signal(motion.t + 0.5 * h)
+
+    return command

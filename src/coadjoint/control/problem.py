@@ -1,0 +1,74 @@
+"""An optimal motion: what is asked, and how to get it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from coadjoint.control.optimum import Optimum
+from coadjoint.control.solve import solve
+from coadjoint.control.statement import Statement
+from coadjoint.simulation.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Statement):
+    """The motion of least cost from `start`, by N steps of a method, whose equations are the constraints:
+
+        min Σ_k h/2 (L(x_k, u_k) + L(x_{k+1}, u_k)) + M(x_N)   subject to
+        r(x_k, u_k, z_k) = 0,  x_{k+1} = Φ(x_k, u_k, z_k),  bounds,  and where it ends,
+
+    with the equations r of a step and the step Φ that `co.simulate` solves and takes, exact derivatives of both, and
+    group elements that stay on their group by its own multiplication (discrete mechanics and optimal control).
+
+        problem = co.control.Problem(
+            body, body.state(), dt=0.05, duration=5.0,
+            inputs={"torque": co.control.Input((3,), lower=-1, upper=1)},
+            cost=lambda motion, p: 0.5 * motion.inputs.torque @ motion.inputs.torque,
+            end=co.control.End(g=co.attitude.zyx(2.5, 0, 0), xi=[0, 0, 0]))
+        optimum = problem.solve()
+        print(optimum), optimum.run.plot.energy()
+
+    Arguments:
+        system: a `co.System` whose forces, ℓ or rule read the inputs.
+        start: the state at t = t₀.
+        dt: h, s. duration, steps: of the motion, as in `co.simulate`.
+        method: any with fixed steps, compositions too; by default `co.Midpoint()`.
+        inputs: name → `co.control.Input`; other values are signals and functions of the motion, as in `co.simulate`.
+        cost: L(motion [, p]), a number a second, of the `co.NodeMotion`; by default none.
+        final_cost: M(motion [, p]), a number, of the last node; by default none.
+        path: name → `co.control.Bounds`, at every node; by default none.
+        end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
+        free_duration: (shortest, longest) duration, s: then h is chosen too, N stays. By default fixed.
+        parameters: names of parameters of the system that are chosen too → (lower, upper).
+
+    Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
+    optimal control; the equations of a step are (P43), (P44).
+    """
+
+    def solve(
+        self,
+        guess: Run | str | None = None,
+        *,
+        solver: str = "ipopt",
+        tolerance: float = 1e-9,
+        max_iterations: int = 500,
+        verbose: bool = False,
+        options: Mapping[str, Any] | None = None,
+    ) -> Optimum:
+        """The optimum, flown again by `co.simulate`.
+
+        Arguments:
+            guess: where the solver begins: a run of as many steps, "interpolate", "simulate", or None, which
+                interpolates on the group where the end gives g or q, and simulates otherwise.
+            solver: "ipopt" (the default) or "fatrop".
+            tolerance: of the solver's optimality and of the constraints, by default 1e-9.
+            max_iterations: by default 500.
+            verbose: whether the solver prints its iterations, by default False.
+            options: more options for `casadi.nlpsol`; by default none.
+
+        Raises OptimumError where no optimum was found, with the constraint that is violated most; ArgumentError and
+        LagrangianError for what cannot be stated.
+        """
+        return solve(self, guess, solver, tolerance, max_iterations, verbose, options)

@@ -1,0 +1,122 @@
+"""The nonlinear program of a transcription: f(w), g(w) with their limits, for any solver of CasADi."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.control.library import casadi
+from coadjoint.control.stage import numbers_of
+from coadjoint.control.transcription import Rows, Split, Transcription
+
+
+class Block(NamedTuple):
+    """Rows of g(w) of one kind, the same at `nodes` nodes in turn."""
+
+    rows: Rows
+    nodes: int
+
+
+class NonlinearProgram(NamedTuple):
+    """min f(w), lower ≤ g(w) ≤ upper, between bounds of w. blocks: what the rows of g are, in their order."""
+
+    w: Any
+    f: Any
+    g: Any
+    blocks: list[Block]
+    bounds: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lower and upper limits of g."""
+        parts = [(np.tile(b.rows.lower, b.nodes), np.tile(b.rows.upper, b.nodes)) for b in self.blocks]
+        lower, upper = zip(*parts, strict=True)
+        return np.concatenate(lower), np.concatenate(upper)
+
+    def worst(self, values: np.ndarray) -> tuple[str, float]:
+        """The constraint that `values` of g violate most, and by how much."""
+        lower, upper = self.limits
+        excess = np.nan_to_num(np.maximum(lower - values, values - upper), nan=np.inf)
+        place, begin = int(np.argmax(excess)), 0
+        for rows, nodes in self.blocks:
+            size = len(rows.lower)
+            if place < begin + size * nodes:
+                node = (place - begin) // size
+                where = f" at node {node}" if nodes > 1 else ""
+                return f"{rows.what}{where}", float(excess[place])
+            begin += size * nodes
+        raise AssertionError("a row of no constraint")
+
+
+def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
+    """The program of all steps, whose functions are mapped over the steps and never written out."""
+    ca, problem, functions = casadi(), transcription.problem, transcription.functions
+    nx, nu, nz, count = transcription.sizes
+    steps, block, free = problem.count, nx + nu + nz, problem.free_duration is not None
+    w = ca.MX.sym("w", steps * block + nx + count + free)
+    rows = ca.reshape(w[: steps * block], block, steps)
+    last = w[steps * block : steps * block + nx]
+    x, u, z = rows[:nx, :], rows[nx : nx + nu, :], rows[nx + nu :, :]
+    p = w[steps * block + nx : steps * block + nx + count]
+    h = w[-1] if free else ca.MX(problem.dt)
+    following = ca.horzcat(x[:, 1:], last)
+    each = ca.repmat(p, 1, steps), ca.repmat(h, 1, steps)
+    residual, advanced = functions.equations.map(steps)(x, u, z, *each)
+    parts = [ca.vec(ca.vertcat(residual, following - advanced))]
+    zeros = np.zeros(nz + nx)
+    blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
+    f = functions.final(last, u[:, -1], p, h)
+    if problem.cost is not None:
+        cost = functions.cost.map(steps)
+        f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, u, *each)))
+    if transcription.path:
+        at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, u[:, -1], p, h))
+        begin = 0
+        for of_path in transcription.path:
+            parts.append(ca.vec(at_nodes[begin : begin + len(of_path.lower), :]))
+            blocks.append(Block(of_path, steps + 1))
+            begin += len(of_path.lower)
+    for name, place, rate in _rates(transcription):
+        parts.append(ca.vec((u[place, 1:] - u[place, :-1]) / h))
+        blocks.append(Block(Rows(f"the rate of input `{name}`", -rate, rate), steps - 1))
+    if transcription.end:
+        parts.append(functions.end(last, u[:, -1], p, h))
+        blocks += [Block(of_end, 1) for of_end in transcription.end]
+    return NonlinearProgram(w, f, ca.vertcat(*parts), blocks, _bounds(transcription))
+
+
+def _rates(transcription: Transcription) -> list[tuple[str, slice, np.ndarray]]:
+    """The inputs that may not change at any rate, with their places in u and the largest rate, (size,)."""
+    found, begin = [], 0
+    for name, given in transcription.inputs:
+        size = int(np.prod(given.shape))
+        if np.any(np.isfinite(given.rate)) and transcription.problem.count > 1:
+            found.append((name, slice(begin, begin + size), np.ravel(given.rate)))
+        begin += size
+    return found
+
+
+def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
+    """The bounds of w: the start is fixed, inputs and parameters stay between theirs, h between those of the time."""
+    problem, steps = transcription.problem, transcription.problem.count
+    nx, nu, nz, _ = transcription.sizes
+    start = transcription.graph.numbers(transcription.beginning.state)[transcription.live]
+    found = []
+    for side, unbounded in (("lower", -np.inf), ("upper", np.inf)):
+        x, u = np.full((steps + 1, nx), unbounded), np.full((steps, nu), unbounded)
+        x[0] = start
+        limits = [np.ravel(getattr(given, side)) for _, given in transcription.inputs]
+        if limits:
+            u[:] = np.concatenate(limits)
+        z = np.full((steps, nz), unbounded)
+        of_parameters = [_spread(transcription, name, side == "upper") for name in problem.parameters]
+        parameters = np.concatenate(of_parameters) if of_parameters else np.zeros(0)
+        duration = (problem.free_duration or (0.0, 0.0))[side == "upper"]
+        found.append(transcription.joined(Split(x, u, z, parameters, duration / steps)))
+    return found[0], found[1]
+
+
+def _spread(transcription: Transcription, name: str, upper: bool) -> np.ndarray:
+    size = numbers_of(getattr(transcription.beginning.system.parameters, name)).size
+    return np.broadcast_to(np.ravel(transcription.problem.parameters[name][upper]), size)

@@ -1,0 +1,87 @@
+"""Solving a problem of optimal motion by the solvers that come with CasADi."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from coadjoint.control.guess import guessed
+from coadjoint.control.library import casadi
+from coadjoint.control.optimum import Optimum, flown
+from coadjoint.control.program import NonlinearProgram, nonlinear_program
+from coadjoint.control.statement import Statement
+from coadjoint.control.transcription import transcribe
+from coadjoint.errors import ArgumentError, OptimumError, shown
+from coadjoint.simulation.arguments import whole
+from coadjoint.simulation.run import Run
+
+SOLVERS = ("ipopt", "fatrop")
+"""Those of CasADi's wheel that are tried here."""
+
+REASONS = {
+    "Infeasible_Problem_Detected": "no motion satisfies all constraints near where the solver ended",
+    "Maximum_Iterations_Exceeded": "the solver did not converge",
+    "Maximum_CpuTime_Exceeded": "the solver did not converge in its time",
+    "Restoration_Failed": "the solver found no way back to the constraints",
+    "Diverging_Iterates": "the cost falls without bound",
+    "Invalid_Number_Detected": "a function of the problem is not finite where the solver went",
+}
+"""What IPOPT's words mean."""
+
+
+def solve(
+    problem: Statement,
+    guess: Run | str | None,
+    solver: str,
+    tolerance: float,
+    max_iterations: int,
+    verbose: bool,
+    options: Mapping[str, Any] | None,
+) -> Optimum:
+    """The optimum of a problem; the arguments are those of `Problem.solve`."""
+    if solver not in SOLVERS:
+        raise ArgumentError(f"Argument `solver` must be one of {', '.join(SOLVERS)}, but is {shown(solver)}.")
+    if not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
+        raise ArgumentError(f"Argument `tolerance` must be a small positive number, but is {shown(tolerance)}.")
+    began = time.perf_counter()
+    transcription = transcribe(problem)
+    program = nonlinear_program(transcription)
+    settings = _options(solver, tolerance, whole(max_iterations, "max_iterations"), verbose) | dict(options or {})
+    ca = casadi()
+    try:
+        function = ca.nlpsol("optimum", solver, {"x": program.w, "f": program.f, "g": program.g}, settings)
+    except RuntimeError as error:
+        raise ArgumentError(f"CasADi cannot set up {solver} for this problem: {str(error).splitlines()[-1]}") from None
+    built = time.perf_counter() - began
+    first = guessed(transcription, guess)
+    began = time.perf_counter()
+    lower, upper = program.limits
+    try:
+        found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper)
+    except RuntimeError as error:
+        raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
+    seconds = time.perf_counter() - began
+    stats = function.stats()
+    _require_optimum(program, found, stats, tolerance)
+    numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g")}
+    return flown(transcription, program, numbers, int(stats.get("iter_count", 0)), (built, seconds), solver)
+
+
+def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:
+    quiet: dict[str, Any] = {"print_time": verbose, "record_time": True, "error_on_fail": False}
+    if solver == "ipopt":
+        own = {"tol": tolerance, "constr_viol_tol": tolerance, "max_iter": iterations, "sb": "yes"}
+        return quiet | {"ipopt": own | {"print_level": 5 if verbose else 0}}
+    own = {"tolerance": tolerance, "max_iter": iterations, "print_level": 5 if verbose else 0}
+    return quiet | {"fatrop": own}
+
+
+def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, tolerance: float) -> None:
+    if stats["success"]:
+        return
+    status = str(stats.get("return_status", "unknown"))
+    reason = REASONS.get(status, f"the solver ended with “{status}”")
+    what, excess = program.worst(found["g"].full().ravel())
+    resists = f"; most violated: {what}, by {excess:.3g}" if excess > tolerance else "; all constraints are satisfied"
+    raise OptimumError(f"No optimum was found after {stats.get('iter_count', 0)} iterations: {reason}{resists}.")

@@ -1,0 +1,192 @@
+"""A step of a run as scalar expressions: x_{k+1} = Φ(x_k, u_k, z_k) with r(x_k, u_k, z_k) = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.control.functions import traced
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
+from coadjoint.kernels.packing import pack
+from coadjoint.kernels.trace.tracer import Tracer, flat
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.methods.program import RENEWED, Constants, StepProgram
+
+
+class FiniteGraph(Graph):
+    """Expressions of finite numbers: a solver that comes to others steps back by itself."""
+
+    def _is_finite(self, a: Expr) -> Expr:
+        return self.true
+
+
+VARIED = ("t", "g", "n", "a", "mu", "pi", "inputs", "internal")
+"""The parts of a state that are symbols; all others are numbers that a step does not read or sets by itself."""
+
+
+class Begun(NamedTuple):
+    """A system with commands as inputs, a method, the step h (s), and a state that the method has begun from."""
+
+    system: System
+    method: Method
+    h: float
+    state: State
+
+
+class Symbols(NamedTuple):
+    """The expressions of one step that are free: those of a state with its commands, of z, parameters and h."""
+
+    state: list[Expr]
+    commands: list[Expr]
+    unknowns: list[Expr]
+    parameters: list[Expr]
+    h: Expr
+
+
+@dataclass
+class StepGraph:
+    """A step as expressions.
+
+    state, after: the state at both ends, as trees. residual: the equations. constants: with the parameters, some of
+    which are symbols.
+    """
+
+    tracer: Tracer
+    beginning: Begun
+    symbols: Symbols
+    constants: Constants
+    state: State
+    after: State
+    residual: list[Expr]
+
+    def at_node(self, function: Callable[[System, State], Any], what: str) -> list[Expr]:
+        """function(system, state) at the node where the step starts, with ξ and ν of the momenta."""
+        skeleton = replace_parameters(self.beginning.system, None)
+
+        def of_node(constants: Constants, state: State) -> Any:
+            system = replace_parameters(skeleton, constants.system)
+            return jnp.asarray(function(system, at_node(system, state)))
+
+        return flat(traced(self.tracer, what, of_node, self.constants, self.state))
+
+    def of_motion(self, function: Callable[..., Any], what: str) -> list[Expr]:
+        """function(motion [, p]) of the `co.NodeMotion` at the node where the step starts."""
+
+        def given(system: System, state: State) -> Any:
+            arguments = () if system.parameters is None else (system.parameters,)
+            return function(system.motion_at(state, state.inputs), *arguments)
+
+        return self.at_node(given, what)
+
+    def needed(self, roots: Iterable[Expr]) -> list[int]:
+        """Which numbers of the state the roots depend on, by themselves or through later steps."""
+        places = {node: place for place, node in enumerate(self.symbols.state)}
+        after = flat(self._symbolic(self.after))
+        found: set[int] = set()
+        new = {places[node] for node in reachable([*roots, *self.residual]) if node in places}
+        while new:
+            found |= new
+            ahead = reachable(after[place] for place in new)
+            new = {places[node] for node in ahead if node in places} - found
+        return sorted(found)
+
+    def next(self) -> list[Expr]:
+        """The numbers of the state after the step, in the order of `symbols.state`."""
+        return flat(self._symbolic(self.after))
+
+    def names(self) -> list[str]:
+        """What the numbers of the state are, as in "mu[0]" and "g.R[1,2]", in the order of `symbols.state`."""
+        found = []
+        parts = [part for part in VARIED if part != "inputs"]
+        for part, tree in zip(parts, self._symbolic(self.beginning.state), strict=True):
+            for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+                name = part + jax.tree_util.keystr(path)
+                found += [f"{name}{list(place)}" if place else name for place in np.ndindex(np.shape(leaf))]
+        return found
+
+    def numbers(self, states: State) -> np.ndarray:
+        """States with leading axes as rows of the numbers that are symbols."""
+        tree = self._symbolic(states)
+        lead = np.shape(states.t)
+        leaves = [np.asarray(leaf, float).reshape(*lead, -1) for leaf in jax.tree_util.tree_leaves(tree)]
+        return np.concatenate(leaves, axis=-1)
+
+    @staticmethod
+    def _symbolic(state: State) -> tuple[Any, ...]:
+        return tuple(getattr(state, part) for part in VARIED if part != "inputs")
+
+
+def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
+    """The step of `beginning` as expressions; `free`: names of parameters that are symbols.
+
+    Raises ArgumentError for methods whose steps are not equations alone, LagrangianError for what JAX cannot trace.
+    """
+    system, method, _, state = beginning
+    if method.variable or any(step.tolerant for step, _ in method.pattern):
+        raise ArgumentError(
+            f"{method.title} chooses its steps by itself, so that they are no constraints of an optimum: use a method "
+            "with fixed steps, such as co.Midpoint()."
+        )
+    tracer = Tracer(FiniteGraph())
+    free_symbols, parameters = _parameters(tracer, system, free)
+    h = tracer.graph.symbol("h")
+    holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
+    constants = Constants(parameters, {}, RENEWED if holds else None)
+    symbols = {part: tracer.symbols(f"{part} ", getattr(state, part)) for part in VARIED}
+    rest = {"t_rest": np.zeros(()), "xi": np.zeros_like(state.xi), "nu": np.zeros_like(state.nu)}
+    begun = state.replace(**symbols, **rest)
+    if state.internal_due is not None:
+        begun = begun.with_course(symbols["internal"], state.internal_mean, state.internal_end, np.ones(()))
+    program = StepProgram(replace_parameters(system, None), method)
+    node = traced(tracer, "The step", program.prepare, constants, begun, np.asarray(h))
+    unknowns: list[Expr] = []
+    residual: list[Expr] = []
+    for part in program.substeps:
+        for stage in program.stages:
+            size = tracer.graph.mul(h, tracer.graph.constant(part * stage.fraction))
+            at = np.asarray(size)
+            z = tracer.symbols(f"z{len(unknowns)} ", np.zeros(sum(stage.blocks)))
+            unknowns += flat(z)
+            residual += flat(traced(tracer, "The step", stage.residual, constants, node, at, z))
+            node = traced(tracer, "The step", stage.advance, constants, node, at, z, np.ones(()))
+            node = node.replace(t_rest=np.zeros(()))
+    found = Symbols(flat(StepGraph._symbolic(begun)), flat(symbols["inputs"]), unknowns, free_symbols, h)
+    return StepGraph(tracer, beginning, found, constants, begun, node, residual)
+
+
+def _parameters(tracer: Tracer, system: System, free: tuple[str, ...]) -> tuple[list[Expr], Any]:
+    """The symbols of the free parameters, and the parameters with these in place of numbers."""
+    if not free:
+        return [], system.parameters
+    parameters = system.parameters
+    symbols: list[Expr] = []
+    for name in free:
+        value = getattr(parameters, name)
+        tree = tracer.symbols(f"p {name} ", value)
+        symbols += flat(tree)
+        parameters = _with(parameters, name, tree)
+    return symbols, parameters
+
+
+def _with(parameters: Any, name: str, tree: Any) -> Any:
+    leaves, structure = jax.tree_util.tree_flatten(parameters)
+    places = jax.tree_util.tree_leaves(jax.tree_util.tree_unflatten(structure, range(len(leaves))))
+    owners = jax.tree_util.tree_leaves(getattr(jax.tree_util.tree_unflatten(structure, places), name))
+    for place, leaf in zip(owners, jax.tree_util.tree_leaves(tree), strict=True):
+        leaves[place] = leaf
+    return jax.tree_util.tree_unflatten(structure, leaves)
+
+
+def numbers_of(tree: Any) -> np.ndarray:
+    """The numbers of a tree in the order of its leaves."""
+    return pack(tree)[1]

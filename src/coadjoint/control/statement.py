@@ -1,0 +1,208 @@
+"""What is asked of an optimal motion: costs, bounds and where it ends, over the steps of a variational integrator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.mechanics.signatures import require_signature
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.simulation.arguments import grid, require_kinds
+from coadjoint.spaces.numbers import float64
+
+
+@dataclass(frozen=True)
+class Input:
+    """A command u_k that is held over each step, which the optimum chooses.
+
+    shape: () for a number, (m,) for a vector; by default (). lower, upper: bounds, numbers or of this shape, by default
+    none. rate: the largest |u_{k+1} − u_k|/h, by default none. guess: where the solver begins, by default 0.
+
+    Raises ArgumentError for bounds that are no numbers, or that nothing fits.
+    """
+
+    shape: tuple[int, ...] = ()
+    lower: Any = -math.inf
+    upper: Any = math.inf
+    rate: Any = math.inf
+    guess: Any = 0.0
+
+    def __post_init__(self):
+        shape = (self.shape,) if isinstance(self.shape, int) else self.shape
+        if not isinstance(shape, tuple) or not all(type(n) is int and n > 0 for n in shape) or len(shape) > 1:
+            raise ArgumentError(f"Argument `shape` of an input must be () or (m,), but is {shown(self.shape)}.")
+        object.__setattr__(self, "shape", shape)
+        for name in ("lower", "upper", "rate", "guess"):
+            object.__setattr__(self, name, _spread(getattr(self, name), shape, name))
+        _require_between(self.lower, self.upper, "an input")
+        if np.any(self.rate <= 0):
+            raise ArgumentError("Argument `rate` of an input must be positive: the largest change in a second.")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """lower ≤ function(motion [, p]) ≤ upper at every node, of a number or a vector.
+
+    function: of the `co.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs` the
+    commands of the step that starts there (at the last node, of the step that ended).
+    lower, upper: numbers or vectors; by default none.
+    """
+
+    function: Callable[..., Any]
+    lower: Any = -math.inf
+    upper: Any = math.inf
+
+    def __post_init__(self):
+        if not callable(self.function):
+            raise ArgumentError(f"co.control.Bounds takes a function of the motion, but got {shown(self.function)}.")
+        for name in ("lower", "upper"):
+            object.__setattr__(self, name, _number(getattr(self, name), name))
+        _require_between(self.lower, self.upper, "a constraint")
+        if np.all(np.isinf(self.lower)) and np.all(np.isinf(self.upper)):
+            raise ArgumentError("co.control.Bounds needs `lower` or `upper`.")
+
+
+@dataclass(frozen=True)
+class End:
+    """Where the motion ends: what is given is reached, what is not is free.
+
+    g: an element of G: (g⁻¹ g_N)'s part in 𝔤, dim G equations of full rank near g. q, qdot: in the space frame, (dim
+    Q,). xi: ξ of the momenta, (dim G,). mu, pi: momenta in the body frame.
+    """
+
+    g: Any = None
+    q: Any = None
+    xi: Any = None
+    qdot: Any = None
+    mu: Any = None
+    pi: Any = None
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The names of what is given."""
+        return tuple(name for name in ("g", "q", "xi", "qdot", "mu", "pi") if getattr(self, name) is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """What `co.control.Problem` asks, checked: see there."""
+
+    system: System
+    start: State
+    dt: float
+    duration: float | None = None
+    steps: int | None = None
+    method: Method = field(default_factory=Midpoint)
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    cost: Callable[..., Any] | None = None
+    final_cost: Callable[..., Any] | None = None
+    path: Mapping[str, Bounds] = field(default_factory=dict)
+    end: End | Callable[..., Any] | None = None
+    free_duration: tuple[float, float] | None = None
+    parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+
+    def __post_init__(self):
+        require_kinds(self.system, self.start, self.method)
+        if np.ndim(self.start.t):
+            raise ArgumentError("An optimal motion has one start, but `start` has many: solve a problem for each.")
+        h, count = grid(self.dt, self.duration, self.steps)
+        object.__setattr__(self, "dt", h)
+        object.__setattr__(self, "steps", count)
+        object.__setattr__(self, "duration", h * count)
+        self._require_functions()
+        self._require_inputs()
+        self._require_free()
+
+    @property
+    def count(self) -> int:
+        """N, the number of steps."""
+        assert self.steps is not None
+        return self.steps
+
+    @property
+    def length(self) -> float:
+        """N h, s, with h = `dt`."""
+        return self.dt * self.count
+
+    def _require_functions(self) -> None:
+        arguments = ["motion"] if self.system.parameters is None else ["motion", "p"]
+        for name in ("cost", "final_cost"):
+            if getattr(self, name) is not None:
+                require_signature(getattr(self, name), f"Argument `{name}`", arguments)
+        if not isinstance(self.path, Mapping) or not all(isinstance(b, Bounds) for b in self.path.values()):
+            raise ArgumentError("Argument `path` must be a dictionary of name → co.control.Bounds(function, …).")
+        for name, bounds in self.path.items():
+            require_signature(bounds.function, f"Argument `path` under `{name}`", arguments)
+        if self.end is not None and not isinstance(self.end, End):
+            if not callable(self.end):
+                raise ArgumentError(
+                    "Argument `end` must be co.control.End(g=…, xi=…) or a function of the motion that is zero at the "
+                    f"end, but is {shown(self.end)}."
+                )
+            require_signature(self.end, "Argument `end`", arguments)
+
+    def _require_inputs(self) -> None:
+        if not isinstance(self.inputs, Mapping) or not all(isinstance(name, str) for name in self.inputs):
+            raise ArgumentError("Argument `inputs` must be a dictionary of name → co.control.Input(…).")
+        if not any(isinstance(value, Input) for value in self.inputs.values()) and not self.parameters:
+            raise ArgumentError(
+                "There is nothing to choose: give `inputs` with at least one co.control.Input(…), or `parameters`."
+            )
+
+    def _require_free(self) -> None:
+        if self.free_duration is not None:
+            low, high = (_number(x, "free_duration") for x in self.free_duration)
+            if not 0 < low <= high < math.inf:
+                raise ArgumentError(
+                    "Argument `free_duration` must be (shortest, longest) in s, positive and finite, but is "
+                    f"{shown(self.free_duration)}."
+                )
+            if self.method.start == "velocity" and self.start.from_velocities:
+                raise ArgumentError(
+                    'A method with start="velocity" begins with momenta that depend on h: with `free_duration` use '
+                    'start="momentum".'
+                )
+        known = self.system.parameters
+        for name, limits in self.parameters.items():
+            if known is None or not hasattr(known, name):
+                raise ArgumentError(f"Argument `parameters` names `{name}`, which is no parameter of the system.")
+            if not isinstance(limits, tuple) or len(limits) != 2:
+                raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
+            _require_between(_number(limits[0], name), _number(limits[1], name), f"parameter `{name}`")
+
+
+def _number(value: Any, name: str) -> np.ndarray:
+    try:
+        found = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.") from None
+    if np.any(np.isnan(found)):
+        raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.")
+    return found
+
+
+def _spread(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
+    found = _number(value, name)
+    if name == "guess":
+        float64(found, "Argument `guess` of an input")
+    try:
+        return np.broadcast_to(found, shape).copy()
+    except ValueError:
+        raise ArgumentError(f"Argument `{name}` of an input must be a number or have the shape {shape}.") from None
+
+
+def _require_between(lower: np.ndarray, upper: np.ndarray, what: str) -> None:
+    try:
+        above = np.any(lower > upper)
+    except ValueError:
+        raise ArgumentError(f"The bounds of {what} have shapes {lower.shape} and {upper.shape}.") from None
+    if above or np.any(lower == math.inf) or np.any(upper == -math.inf):
+        raise ArgumentError(f"Nothing lies between the bounds of {what}, {lower.tolist()} and {upper.tolist()}.")

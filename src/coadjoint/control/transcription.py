@@ -1,0 +1,188 @@
+"""From a problem to a nonlinear program: variables x_k, u_k, z_k, the equations of each step, bounds and costs.
+
+The variables stand step by step, (x_0, u_0, z_0), …, (x_{N−1}, u_{N−1}, z_{N−1}), x_N, parameters and h, so that the
+derivatives are banded. x are the numbers of the state that equations, costs and bounds depend on; group elements are
+among them with all their entries, and stay on the group, as each is the last one times an element of G.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.control.ends import ends
+from coadjoint.control.expressions import casadi_expressions
+from coadjoint.control.library import casadi
+from coadjoint.control.stage import Begun, StepGraph, step_graph
+from coadjoint.control.statement import Input, Statement
+from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.mechanics.inputs import Command, inputs_from
+from coadjoint.mechanics.over_step import require_internal
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.methods.method import Method
+from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.inputs import with_inputs
+from coadjoint.spaces.named import Named
+
+
+class Rows(NamedTuple):
+    """Equations or bounds of one kind: what they are, and their limits, (rows,) each."""
+
+    what: str
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+class Split(NamedTuple):
+    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), parameters (np,) and h, s."""
+
+    x: np.ndarray
+    u: np.ndarray
+    z: np.ndarray
+    parameters: np.ndarray
+    h: float
+
+
+class Functions(NamedTuple):
+    """Functions of CasADi.
+
+    equations: (x, u, z, p, h) → (r, Φ). cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
+    end, final: (x, u, p, h) of the last node → what is zero there, and what it costs.
+    """
+
+    equations: Any
+    cost: Any
+    path: Any
+    end: Any
+    final: Any
+
+
+@dataclass
+class Transcription:
+    """A problem as functions of CasADi. live: which numbers of the state are x. path, end: what their rows are."""
+
+    problem: Statement
+    beginning: Begun
+    graph: StepGraph
+    live: list[int]
+    functions: Functions
+    path: list[Rows]
+    end: list[Rows]
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """How many numbers x, u and z of a step and the parameters have."""
+        found = self.graph.symbols
+        return len(self.live), len(found.commands), len(found.unknowns), len(found.parameters)
+
+    @property
+    def inputs(self) -> list[tuple[str, Input]]:
+        """The inputs that are chosen, in the order of u."""
+        return [(name, value) for name, value in self.problem.inputs.items() if isinstance(value, Input)]
+
+    def split(self, w: np.ndarray) -> Split:
+        """The variables (n,) by their kind."""
+        nx, nu, nz, count = self.sizes
+        steps, block = self.problem.count, nx + nu + nz
+        rows = w[: steps * block].reshape(steps, block)
+        last, rest = np.split(w[steps * block :], [nx])
+        h = float(rest[count]) if self.problem.free_duration is not None else self.problem.dt
+        return Split(np.vstack([rows[:, :nx], last]), rows[:, nx : nx + nu], rows[:, nx + nu :], rest[:count], h)
+
+    def joined(self, parts: Split) -> np.ndarray:
+        """The variables (n,) in their order."""
+        rows = np.concatenate([parts.x[:-1], parts.u, parts.z], axis=1)
+        h = [parts.h] if self.problem.free_duration is not None else []
+        return np.concatenate([rows.reshape(-1), parts.x[-1], parts.parameters, h])
+
+    def commands(self, u: np.ndarray) -> dict[str, np.ndarray]:
+        """Rows of u (N, nu) by the names of the inputs, (N, *shape) each."""
+        found, begin = {}, 0
+        for name, given in self.inputs:
+            size = int(np.prod(given.shape))
+            found[name] = u[:, begin : begin + size].reshape(len(u), *given.shape)
+            begin += size
+        return found
+
+
+def transcribe(problem: Statement) -> Transcription:
+    """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated."""
+    beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
+    graph = step_graph(beginning, tuple(problem.parameters))
+    cost = _number(graph, problem.cost, "The cost")
+    final = _number(graph, problem.final_cost, "The final cost")
+    path = {name: graph.of_motion(b.function, f"The constraint `{name}`") for name, b in problem.path.items()}
+    end = {what: graph.at_node(residual, "The end") for what, residual in ends(problem)}
+    if callable(problem.end):
+        end = {"the end": graph.of_motion(problem.end, "The end")}
+    of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
+    live = graph.needed([*cost, *final, *of_path, *of_end])
+    functions = functions_of(graph, live, cost, of_path, of_end, final)
+    rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
+    zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
+    return Transcription(problem, beginning, graph, live, functions, rows, zeros)
+
+
+def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
+    """The system with its commands, and the state that its method starts from; raises what `co.simulate` raises."""
+    named = {name: Command(v.shape) if isinstance(v, Input) else v for name, v in inputs.items()}
+    guesses = {name: v.guess for name, v in inputs.items() if isinstance(v, Input)}
+    start = start.replace(inputs=Named(**guesses)) if guesses else start
+    system, start = with_inputs(system, start, inputs_from(named or None), method.start == "velocity")
+    require_internal(system, start, h)
+    system.check(start, method.regular)
+    require_forward(system, method, start, h)
+    return Begun(system, method, h, method.begin(system, start, h))
+
+
+def _number(graph: StepGraph, function: Any, what: str) -> list[Expr]:
+    if function is None:
+        return [graph.tracer.graph.zero]
+    found = graph.of_motion(function, what)
+    if len(found) != 1:
+        raise LagrangianError(f"{what} must return one number, but returns {len(found)}.")
+    return found
+
+
+def _path_rows(name: str, count: int, problem: Statement) -> Rows:
+    bounds = problem.path[name]
+    try:
+        lower, upper = (np.broadcast_to(np.ravel(x), count) for x in (bounds.lower, bounds.upper))
+    except ValueError:
+        raise ArgumentError(
+            f"The constraint `{name}` has {count} numbers, but bounds of the shapes {bounds.lower.shape} and "
+            f"{bounds.upper.shape}."
+        ) from None
+    return Rows(f"the constraint `{name}`", lower, upper)
+
+
+def functions_of(
+    graph: StepGraph, live: list[int], cost: list[Expr], path: list[Expr], end: list[Expr], final: list[Expr]
+) -> Functions:
+    ca, symbols = casadi(), graph.symbols
+    sizes = len(live), len(symbols.commands), len(symbols.unknowns), len(symbols.parameters), 1
+    columns = [ca.SX.sym(name, size) for name, size in zip("xuzph", sizes, strict=True)]
+    x, u, _, p, h = columns
+    nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, symbols.parameters, [symbols.h]]
+    known = {node: column[i] for column, row in zip(columns, nodes, strict=True) for i, node in enumerate(row)}
+    after = graph.next()
+
+    def as_function(name: str, arguments: list[Any], names: list[str], results: dict[str, list[Expr]]) -> Any:
+        outputs = [ca.vertcat(*casadi_expressions(nodes, known)) for nodes in results.values()]
+        return ca.Function(name, arguments, outputs, names, list(results))
+
+    step = {"residual": graph.residual, "next": [after[i] for i in live]}
+    at_node = [x, u, p, h], ["x", "u", "p", "h"]
+    return Functions(
+        as_function("equations", columns, list("xuzph"), step),
+        as_function("cost", *at_node, {"cost": cost}),
+        as_function("path", *at_node, {"path": path}),
+        as_function("end", *at_node, {"end": end}),
+        as_function("final", *at_node, {"final": final}),
+    )

@@ -1,0 +1,107 @@
+"""What cannot be asked of an optimal motion is told in one sentence."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.control import Bounds, End, Input, Problem
+
+SYSTEM = co.System(
+    co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0},
+    forces=lambda motion, p: co.Force(torque=motion.inputs.push),
+)  # fmt: skip
+START = SYSTEM.state(g=[0.0])
+
+
+def cost(motion, p):
+    return motion.inputs.push @ motion.inputs.push
+
+
+GOOD = {"dt": 0.1, "steps": 5, "inputs": {"push": Input((1,))}, "cost": cost, "end": End(g=[0.1])}
+
+WRONG = {
+    "nothing to choose": ({"inputs": {}}, "nothing to choose"),
+    "inputs that are a list": ({"inputs": ["push"]}, "dictionary of name"),
+    "no duration": ({"steps": None}, "duration"),
+    "a cost that is a number": ({"cost": 1.0}, "must be a Python function"),
+    "a cost of too many arguments": ({"cost": lambda motion, p, q: 0.0}, "must take \\(motion, p\\)"),
+    "a cost that is a vector": ({"cost": lambda motion, p: jnp.ones(2) * motion.xi[0]}, "one number, but returns 2"),
+    "a cost by NumPy": ({"cost": lambda motion, p: float(motion.xi[0])}, "jax.numpy"),
+    "a cost of an input that is not there": ({"cost": lambda motion, p: motion.inputs.pull @ motion.xi}, "pull"),
+    "a cost without an operation in CasADi": ({"cost": lambda motion, p: jnp.round(motion.xi[0])}, "round_even"),
+    "a path that is a function": ({"path": {"slow": lambda motion, p: motion.xi}}, "co.control.Bounds"),
+    "an end that is a state": ({"end": START}, "co.control.End"),
+    "an empty end": ({"end": End()}, "is empty"),
+    "an end outside the group's shape": ({"end": End(g=[0.0, 1.0])}, "g"),
+    "an end by velocity and momentum": ({"end": End(xi=[0.0], mu=[0.0])}, "not both"),
+    "a free duration that is backwards": ({"free_duration": (2.0, 1.0)}, "shortest, longest"),
+    "a parameter that is none": ({"parameters": {"weight": (0.0, 1.0)}}, "no parameter of the system"),
+    "a parameter without bounds": ({"parameters": {"mass": 1.0}}, "lower, upper"),
+    "a parameter between nothing": ({"parameters": {"mass": (2.0, 1.0)}}, "Nothing lies between"),
+    "steps that choose themselves": ({"method": co.VariableStep()}, "fixed step"),
+    "a method that is a text": ({"method": "midpoint"}, "must be a method"),
+    "an input that nothing takes": ({"inputs": {"pull": Input((1,))}, "cost": None}, "push"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_an_ill_posed_problem_is_told_in_one_sentence(name):
+    changes, told = WRONG[name]
+    with pytest.raises(co.CoadjointError, match=told) as error:
+        Problem(SYSTEM, START, **(GOOD | changes)).solve()
+    assert "\n" not in str(error.value) and len(str(error.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: Input((2, 2)), "must be \\(\\) or \\(m,\\)"),
+        (lambda: Input((2,), lower=[0.0, 0.0, 0.0]), "have the shape \\(2,\\)"),
+        (lambda: Input((), lower=1.0, upper=0.0), "Nothing lies between"),
+        (lambda: Input((), lower=np.nan), "must be numbers"),
+        (lambda: Input((), rate=0.0), "must be positive"),
+        (lambda: Input((), guess="zero"), "must be numbers"),
+        (lambda: Bounds(1.0, lower=0.0), "a function of the motion"),
+        (lambda: Bounds(lambda motion, p: motion.xi), "needs `lower` or `upper`"),
+    ],
+)
+def test_wrong_inputs_and_bounds_are_told(make, told):
+    with pytest.raises(co.ArgumentError, match=told):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"solver": "newton"}, "one of ipopt, fatrop"),
+        ({"tolerance": 2.0}, "small positive number"),
+        ({"max_iterations": 0}, "at least 1"),
+        ({"guess": "straight"}, '"interpolate", "simulate"'),
+        ({"options": {"no_such_option": 1}}, "CasADi cannot set up ipopt"),
+    ],
+)
+def test_wrong_options_of_the_solver_are_told(options, told):
+    with pytest.raises(co.ArgumentError, match=told):
+        Problem(SYSTEM, START, **GOOD).solve(**options)
+
+
+def test_many_starts_are_refused():
+    with pytest.raises(co.ArgumentError, match="one start"):
+        Problem(SYSTEM, SYSTEM.state(g=co.each([[0.0], [1.0]])), **GOOD)
+
+
+def test_a_guess_of_other_length_is_refused():
+    run = co.simulate(SYSTEM, START, dt=0.1, steps=4, inputs={"push": np.zeros(1)}, accuracy=False)
+    with pytest.raises(co.ArgumentError, match="5 steps"):
+        Problem(SYSTEM, START, **GOOD).solve(guess=run)
+
+
+def test_casadi_that_is_not_there_is_told(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(co.ArgumentError, match=r'pip install "coadjoint\[control\]"'):
+        Problem(SYSTEM, START, **GOOD).solve()
