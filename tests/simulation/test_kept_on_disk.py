@@ -15,6 +15,7 @@ import coadjoint as co
 from coadjoint.kernels.run import native
 from coadjoint.models import catalogue
 from coadjoint.simulation import known
+from coadjoint.simulation.steppers import engines
 from coadjoint.vehicles.controllers.attitude import Attitude
 from coadjoint.vehicles.files.registry import load_vehicle
 from coadjoint.vehicles.remus import remus_100, remus_start
@@ -32,8 +33,8 @@ def cache(tmp_path, monkeypatch):
 
 def forget():
     """Be like another process."""
-    known._known.clear()
-    native._kernels.clear()
+    for memory in (known._known, known._verdicts, native._kernels, engines._engines):
+        memory.clear()
 
 
 def found_in(folder):
@@ -87,7 +88,17 @@ def many():
     return fleet.records, fleet.monitors, fleet.extrema
 
 
-@pytest.mark.parametrize("run", [swum, spun, many])
+def stepped():
+    top = catalogue["heavy_top"].make()
+    start = catalogue["heavy_top"].start(top)
+    stepper = co.Stepper(top, start, dt=0.01, observe={"mu": lambda state: state.mu})
+    stepper.step(n=40)
+    pair = co.Stepper(top, start, dt=0.01, members=2)
+    pair.step(n=40)
+    return stepper.state, stepper.observed, pair.state
+
+
+@pytest.mark.parametrize("run", [swum, spun, many, stepped])
 def test_what_is_found_gives_the_same_to_the_bit(run, cache, monkeypatch):
     plain = anew(run, monkeypatch)
     forget()

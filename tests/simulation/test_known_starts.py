@@ -182,6 +182,46 @@ def test_a_second_run_reads_every_function_once_and_checks_nothing(monkeypatch):
     assert readings == ["force"]
 
 
+def together(system, start):
+    fleet = system.replace(drag=co.each([0.1, 0.2, 0.3]))
+    run = co.simulate(fleet, start, dt=0.05, steps=20, accuracy=False, progress=False)
+    return run.records.mu
+
+
+def stepped(system, start):
+    stepper = co.Stepper(system, start, dt=0.05, observe={"mu": lambda state: state.mu})
+    stepper.step(n=20)
+    return stepper.state.mu
+
+
+@pytest.mark.parametrize("run", [together, stepped])
+def test_a_second_ensemble_or_stepper_reads_every_function_once_and_checks_nothing(run, monkeypatch):
+    readings, strength = [], [1.0]
+
+    def forces(motion, p):
+        readings.append("force")
+        return co.Force(torque=-strength[0] * p.drag * motion.xi)
+
+    system = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ INERTIA @ xi, forces=forces, parameters={"drag": 0.1})
+    start = system.state(xi=[0.3, 1.0, -0.2])
+    first = run(system, start)
+    readings.clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(check, "require_scalar", None)
+        assert np.array_equal(run(system, start), first)
+    assert readings == ["force"]
+    strength[0] = 2.0
+    changed = run(system, start)
+    assert not np.array_equal(changed, first)
+    twice = co.System(
+        co.SO3(),
+        lambda xi, p: 0.5 * xi @ INERTIA @ xi,
+        forces=lambda motion, p: co.Force(torque=-2.0 * p.drag * motion.xi),
+        parameters={"drag": 0.1},
+    )
+    assert np.array_equal(changed, run(twice, twice.state(xi=[0.3, 1.0, -0.2])))
+
+
 def test_a_function_that_is_not_pure_is_refused_however_often_it_is_tried():
     random = np.random.default_rng(0)
     system, start = top(lambda motion: co.Force(torque=-random.uniform() * motion.xi))

@@ -13,6 +13,7 @@ processes (`kernels.run.kept`), where groups, spaces, maps and methods are the l
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.run import kept
+from coadjoint.kernels.run import kept, store
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.library import library
@@ -54,6 +55,7 @@ class Reading(NamedTuple):
 
 
 _known: OrderedDict[tuple[Any, ...], Known] = OrderedDict()
+_verdicts: OrderedDict[tuple[Any, ...], dict[str, Any]] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -94,15 +96,29 @@ def found(reading: Reading | None) -> Known | None:
     return None if known is None else _copied(known)
 
 
-def found_before(reading: Reading | None) -> dict[str, Any] | None:
-    """What checks found for this reading in another process: `warnings`, and what is `watching`."""
-    return None if reading is None else kept.find(reading.name)
+def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
+    """What checks for this purpose found for the reading before, here or in another process, as a copy."""
+    if reading is None:
+        return None
+    with _lock:
+        found = _verdicts.get((purpose, reading.key))
+    found = kept.find(_named(reading, purpose)) if found is None else found
+    return None if found is None else copy.deepcopy(found)
 
 
-def keep(reading: Reading | None, found: dict[str, Any]) -> None:
-    """Keep what checks found for other processes."""
-    if reading is not None:
-        kept.keep(reading.name, found)
+def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any]) -> None:
+    """Keep what checks found, lists of texts and arrays of float64, here and for other processes."""
+    if reading is None:
+        return
+    with _lock:
+        _verdicts[purpose, reading.key] = copy.deepcopy(found)
+        while len(_verdicts) > KEPT:
+            _verdicts.popitem(last=False)
+    kept.keep(_named(reading, purpose), found)
+
+
+def _named(reading: Reading, purpose: str) -> str | None:
+    return None if reading.name is None else store.key(reading.name, purpose)
 
 
 def remember(reading: Reading | None, known: Known) -> None:

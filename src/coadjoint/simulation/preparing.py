@@ -35,7 +35,6 @@ from coadjoint.simulation.ensemble import (
     begin_members,
     count_of,
     first_member,
-    member_constants,
     require_one_time,
     with_own_directions,
 )
@@ -85,7 +84,7 @@ def _checked(
     watched: Watched, reading: known.Reading | None,
 ) -> known.Known:  # fmt: skip
     """What all checks of a run and its start find; raises what they raise."""
-    before, warnings = known.found_before(reading), []
+    before, warnings = known.verdict(reading, "run"), []
     if before is None:
         require_internal(system, start, h)
         warnings = system.check(start, method.regular) + require_forward(system, method, start, h)
@@ -94,7 +93,7 @@ def _checked(
         require_chart(system, method, state, h)
         require_events(method, state, watched)
         before = {"warnings": warnings, "watching": _watching(system, state, chosen, monitors)}
-        known.keep(reading, before)
+        known.remember_verdict(reading, "run", before)
     digest = None if reading is None else reading.version
     watching = before["watching"]
     program, _ = _program(system, method, state, chosen, monitors, watching, watched, digest)
@@ -190,20 +189,27 @@ def _prepare_members(
         raise ArgumentError(f"The members of an ensemble share their times, but {method.title} has its own: run each.")
     system, start = with_inputs(system, start, inputs, method.start == "velocity")
     one, first = first_member(system, start)
-    warnings = (
-        require_internal(one, first, h) + one.check(first, method.regular) + require_forward(one, method, first, h)
-    )
-    method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
+    watched, noether = watched_events(until, events), _quantities(kelvin_noether)
+    observed = (*observe.BEFORE, *observe.AFTER, *noether) if monitors else tuple(noether)
+    reading = known.read(one, first, _functions(one, noether, monitors, watched), watched, observed, method, h)
+    before, checked = known.verdict(reading, "members"), []
+    if before is None:
+        checked = require_internal(one, first, h) + one.check(first, method.regular)
+        checked += require_forward(one, method, first, h)
+        method.begin(one, first, h)  # what a method checks of a start, it checks of one that is not traced
     members = begin_members(system, start, method, h, count, monitors)
     first, state = first_member(system, members.states)
-    require_chart(first, method, state, h)
-    watched = watched_events(until, events)
-    require_events(method, state, watched)
-    noether = _quantities(kelvin_noether)
-    watching = _watching(first, state, noether, monitors)
-    program, constants = _program(first, method, state, noether, monitors, watching, watched)
+    if before is None:
+        require_chart(first, method, state, h)
+        require_events(method, state, watched)
+        before = {"warnings": checked, "watching": _watching(first, state, noether, monitors)}
+        known.remember_verdict(reading, "members", before)
+    warnings, digest = before["warnings"], None if reading is None else reading.version
+    program, constants = _program(first, method, state, noether, monitors, before["watching"], watched, digest)
     program, constants, axes = with_own_directions(program, constants, members, warnings)
-    chosen = kernels.choose(program, member_constants(constants, axes), state, monitors or bool(watched), backend)
+    with as_read(program.version):
+        given = program, constants, members.states, monitors or bool(watched), backend
+        chosen = kernels.choose(*given, axes=(axes, True))
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     position = MembersPosition.at_start(members.states, count)
     crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}

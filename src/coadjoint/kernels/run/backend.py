@@ -19,8 +19,12 @@ CALLBACKS = ("pure_callback", "bitcast_convert_type")
 OUTSIDE = "A function of this system is called from outside JAX, which no native kernel can do."
 
 
-def choose(program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend) -> Backend:
+def choose(
+    program: Program, parameters: Any, state: Any, monitors: bool, backend: Backend, axes: tuple[Any, Any] | None = None
+) -> Backend:
     """ "native" or "xla": what `backend` comes to for this program; compiles a native kernel on the way.
+
+    axes: of an ensemble, as `run_ensemble` takes them.
 
     "auto" falls back to XLA where the program cannot be traced and says so once, naming the primitive; "native"
     raises ArgumentError there.
@@ -29,7 +33,10 @@ def choose(program: Program, parameters: Any, state: Any, monitors: bool, backen
     if backend == "xla":
         return "xla"
     try:
-        native.compile(program, parameters, state, monitors)
+        if axes is None:
+            native.compile(program, parameters, state, monitors)
+        else:
+            ensemble.compile(program, parameters, state, monitors, axes)
     except Untraceable as reason:
         fall_back(reason, backend)
         return "xla"

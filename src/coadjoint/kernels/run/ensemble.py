@@ -53,14 +53,10 @@ def run_ensemble(
     Raises Untraceable, naming the primitive, if the program is outside the tracer's language; ValueError if the
     members cannot be counted.
     """
-    shape_p, p = members_of(parameters, axes[0])
-    shape_s, s = members_of(state, axes[1])
+    kernel, shape_s, p, s = _kernel_for(program, parameters, state, monitors, axes)
     steps = np.asarray(h, np.float64).reshape(-1)
     count = _count(len(p), len(s), len(steps))
     width = lanes()
-    pattern = specialised(np.where(np.all(p == p[:1], axis=0), p[0], np.nan))
-    key = shape_p, shape_s, pattern, monitors, width
-    kernel = native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key)
     # The last group repeats the last member in its idle lanes.
     groups = np.minimum(np.arange(-(-count // width) * width), count - 1).reshape(-1, width)
     p_groups, s_groups = (np.ascontiguousarray(x[np.minimum(groups, len(x) - 1)].swapaxes(1, 2)) for x in (p, s))
@@ -68,6 +64,22 @@ def run_ensemble(
     result = _empty(kernel, s_groups, records)
     _launch(kernel, inputs, result, records, save_every, threads or cores())
     return _gathered(kernel, shape_s, result, count, save_every)
+
+
+def compile(program: Program, parameters: Any, state: Any, monitors: bool, axes: tuple[Any, Any]) -> Kernel:
+    """The kernel with which `run_ensemble` runs these members; raises what it raises."""
+    return _kernel_for(program, parameters, state, monitors, axes)[0]
+
+
+def _kernel_for(
+    program: Program, parameters: Any, state: Any, monitors: bool, axes: tuple[Any, Any]
+) -> tuple[Kernel, Layout, np.ndarray, np.ndarray]:
+    """The kernel, the layout of a state, and the numbers of parameters and states as `members_of` gives them."""
+    shape_p, p = members_of(parameters, axes[0])
+    shape_s, s = members_of(state, axes[1])
+    pattern = specialised(np.where(np.all(p == p[:1], axis=0), p[0], np.nan))
+    key = shape_p, shape_s, pattern, monitors, lanes()
+    return native.kernel_for(program, shape_p.unpack(p[0]), shape_s.unpack(s[0]), key), shape_s, p, s
 
 
 def _empty(kernel: Kernel, state: np.ndarray, records: int) -> Result:

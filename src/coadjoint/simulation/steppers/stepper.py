@@ -12,8 +12,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.kernels.emit import online
-from coadjoint.kernels.emit.plan import plan, specialised
+from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run.backend import Backend, fall_back, require_backend
@@ -29,20 +28,22 @@ from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.program import Constants, StepProgram, as_read
+from coadjoint.simulation import known
 from coadjoint.simulation.arguments import positive, require_kinds, whole
 from coadjoint.simulation.backwards import require_forward
 from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import count_of, first_member
-from coadjoint.simulation.events import Event, as_event, require_event
+from coadjoint.simulation.events import Event, as_event
 from coadjoint.simulation.inputs import inputs_held, with_inputs
-from coadjoint.simulation.preparing import require_chart
+from coadjoint.simulation.preparing import require_chart, require_events
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.by_xla import XlaEngine
 from coadjoint.simulation.steppers.changes import carried
 from coadjoint.simulation.steppers.commands import Commands, commands_from, places_of
 from coadjoint.simulation.steppers.ending import ending
+from coadjoint.simulation.steppers.engines import native_engine
 from coadjoint.simulation.steppers.face import Engine, Face
 from coadjoint.simulation.steppers.fields import Fields
 from coadjoint.simulation.steppers.native import NativeEngine
@@ -111,17 +112,14 @@ class Stepper(Stepping):
         by_velocities = method.start == "velocity"
         system, start = _commanded(system, start, commands, by_velocities)
         one, first = first_member(system, start)
-        found = require_internal(one, first, h) + one.check(first, method.regular)
-        for sentence in found + require_forward(one, method, first, h):
-            warnings.warn(sentence, stacklevel=2)
-        begun, constants = method.begin(one, first, h), Constants(one.parameters, None)
-        require_chart(one, method, begun, h)
         event = as_event(until)
-        if event is not None:
-            require_event(event, "until", begun)
+        begun, version, told = _checked(one, first, method, h, event)
+        for sentence in told:
+            warnings.warn(sentence, stacklevel=2)
+        constants = Constants(one.parameters, None)
         watched, seen = watch(one, observe, begun)
         skeleton = replace_parameters(system, None)
-        self._program = _program(skeleton, method, one, first, event)
+        self._program = _program(skeleton, method, event, version)
         self._beginning = Beginning(skeleton, method, h, count, begun, constants)
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
@@ -131,7 +129,8 @@ class Stepper(Stepping):
         fixed, compiled_in = _fixed(constants, parameters, changing)
         face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
         self._watch = watched
-        engine = self._engine_of(face, constants, begun, backend)
+        with as_read(version):
+            engine = self._engine_of(face, constants, begun, backend)
         face = replace(face, compiled_in=()) if isinstance(engine, XlaEngine) else face
         states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
@@ -177,9 +176,7 @@ class Stepper(Stepping):
         values = np.full(face.parameters.size, np.nan)
         for place, number in face.compiled_in:
             values[place] = number
-        planned = plan(self._program, constants, begun, specialised(values), False)
-        seen = online.observed(self._watch, constants, begun)
-        return NativeEngine(online.assemble(planned, seen, face.commanded, width), width)
+        return native_engine(self._program, self._watch, constants, begun, specialised(values), face.commanded, width)
 
     # The same as pure functions.
 
@@ -314,14 +311,34 @@ def _commanded(system: System, start: State, commands: Commands, by_velocities: 
     return with_inputs(system, start, commands.inputs, by_velocities)
 
 
-def _program(skeleton: System, method: Method, one: System, first: State, event: Event | None) -> StepProgram:
-    """The program of a step, which an event stops; one, first: the system and the start of one member."""
+def _checked(
+    one: System, first: State, method: Method, h: float, event: Event | None
+) -> tuple[State, str, list[str]]:  # fmt: skip
+    """The state as the method begins it, the version of all functions, and warnings; raises what is wrong.
+
+    one, first: the system and the start of one member.
+    """
+    watched = () if event is None else (("until", event),)
     functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
-    stopping: dict[str, Any] = {}
-    if event is not None:
-        functions.append(event.function)
-        stopping = {"until": event.function, "direction": event.direction}
-    return StepProgram(skeleton, method, version=version(one, first, *functions), **stopping)
+    functions += [event.function for _, event in watched]
+    reading = known.read(one, first, functions, watched, (), method, h)
+    before, warnings = known.verdict(reading, "stepper"), []
+    if before is None:
+        warnings = require_internal(one, first, h) + one.check(first, method.regular)
+        warnings += require_forward(one, method, first, h)
+    begun = method.begin(one, first, h)
+    if before is None:
+        require_chart(one, method, begun, h)
+        require_events(method, begun, watched)
+        before = {"warnings": warnings}
+        known.remember_verdict(reading, "stepper", before)
+    return begun, version(one, first, *functions) if reading is None else reading.version, before["warnings"]
+
+
+def _program(skeleton: System, method: Method, event: Event | None, version: str) -> StepProgram:
+    """The program of a step, which an event stops; version: of all functions."""
+    stopping: dict[str, Any] = {} if event is None else {"until": event.function, "direction": event.direction}
+    return StepProgram(skeleton, method, version=version, **stopping)
 
 
 def _fixed(
