@@ -10,6 +10,7 @@ STOREYS = (
     *(
         "errors",
         "log",
+        "interrupts",
         "disk",
         "manifest",
         "lazy",

@@ -1,5 +1,7 @@
 """`python -m coadjoint` is the command `coadjoint`."""
 
-from coadjoint.cli.main import run
+import sys
 
-run()
+from coadjoint.cli.start import run
+
+sys.exit(run())

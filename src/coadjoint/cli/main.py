@@ -14,12 +14,13 @@ from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
-from coadjoint.cli.stopping import stoppable
+from coadjoint.cli.stopping import status, stoppable, word
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.errors import CoadjointError, StepError
+from coadjoint.interrupts import heeded
 
-USAGE, INTERRUPTED, SIGNALLED = 2, 130, 128
+USAGE = 2
 
 Command = (
     Annotated[commands.Reproduce, tyro.conf.subcommand("reproduce")]
@@ -47,11 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with stoppable() as came:
         try:
-            return _run(sys.argv[1:] if arguments is None else list(arguments))
+            with heeded():
+                return _run(sys.argv[1:] if arguments is None else list(arguments))
         except KeyboardInterrupt as stop:
             folder = [f"; `coadjoint resume {part}` goes on with the run" for part in stop.args if _is_folder(part)]
-            terminal.complain(f"{'Terminated' if came else 'Interrupted'}{''.join(folder)}.")
-            return SIGNALLED + came[-1] if came else INTERRUPTED
+            terminal.complain(f"{word(came)}{''.join(folder)}.")
+            return status(came)
         except BrokenPipeError:
             # The reader has gone, as in `coadjoint info DIR | head`: nothing more can be written, and nothing need be.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -62,6 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except Exception as error:
             if os.environ.get("COADJOINT_TRACEBACK"):
                 raise
+            if came:  # what other libraries make of an interrupt
+                terminal.complain(f"{word(came)}.")
+                return status(came)
             terminal.complain(unexpected(error))
             return commands.FAILED
 

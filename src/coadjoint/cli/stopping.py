@@ -6,27 +6,68 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.machinery import ExtensionFileLoader
 from types import FrameType
+
+_came: list[int] = []
+
+_LOADING = {load.__code__ for load in (ExtensionFileLoader.create_module, ExtensionFileLoader.exec_module)}
+
+AGAIN = 0.02
+"""Seconds after which a signal that came at a bad moment comes again."""
 
 
 @contextmanager
 def stoppable() -> Iterator[list[int]]:
-    """SIGTERM raises KeyboardInterrupt while this lasts; the signals that came are in the list.
+    """SIGTERM and Ctrl-C raise KeyboardInterrupt while this lasts; the signals that came are in the list.
 
-    Who calls from another thread, or handles the signal already, keeps what there is.
+    Who calls from another thread, or handles a signal already, keeps what there is.
     """
-    came: list[int] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        came.append(number)
-        raise KeyboardInterrupt
-
-    main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield came
+    if threading.current_thread() is not threading.main_thread():
+        yield []
         return
-    signal.signal(signal.SIGTERM, stop)
+    usual = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
+    taken = {number: handler for number, handler in usual.items() if signal.getsignal(number) is handler}
+    for number in taken:
+        signal.signal(number, _stop)
     try:
-        yield came
+        yield _came
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, handler in taken.items():
+            signal.signal(number, handler)
+        if taken:
+            _came.clear()
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    if _loads_extension(frame):
+        timer = threading.Timer(AGAIN, _again, [number])
+        timer.daemon = True
+        timer.start()
+        return
+    _came.append(number)
+    raise KeyboardInterrupt
+
+
+def _again(number: int) -> None:
+    if signal.getsignal(number) is _stop:
+        signal.raise_signal(number)
+
+
+def _loads_extension(frame: FrameType | None) -> bool:
+    """Whether an extension module in C is being loaded, which may end the process where Python raises meanwhile."""
+    while frame is not None:
+        if frame.f_code in _LOADING:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def status(came: list[int]) -> int:
+    """The exit status of a command that signals have ended, as shells have it."""
+    return 128 + (came[-1] if came else signal.SIGINT)
+
+
+def word(came: list[int]) -> str:
+    """What has happened to it."""
+    return "Terminated" if signal.SIGTERM in came else "Interrupted"

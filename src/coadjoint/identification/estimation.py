@@ -17,6 +17,7 @@ from coadjoint.identification.log import Log
 from coadjoint.identification.sampling import Between
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
+from coadjoint.interrupts import heeded
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -25,6 +26,7 @@ from coadjoint.methods.midpoint import Midpoint
 _GROUPS = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY, "rates": RATES}
 
 
+@heeded()
 def identify(
     system: System,
     log: Log,

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from coadjoint.errors import StepError
+from coadjoint.interrupts import look
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.log import logger
 from coadjoint.mechanics.over_step import failure
@@ -52,6 +53,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
             run.warnings += before_it
         else:
             run.warnings += energy_warnings(run) + budget.gap(run) + fixed_steps(run)
+        look()
         if not complete:
             sink.finish(run.position)
             _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)

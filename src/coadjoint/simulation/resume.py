@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.interrupts import heeded
 from coadjoint.log import logger
 from coadjoint.manifest import MANIFEST
 from coadjoint.mechanics.inputs import Given
@@ -89,6 +90,7 @@ def _with_store(run: Run | Ensemble, store: Store) -> StreamedRun | StreamedEnse
     return made
 
 
+@heeded()
 def resume(
     folder: str | os.PathLike[str],
     system: System,

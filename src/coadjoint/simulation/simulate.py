@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
+from coadjoint.interrupts import heeded
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
@@ -28,6 +29,7 @@ from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.run import Run
 
 
+@heeded()
 def simulate(
     system: System,
     start: State,

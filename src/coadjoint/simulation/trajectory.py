@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, Interrupted, StepError
+from coadjoint.interrupts import heeded
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
@@ -60,6 +61,7 @@ class Trajectory:
         return jax.tree.map(lambda rows, last: join([rows, last[None]]), self.records, self.final)
 
 
+@heeded()
 def trajectory(
     system: System,
     start: State,

@@ -6,6 +6,7 @@ import warnings
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import ensemble, native, xla
@@ -71,6 +72,7 @@ def run(
     monitors: bool = True,
 ) -> Chunk:
     """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
+    look()
     kernel = native if backend == "native" else xla
     return kernel.run(program, parameters, state, h, records, save_every, monitors)
 
@@ -88,5 +90,6 @@ def run_ensemble(
     axes: tuple[Any, Any],
 ) -> EnsembleChunk:
     """`run` for many members; `axes`: True where a leaf of (parameters, state) has a leading axis of members."""
+    look()
     kernel = ensemble if backend == "native" else xla
     return kernel.run_ensemble(program, parameters, state, h, records, save_every, monitors, axes=axes)

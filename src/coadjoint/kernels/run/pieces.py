@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+from coadjoint.interrupts import look
+
 PIECE = 0.1
 """Seconds that a piece is to last."""
 
@@ -30,7 +32,8 @@ class Clock:
         self.pace, self._began = pace, time.perf_counter()
 
     def lap(self, steps: int) -> None:
-        """A piece of so many steps ends here, and another one begins."""
+        """A piece of so many steps ends here, and another one begins; raises an interrupt that was ignored."""
+        look()
         now = time.perf_counter()
         self.pace.took(steps, now - self._began)
         self._began = now

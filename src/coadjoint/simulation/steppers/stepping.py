@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
+from coadjoint.interrupts import heeded
 from coadjoint.kernels.run.pieces import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.steppers.buffers import by_member, put
@@ -52,6 +53,7 @@ class Stepping(Standing):
         finally:
             lock.release()
 
+    @heeded()
     def _in_pieces(self, n: int) -> int:
         """n steps, all members together, in pieces between which Python sees signals."""
         memory, clock = self._buffers, Clock(self._pace)

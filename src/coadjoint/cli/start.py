@@ -1,0 +1,33 @@
+"""The entry of the command `coadjoint`, which loads nothing itself: Ctrl-C ends it in a sentence from the start."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from contextlib import suppress
+
+from coadjoint.cli.stopping import status, stoppable, word
+
+
+def run() -> int:
+    """Run the command and return the exit status; see `coadjoint.cli.main.main`."""
+    found = _run()
+    exec("")  # Python ends by SIGINT, whatever the status, if the last text that it executed was interrupted.
+    with suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # While Python ends, Ctrl-C would show a traceback.
+    return found
+
+
+def _run() -> int:
+    with stoppable() as came:
+        try:
+            from coadjoint.cli.main import main
+
+            return main()
+        except KeyboardInterrupt:
+            pass
+        except Exception:  # what imports make of an interrupt
+            if not came:
+                raise
+        sys.stderr.write(f"{word(came)}.\n")
+        return status(came)

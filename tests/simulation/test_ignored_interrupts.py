@@ -1,0 +1,108 @@
+"""Ctrl-C in a callback of the garbage collector, where Python ignores it, ends a call all the same."""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.interrupts import heeded, look
+from coadjoint.kernels.run import ensemble, native, pieces
+from coadjoint.simulation.steppers.native import NativeEngine
+
+STEPS = 300
+AT = {"dt": 0.01, "steps": STEPS, "progress": False}
+
+
+def body(**changes):
+    system = co.System(
+        co.SO3(), lambda xi, p: 0.5 * p.scale * xi @ (np.array([1.0, 2.0, 3.0]) * xi), parameters={"scale": 1.0}
+    ).replace(**changes)
+    return system, system.state(xi=[0.1, 0.2, 0.3])
+
+
+def ignored_interrupt() -> None:
+    """Collect garbage, in a callback of which an interrupt comes."""
+
+    def callback(phase: str, info: Any) -> None:
+        if phase == "start":
+            signal.raise_signal(signal.SIGINT)
+
+    gc.callbacks.append(callback)
+    try:
+        gc.collect()
+    finally:
+        gc.callbacks.remove(callback)
+
+
+def after(calls: int, run: Callable[..., Any]) -> Callable[..., Any]:
+    """`run`, before which an interrupt is ignored at one of its calls."""
+    left = iter(range(calls + 1))
+
+    def called(*given: Any, **options: Any) -> Any:
+        if next(left, None) == calls:
+            ignored_interrupt()
+        return run(*given, **options)
+
+    return called
+
+
+@pytest.mark.parametrize("call", ["simulate", "store", "members", "trajectory", "stepper"])
+def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, capfd, call):
+    system, start = body(**({"scale": co.each([1.0, 1.5, 2.0])} if call == "members" else {}))
+    stepper = co.Stepper(system, start, dt=0.01) if call == "stepper" else None
+    monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
+    monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 0.0)
+    monkeypatch.setattr(pieces.PieceLength, "took", lambda *_: None)
+    runs: dict[str, Callable[[], Any]] = {
+        "simulate": lambda: co.simulate(system, start, **AT),
+        "members": lambda: co.simulate(system, start, **AT),
+        "store": lambda: co.simulate(system, start, **AT, store=tmp_path / "run"),
+        "trajectory": lambda: co.trajectory(system, start, dt=0.01, steps=STEPS),
+        "stepper": lambda: stepper.step(n=STEPS),
+    }
+    runs[call]()
+    shutil.rmtree(tmp_path / "run", ignore_errors=True)
+    before = sys.unraisablehook
+    monkeypatch.setattr(native, "_call", after(9, native._call))
+    monkeypatch.setattr(ensemble, "_launch", after(9, ensemble._launch))
+    monkeypatch.setattr(NativeEngine, "advance", after(9, NativeEngine.advance))
+    with pytest.raises(co.Interrupted) as stopped:
+        runs[call]()
+    assert sys.unraisablehook is before and "ignored" not in capfd.readouterr().err
+    if call != "stepper":
+        assert 0 < np.max(stopped.value.run.final.t) < 0.01 * STEPS
+    runs[call]()  # which nothing interrupts
+
+
+def test_it_is_told_at_the_end_of_a_call_that_does_not_look_and_not_in_the_next():
+    with pytest.raises(KeyboardInterrupt), heeded():
+        ignored_interrupt()
+    look()
+    with pytest.raises(ValueError, match="another"), heeded():
+        ignored_interrupt()
+        raise ValueError("another")
+    look()
+    with heeded(), pytest.raises(KeyboardInterrupt), heeded():
+        ignored_interrupt()
+        look()
+
+
+def test_what_else_python_ignores_is_told_as_before(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda it: told.append(it.exc_type))
+
+    class Failing:
+        def __del__(self):
+            raise ValueError
+
+    with heeded():
+        Failing()
+    assert told == [ValueError]
