@@ -66,7 +66,7 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
         "members": lambda: co.simulate(system, start, **AT),
         "store": lambda: co.simulate(system, start, **AT, store=tmp_path / "run"),
         "trajectory": lambda: co.trajectory(system, start, dt=0.01, steps=STEPS),
-        "stepper": lambda: stepper.step(n=STEPS),
+        "stepper": lambda: stepper and stepper.step(n=STEPS),
     }
     runs[call]()
     shutil.rmtree(tmp_path / "run", ignore_errors=True)
