@@ -24,6 +24,7 @@ SECTIONS = {
     "gradients": ("gradients", 1, "gradients"),
     "stepping": ("stepping", 1, "one control period at a time"),
     "judging": ("judging", 1, "the accuracy of the card"),
+    "optimal": ("optimal", 1, "an optimal motion"),
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),

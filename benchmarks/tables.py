@@ -197,7 +197,23 @@ def _judging(found: dict[str, Any]) -> list[Table]:
     ]
 
 
+def _optimal(found: dict[str, Any]) -> list[Table]:
+    heads = ("", "ratio", "stated and solved", "solver alone", "iterations", "cost", "violation", "|RRᵀ − e|")
+    tables = []
+    for steps, part in found.items():
+        rows = [
+            (
+                name, f"{row['ratio']:.3g}", _time(row["seconds"]), _time(row["solver"]), str(row["iterations"]),
+                f"{row['cost']:.9f}", f"{row['violation']:.0e}", f"{row['orthogonal']:.0e}",
+            )
+            for name, row in part.items()
+        ]  # fmt: skip
+        tables.append(Table(f"A rigid body turned with least effort, {steps} steps", heads, rows))
+    return tables
+
+
 _TABLES = {
+    "optimal": _optimal,
     "judging": _judging,
     "stepping": _stepping,
     "one": _one,

@@ -66,7 +66,7 @@ class Problem(Statement):
             tolerance: of the solver's optimality and of the constraints, by default 1e-9.
             max_iterations: by default 500.
             verbose: whether the solver prints its iterations, by default False.
-            options: more options for `casadi.nlpsol`; by default none.
+            options: more options for `casadi.nlpsol`, those of the solver in {solver: {…}}; by default none.
 
         Raises OptimumError where no optimum was found, with the constraint that is violated most; ArgumentError and
         LagrangianError for what cannot be stated.
