@@ -7,6 +7,7 @@ import json
 import pickle
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -58,6 +59,30 @@ def rewritten(path, target, **changes):
             if content is not None:
                 archive.writestr(name, content)
     return target
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("step.ll", 300 << 20), ("state.npy", 50 << 20), ("stepper.json", 50 << 20)]
+)
+def test_an_archive_that_would_grow_beyond_measure_is_refused_before_it_is_read(saved, tmp_path, name, size):
+    with zipfile.ZipFile(saved[0]) as archive:
+        parts = {part: archive.read(part) for part in archive.namelist()}
+    bomb = tmp_path / "bomb.step"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        for part, content in parts.items():
+            if part != name:
+                archive.writestr(part, content)
+        with archive.open(name, "w") as file:
+            for _ in range(size >> 20):
+                file.write(bytes(1 << 20))
+    assert bomb.stat().st_size < 2 << 20
+    tracemalloc.start()
+    try:
+        with pytest.raises(FileError, match=rf"{name} would take {size:,} bytes, but [0-9,]+ are the most"):
+            co.load_stepper(bomb)
+        assert tracemalloc.get_traced_memory()[1] < 20 << 20
+    finally:
+        tracemalloc.stop()
 
 
 CHILD = """

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from coadjoint.simulation.steppers.stepping import Stepping
 
 FORMAT, VERSION = "coadjoint stepper", 1
+LARGEST, SMALL = 1 << 28, 1 << 24
+"""Bytes that the assembly in a file may have, which alone is compressed, a large system having some 10⁷; and bytes that
+all else may have if the file itself is smaller."""
 _FIELDS = ("parameters", "state", "commands", "observations")
 
 
@@ -81,6 +84,7 @@ def from_bytes(content: bytes, kind: type[Stepping]) -> Stepping:
     """The stepper of a file's content; raises FileError with what follows the file's name in a sentence."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            _require_small(archive, len(content))
             header = json.loads(archive.read("stepper.json"))
             if header["format"] != FORMAT:
                 raise FileError("holds no stepper: give one that stepper.save(path) wrote.")
@@ -91,6 +95,17 @@ def from_bytes(content: bytes, kind: type[Stepping]) -> Stepping:
         raise
     except Exception as error:  # zipfile, zlib, json and NumPy have many words for a file that is damaged
         raise FileError("holds no stepper, or is damaged: give one that stepper.save(path) wrote.") from error
+
+
+def _require_small(archive: zipfile.ZipFile, size: int) -> None:
+    """Raise FileError for an archive that would grow to more than a stepper has: all but its assembly is stored."""
+    for part in archive.infolist():
+        limit = LARGEST if part.filename == "step.ll" else max(size, SMALL)
+        if part.file_size > limit:
+            raise FileError(
+                f"holds no stepper, or is damaged: its {part.filename} would take {part.file_size:,} bytes, but "
+                f"{limit:,} are the most; give one that stepper.save(path) wrote."
+            )
 
 
 def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Stepping]) -> Stepping:
