@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import subprocess
+import sys
 import types
 
 import jax
@@ -15,6 +17,8 @@ import coadjoint as co
 from coadjoint.kernels.run import native
 from coadjoint.models import catalogue
 from coadjoint.simulation import known
+from coadjoint.simulation.fingerprint import fingerprint
+from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.steppers import engines
 from coadjoint.vehicles.controllers.attitude import Attitude
 from coadjoint.vehicles.files.registry import load_vehicle
@@ -204,6 +208,24 @@ def test_another_function_is_never_taken_for_what_was_kept(change, cache, monkey
     assert len(found_in(cache)) > len(before)
     assert same(second, expected(other_body))
     assert same(again(lambda: driven(forces), cache), expected(CLOSURE))
+
+
+def test_a_fingerprint_that_is_found_is_that_which_is_traced(cache, monkeypatch):
+    def marks():
+        top = catalogue["heavy_top"].make()
+        start = catalogue["heavy_top"].start(top)
+        run = prepare(top, start, co.Midpoint(), 0.01, 10, 1, True, None, None, "auto")
+        return fingerprint(run.plan, run.position.state)
+
+    forget()
+    traced = marks()
+    assert again(marks, cache) == traced == anew(marks, monkeypatch)
+
+
+def test_what_runs_load_leaves_scipy_out():
+    code = "import sys, coadjoint.simulation.simulate, coadjoint.models.heavy_top; print('scipy.linalg' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "False"
 
 
 def test_a_function_with_a_derivative_of_its_own_is_not_kept(cache):

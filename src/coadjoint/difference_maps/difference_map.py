@@ -16,6 +16,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, basis_sizes, transpose
+from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.evaluate import evaluate
 
 
@@ -101,7 +102,11 @@ class DifferenceMap:
 @lru_cache(maxsize=256)
 def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, float]:
     """Over a few random ξ, χ: the largest part of (Dτ(ξ)χ)τ(ξ)⁻¹ outside 𝔤, relative to it, and of τ(ξ)τ(−ξ) − I."""
+    found = kept.recalled(("misfit", difference_map, group), lambda: _measured(difference_map, group))
+    return found["outside"], found["asymmetry"]
 
+
+def _measured(difference_map: DifferenceMap, group: LieGroup) -> dict[str, float]:
     def measure(xi, chi):
         tangent = difference_map._tangent(group, xi, chi)
         outside = jnp.max(jnp.abs(tangent - group.hat(group.vee(tangent)))) / jnp.max(jnp.abs(tangent))
@@ -111,4 +116,4 @@ def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, floa
     random = np.random.default_rng(1879)
     pairs = random.normal(scale=0.3, size=(3, 2, group.dim)) / basis_sizes(group)
     outside, asymmetry = np.max([evaluate(measure, xi, chi) for xi, chi in pairs], axis=0)
-    return float(outside), float(asymmetry)
+    return {"outside": float(outside), "asymmetry": float(asymmetry)}

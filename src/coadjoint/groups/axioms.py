@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.algebra import require_algebra
@@ -36,6 +35,8 @@ def points(group: LieGroup) -> list[tuple[np.ndarray, ...]]:
 
     ξ, η, μ: (dim,); the exponentials: (N, N); the disturbance of the entries of an element: (N²,).
     """
+    import scipy.linalg  # a tenth of what a set-up takes
+
     random, sizes = np.random.default_rng(1874), _sizes(group)
     found = []
     for size in (0.3, 0.9, 1.8):

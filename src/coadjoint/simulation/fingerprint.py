@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
+from coadjoint.kernels.run import kept, plans
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
@@ -22,9 +23,25 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     Equal in every process with the same versions of Python's packages; names of functions do not count. `one` member
     of an ensemble is what its equations are traced for.
     """
-    program, all_constants, all_states = plan.program, plan.constants, state
-    constants, state = (all_constants, all_states) if one is None else one
-    h, whole = np.float64(plan.h), np.float64(1.0)
+    constants, start = (plan.constants, state) if one is None else one
+    name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors)
+    traced = kept.find(name)
+    if traced is None:
+        traced = _traced(plan, constants, start)
+        kept.keep(name, traced)
+    directions = [event.direction for _, event in plan.events]
+    return {
+        "equations": traced["equations"],
+        "parameters": digest(named(plan.constants.system)),
+        "start": digest(jax.tree.leaves(state)),
+        "monitors": traced["monitors"],
+        "grid": digest(plan.h, plan.steps, plan.save_every, plan.monitors, plan.backend, directions),
+    }
+
+
+def _traced(plan: Plan, constants: Constants, state: State) -> dict[str, str]:
+    """The digests of the equations, and of the monitors with what they observe with."""
+    program, h, whole = plan.program, np.float64(plan.h), np.float64(1.0)
     different = {stage.step: stage for stage in program.stages}
     functions: list[tuple[Callable, tuple]] = [(program.prepare, (constants, state, h))]
     for stage in different.values():
@@ -42,16 +59,12 @@ def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = 
     order = {step: i for i, step in enumerate(different)}
     parts = [(order[stage.step], stage.fraction, stage.blocks, stage.tolerant) for stage in program.stages]
     stages = [program.substeps, *parts]
-    directions = [event.direction for _, event in plan.events]
     newton = (TOLERANCE, FLOOR, STALLED, MAX_ITERATIONS)
     return {
         "equations": digest(newton, stages, *(jaxpr_of(function, *given)[0] for function, given in functions)),
-        "parameters": digest(named(all_constants.system)),
-        "start": digest(jax.tree.leaves(all_states)),
         "monitors": digest(
-            named(all_constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
+            named(plan.constants.monitors), *(jaxpr_of(function, *given)[0] for function, given in observed)
         ),
-        "grid": digest(plan.h, plan.steps, plan.save_every, plan.monitors, plan.backend, directions),
     }
 
 

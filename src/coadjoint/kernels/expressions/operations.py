@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import numpy as np
-import scipy.special
+
+
+def special(name: str) -> Callable[[Any], Any]:
+    """A function of scipy.special, which takes longer to load than most set-ups."""
+    return lambda x: getattr(import_module("scipy.special"), name)(x)
+
 
 UNARY: dict[str, Callable] = {
     **{name: getattr(np, name) for name in ("abs", "sign", "floor", "ceil", "sqrt", "cbrt", "exp", "exp2", "log")},
@@ -17,8 +24,8 @@ UNARY: dict[str, Callable] = {
     "asinh": np.arcsinh,
     "acosh": np.arccosh,
     "atanh": np.arctanh,
-    "erf": scipy.special.erf,
-    "erfc": scipy.special.erfc,
+    "erf": special("erf"),
+    "erfc": special("erfc"),
     "is_finite": np.isfinite,
     "not": np.invert,
     "round_even": np.rint,

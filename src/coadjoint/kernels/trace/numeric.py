@@ -7,14 +7,17 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-import scipy.special
 from jax import lax
 
-from coadjoint.kernels.expressions.operations import BINARY, UNARY
+from coadjoint.kernels.expressions.operations import BINARY, UNARY, special
 from coadjoint.kernels.trace.interpreter import Array, Rule
 from coadjoint.kernels.trace.movement import MOVEMENT, scatters
 from coadjoint.kernels.untraceable import Untraceable
+
+
+def _special(name: str) -> Rule:
+    function = special(name)
+    return lambda p, x: function(x)
 
 
 def _divide(p: Any, x: Array, y: Array) -> Any:
@@ -95,6 +98,8 @@ def _lu(p: Any, a: Array) -> list[Array]:
     if a.ndim > 2:
         parts = [_lu(p, b) for b in a]
         return [np.stack(part) for part in zip(*parts, strict=True)]
+    import scipy.linalg  # a tenth of what a set-up takes
+
     # LAPACK itself: SciPy's lu_factor warns of a singular matrix, which here, as by XLA, gives infinities.
     (factorise,) = scipy.linalg.get_lapack_funcs(("getrf",), (a,))
     factors, pivots = factorise(a)[:2] if a.size else (a, np.zeros(0, dtype=int))
@@ -150,9 +155,9 @@ NUMERIC: dict[str, Rule] = {
     "cummin": _cumulative(np.minimum.accumulate),
     "cumprod": _cumulative(np.cumprod),
     "cumsum": _cumulative(np.cumsum),
-    "digamma": lambda p, x: scipy.special.digamma(x),
-    "erf_inv": lambda p, x: scipy.special.erfinv(x),
-    "lgamma": lambda p, x: scipy.special.gammaln(x),
+    "digamma": _special("digamma"),
+    "erf_inv": _special("erfinv"),
+    "lgamma": _special("gammaln"),
     "det": lambda p, a: np.linalg.det(a),
     "div": _divide,
     "dot_general": _dot,
@@ -162,7 +167,7 @@ NUMERIC: dict[str, Rule] = {
     "integer_pow": lambda p, x: x ** p["y"] if p["y"] >= 0 else 1.0 / x ** -p["y"],
     "empty": lambda p: np.zeros(p["shape"], p["dtype"]),
     "iota": _iota,
-    "logistic": lambda p, x: scipy.special.expit(x),
+    "logistic": _special("expit"),
     "lu": _lu,
     "one_minus_square": lambda p, x: (1 - x) * (1 + x),
     "polynomial": _polynomial,
