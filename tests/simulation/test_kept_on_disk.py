@@ -15,6 +15,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.run import native
+from coadjoint.kernels.trace import library as files
 from coadjoint.models import catalogue
 from coadjoint.simulation import known
 from coadjoint.simulation.fingerprint import fingerprint
@@ -30,6 +31,7 @@ library = types.SimpleNamespace(drag=lambda xi: -0.1 * xi)
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
+    files._first.clear()  # another test may have replaced a part of the library for a while
     folder = tmp_path / "cache"
     monkeypatch.setenv("COADJOINT_CACHE", str(folder))
     return folder

@@ -22,6 +22,12 @@ from coadjoint.vehicles.parts.fin import Fin
 from coadjoint.vehicles.water.borders import at_bottom
 
 
+@pytest.fixture(autouse=True)
+def as_it_is_now():
+    """The library as it is in memory when the test begins: another test may have replaced a part of it for a while."""
+    library._first.clear()
+
+
 def test_equal_objects_of_the_library_have_one_identity_and_others_another():
     assert identity(co.Suzuki4(co.Midpoint()), co.SE3()) == identity(co.Suzuki4(co.Midpoint()), co.SE3())
     different = [
