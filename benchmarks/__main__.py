@@ -23,6 +23,7 @@ SECTIONS = {
     "many_2": ("many", 2, "an ensemble on two cores"),
     "gradients": ("gradients", 1, "gradients"),
     "stepping": ("stepping", 1, "one control period at a time"),
+    "environments": ("environments", 1, "environments of Gymnasium"),
     "judging": ("judging", 1, "the accuracy of the card"),
     "optimal": ("optimal", 1, "an optimal motion"),
     "preparing": ("preparing", 2, "fresh processes"),

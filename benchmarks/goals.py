@@ -23,6 +23,8 @@ def goals(found: Found) -> Table:
         rows += _preparing(found["preparing"])
     if "stepping" in found:
         rows += _stepping(found["stepping"])
+    if "environments" in found:
+        rows += _environments(found["environments"])
     if "orders" in found:
         rows += _orders(found["orders"])
     for name, part in found.get("gradients", {"methods": {}})["methods"].items():
@@ -47,6 +49,11 @@ def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
         ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
     ]
+
+
+def _environments(found: Found) -> list[tuple[str, float, float, bool]]:
+    many = found["many"].get("2048", {}).get("VectorEnv, next step")
+    return [("2048 environments: million periods a second and core", 0.5, 1e-6 / many["seconds"], True)] if many else []
 
 
 def _orders(found: Found) -> list[tuple[str, float, float, bool]]:

@@ -184,6 +184,19 @@ def _stepping(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _environments(found: dict[str, Any]) -> list[Table]:
+    rows = [(name, f"{row['ratio']:.3g}", _time(row["seconds"])) for name, row in found["one"].items()]
+    tables = [Table("A period of one vehicle through Gymnasium", ("", "ratio", "a period"), rows)]
+    for count, part in found["many"].items():
+        rows = [
+            (name, f"{row['ratio']:.3g}", _time(row["seconds"]), f"{1e-6 / row['seconds']:.3g}")
+            for name, row in part.items()
+        ]
+        heads = ("", "ratio", "a member's period", "million periods a second")
+        tables.append(Table(f"The same of {count} vehicles on one core, with rewards and new episodes", heads, rows))
+    return tables
+
+
 def _judging(found: dict[str, Any]) -> list[Table]:
     rows = [
         (f"{name}, {which}", f"{row['ratio']:.3f}", _time(row["seconds"]))
@@ -216,6 +229,7 @@ _TABLES = {
     "optimal": _optimal,
     "judging": _judging,
     "stepping": _stepping,
+    "environments": _environments,
     "one": _one,
     "many_1": _many,
     "many_2": _many,

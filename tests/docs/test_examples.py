@@ -111,3 +111,13 @@ def test_a_fleet_of_remus_spreads_with_its_currents_and_holds_its_depth(run_exam
     assert np.corrcoef(fleet.dataset.q[:, -1, 1], drift)[0, 1] > 0.9
     assert q.sel(statistic="std")[-1, 1] > 1.0 > 0.1 > q.sel(statistic="std")[-1, 2]
     assert Path("remus_fleet.png").stat().st_size > 10_000
+
+
+def test_a_policy_learns_to_hold_a_station(run_example):
+    found = run_example("learned_station", 6, 32)
+    returns = [mean for _, mean in found["curve"]]
+    assert returns[-1] > 0.75 * returns[0]
+    still, drifting = (found["found"]["Hover", where][1] for where in ("still water", "0.3 m/s"))
+    assert np.median(still[-1]) < 0.01 and np.median(drifting[-1]) < 0.05
+    assert still.shape == (600, 64) and found["weights"].shape == (24, 8)
+    assert Path("learned_station.png").stat().st_size > 10_000

@@ -10,6 +10,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.vehicles.environments import HoldStation, environment, vector_environment
+from coadjoint.vehicles.environments.actions import Actions
 
 NAME = "bluerov2_heavy_von_benzon"
 
@@ -92,6 +93,13 @@ def test_actions_and_resets_are_checked(env):
             env.reset(options=options)
     with pytest.raises(ArgumentError, match="`seed` must be"):
         env.reset(seed=-3)
+
+
+def test_an_action_of_0_is_neutral_where_the_travel_is_uneven():
+    uneven = Actions({"a": (2,)}, {"a": "m"}, np.array([-1.0, 0.0]), np.array([1.0, 1.0]), np.array([2.0, 5.0]))
+    found = [uneven.commands([a, a], ()).tolist() for a in (-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)]
+    assert found == [[-1, 0], [-1, 0], [0, 0.5], [1, 1], [1.5, 3], [2, 5], [2, 5]]
+    assert str(uneven) == "0: a[1] (m) at −1, 0, 1: -1, 1, 2\n1: a[2] (m) at −1, 0, 1: 0, 1, 5"
 
 
 def test_nothing_is_stepped_before_the_first_reset():

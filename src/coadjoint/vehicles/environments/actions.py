@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +14,8 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.vehicles.model.craft import Craft
 
 
-class Actions(NamedTuple):
+@dataclass(frozen=True)
+class Actions:
     """Commands by names, one after the other: u = middle + a (high − middle) for a ≥ 0, + a (middle − low) for a < 0.
 
     low, middle, high: (size,), in the units of the commands. shapes, units: of each command.
@@ -23,7 +27,7 @@ class Actions(NamedTuple):
     middle: np.ndarray
     high: np.ndarray
 
-    @property
+    @cached_property
     def size(self) -> int:
         return len(self.middle)
 
@@ -32,7 +36,13 @@ class Actions(NamedTuple):
         """The command of the action 0, by names."""
         return {name: self.middle[place].reshape(self.shapes[name]) for name, place in self.places.items()}
 
-    @property
+    @cached_property
+    def _scales(self) -> tuple[np.ndarray, np.ndarray]:
+        """high − middle, and by how much middle − low is less; () where that is nothing."""
+        up, down = self.high - self.middle, self.middle - self.low
+        return up, np.zeros(0) if np.array_equal(up, down) else up - down
+
+    @cached_property
     def places(self) -> dict[str, slice]:
         """Which numbers of an action each command is."""
         ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes.values()])
@@ -53,12 +63,11 @@ class Actions(NamedTuple):
         if given.shape != (*lead, self.size):
             what = shown(actions) if given.shape == () else f"shape {given.shape}"
             raise ArgumentError(f"Argument `action` must be numbers of shape {(*lead, self.size)}, but is {what}.")
-        if not np.isfinite(np.sum(given)) and not np.all(np.isfinite(given)):
+        if not math.isfinite(given.sum()) and not np.all(np.isfinite(given)):
             raise ArgumentError("Argument `action` must be finite, but has a number that is not.")
-        a = np.clip(given, -1.0, 1.0)
-        return (
-            self.middle + np.maximum(a, 0.0) * (self.high - self.middle) + np.minimum(a, 0.0) * (self.middle - self.low)
-        )
+        a, (up, uneven) = np.minimum(np.maximum(given, -1.0), 1.0), self._scales
+        found = self.middle + a * up
+        return found + np.maximum(-a, 0.0) * uneven if len(uneven) else found
 
     def __str__(self) -> str:
         """A line for each number: its place, command, unit and what −1, 0 and 1 mean."""
