@@ -105,3 +105,31 @@ def test_casadi_that_is_not_there_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(co.ArgumentError, match=r'pip install "coadjoint\[control\]"'):
         Problem(SYSTEM, START, **GOOD).solve()
+
+
+def test_an_interrupt_ends_the_solver(monkeypatch):
+    """CasADi turns it into an exception of its own, inside which IPOPT ends."""
+    import signal
+
+    problem = Problem(SYSTEM, START, **(GOOD | {"steps": 400}))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    from coadjoint.control import solve
+
+    guessed = solve.guessed
+
+    def interrupted(*arguments):
+        found = guessed(*arguments)
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        return found
+
+    monkeypatch.setattr(solve, "guessed", interrupted)
+    alarm = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            problem.solve()
+            import time
+
+            time.sleep(1.0)  # it was over before the interrupt came
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGALRM, alarm)

@@ -12,7 +12,7 @@ from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
-from coadjoint.errors import ArgumentError, OptimumError, shown
+from coadjoint.errors import ArgumentError, Interrupted, OptimumError, shown
 from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
 
@@ -28,6 +28,12 @@ REASONS = {
     "Invalid_Number_Detected": "a function of the problem is not finite where the solver went",
 }
 """What IPOPT's words mean."""
+
+INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
+"""How IPOPT ends on Ctrl-C, which CasADi raises as an exception of its own."""
+
+ACCEPTABLE = "Solved_To_Acceptable_Level"
+"""IPOPT's word for an answer that is not as good as it was asked for."""
 
 
 def solve(
@@ -62,12 +68,15 @@ def solve(
     try:
         found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper)
     except RuntimeError as error:
+        if "KeyboardInterrupt" in str(error):
+            raise Interrupted("Interrupted while the solver began.") from None
         raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
     seconds = time.perf_counter() - began
     stats = function.stats()
     _require_optimum(program, found, stats, tolerance)
     numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g")}
-    return flown(transcription, program, numbers, int(stats.get("iter_count", 0)), (built, seconds), solver)
+    words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
+    return flown(transcription, program, numbers, int(stats.get("iter_count", 0)), (built, seconds), words)
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:
@@ -84,6 +93,8 @@ def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, toleranc
     if stats["success"]:
         return
     status = str(stats.get("return_status", "unknown"))
+    if status in INTERRUPTED:
+        raise Interrupted(f"Interrupted after {stats.get('iter_count', 0)} iterations of the solver.")
     reason = REASONS.get(status, f"the solver ended with “{status}”")
     what, excess = program.worst(found["g"].full().ravel())
     resists = f"; most violated: {what}, by {excess:.3g}" if excess > tolerance else "; all constraints are satisfied"
