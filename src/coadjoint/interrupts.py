@@ -1,19 +1,22 @@
-"""Interrupts that Python must ignore where they come, such as Ctrl-C in the garbage collector's callbacks.
+"""Interrupts that are lost where they come, such as Ctrl-C in the garbage collector's callbacks.
 
-An exception has nowhere to go in a callback of the collector (JAX has one), in `__del__`, or in a function that C
-calls: Python writes "Exception ignored in …" and goes on. A call of the library that lasts remembers such an interrupt,
-and raises it where it next looks. It handles no signals for this: it takes the place of `sys.unraisablehook` meanwhile.
+KeyboardInterrupt has nowhere to go in a callback of the collector (JAX has one), in `__del__`, or in a function that C
+calls: Python writes "Exception ignored in …" and goes on, and other libraries may drop it without a word. A call of the
+library that lasts remembers that an interrupt came, and raises it where it next looks. For this it replaces Python's
+own handler of SIGINT, and `sys.unraisablehook`, for as long as it lasts.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
-_ignored: list[type[BaseException]] = []
+_came: list[int] = []
 
 
 class _Hook:
@@ -24,36 +27,57 @@ class _Hook:
 
     def __call__(self, unraisable: Any) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt) and _in_main_thread():
-            _ignored.append(unraisable.exc_type)
+            note()
         else:
             self.before(unraisable)
 
 
 @contextmanager
 def heeded() -> Iterator[None]:
-    """While this lasts, `look` raises an interrupt that Python has ignored; so does its end. Decorates functions, too.
+    """While this lasts, `look` raises an interrupt that was lost; so does its end. It decorates functions, too.
 
-    In other threads than the main one, which are not interrupted, and inside of another such call it does nothing.
+    In other threads than the main one, which are not interrupted, and inside of another such call it does nothing. A
+    handler of SIGINT that is not Python's own stays.
     """
     if not _in_main_thread() or isinstance(sys.unraisablehook, _Hook):
         yield
         return
     hook = _Hook(sys.unraisablehook)
-    sys.unraisablehook = hook
     try:
+        sys.unraisablehook = hook
+        forget()
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _handle)
         yield
         look()
     finally:
+        if signal.getsignal(signal.SIGINT) is _handle:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         if sys.unraisablehook is hook:
             sys.unraisablehook = hook.before
-        _ignored.clear()
+        forget()
+
+
+def note() -> None:
+    """An interrupt has come, whatever becomes of it."""
+    _came.append(1)
 
 
 def look() -> None:
-    """Raise KeyboardInterrupt if one has been ignored since the last look."""
-    if _ignored and _in_main_thread():
-        _ignored.clear()
+    """Raise KeyboardInterrupt if one came since the last look: the call goes on, so it was lost."""
+    if _came and _in_main_thread():
+        forget()
         raise KeyboardInterrupt
+
+
+def forget() -> None:
+    """An interrupt has arrived where it ends what was done: nothing is to be raised again."""
+    _came.clear()
+
+
+def _handle(number: int, frame: FrameType | None) -> None:
+    note()
+    raise KeyboardInterrupt
 
 
 def _in_main_thread() -> bool:

@@ -1,4 +1,4 @@
-"""Ctrl-C in a callback of the garbage collector, where Python ignores it, ends a call all the same."""
+"""Ctrl-C that is lost where it comes, as in a callback of the garbage collector, ends a call all the same."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -42,20 +43,27 @@ def ignored_interrupt() -> None:
         gc.callbacks.remove(callback)
 
 
-def after(calls: int, run: Callable[..., Any]) -> Callable[..., Any]:
-    """`run`, before which an interrupt is ignored at one of its calls."""
+def dropped_interrupt() -> None:
+    """An interrupt comes where another library drops it."""
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def after(calls: int, run: Callable[..., Any], lose: Callable[[], None]) -> Callable[..., Any]:
+    """`run`, before which an interrupt is lost at one of its calls."""
     left = iter(range(calls + 1))
 
     def called(*given: Any, **options: Any) -> Any:
         if next(left, None) == calls:
-            ignored_interrupt()
+            lose()
         return run(*given, **options)
 
     return called
 
 
+@pytest.mark.parametrize("lose", [ignored_interrupt, dropped_interrupt])
 @pytest.mark.parametrize("call", ["simulate", "store", "members", "trajectory", "stepper"])
-def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, capfd, call):
+def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, capfd, call, lose):
     system, start = body(**({"scale": co.each([1.0, 1.5, 2.0])} if call == "members" else {}))
     stepper = co.Stepper(system, start, dt=0.01) if call == "stepper" else None
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
@@ -71,11 +79,12 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     runs[call]()
     shutil.rmtree(tmp_path / "run", ignore_errors=True)
     before = sys.unraisablehook
-    monkeypatch.setattr(native, "_call", after(9, native._call))
-    monkeypatch.setattr(ensemble, "_launch", after(9, ensemble._launch))
-    monkeypatch.setattr(NativeEngine, "advance", after(9, NativeEngine.advance))
+    monkeypatch.setattr(native, "_call", after(9, native._call, lose))
+    monkeypatch.setattr(ensemble, "_launch", after(9, ensemble._launch, lose))
+    monkeypatch.setattr(NativeEngine, "advance", after(9, NativeEngine.advance, lose))
     with pytest.raises(co.Interrupted) as stopped:
         runs[call]()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert sys.unraisablehook is before and "ignored" not in capfd.readouterr().err
     if call != "stepper":
         assert 0 < np.max(stopped.value.run.final.t) < 0.01 * STEPS
@@ -106,3 +115,15 @@ def test_what_else_python_ignores_is_told_as_before(monkeypatch):
     with heeded():
         Failing()
     assert told == [ValueError]
+
+
+def test_a_handler_of_the_caller_stays(monkeypatch):
+    came = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        with heeded():
+            signal.raise_signal(signal.SIGINT)
+        look()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert came == [signal.SIGINT]

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from importlib.machinery import ExtensionFileLoader
 from types import FrameType
 
+from coadjoint.interrupts import note
+
 _came: list[int] = []
 
 _LOADING = {load.__code__ for load in (ExtensionFileLoader.create_module, ExtensionFileLoader.exec_module)}
@@ -46,6 +48,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
         timer.start()
         return
     _came.append(number)
+    note()
     raise KeyboardInterrupt
 
 

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from coadjoint.errors import StepError
-from coadjoint.interrupts import look
+from coadjoint.interrupts import forget, look
 from coadjoint.kernels.program import MAX_ITERATIONS, Code
 from coadjoint.log import logger
 from coadjoint.mechanics.over_step import failure
@@ -58,6 +58,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
             sink.finish(run.position)
             _log.info("%s ends after %.3g s, set up in %.3g s.", run.title, run.seconds, run.set_up_seconds)
     except KeyboardInterrupt:
+        forget()
         if ended or not (run.position.steps or run.count):
             raise
         raise interrupted(run, loop, sink) from None
