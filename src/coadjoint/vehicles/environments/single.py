@@ -39,7 +39,7 @@ class VehicleEnv(gymnasium.Env):
         Raises ArgumentError.
         """
         whole_or_none(seed, "seed")
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))
         if seed is not None or self.episodes.random[0] is None:
             own = self._own_seed if self._own_seed is not None else self.np_random_seed
             self.episodes.seed(0, self.np_random, varying_from(own))
