@@ -11,7 +11,7 @@ import pytest
 from coadjoint.errors import FileError
 from coadjoint.manifest import MANIFEST, Manifest
 from coadjoint.report.beside import keep_beside
-from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, claimed, kept_inputs, require_free
+from coadjoint.report.folder import INPUTS, RUN_FILE, SUMMARY, UNFINISHED, claimed, kept_inputs, require_free
 
 RUN = "[run]\ndt = 0.01\n"
 OTHER = "[run]\ndt = 0.02\n"
@@ -175,3 +175,14 @@ def test_a_disk_that_refuses_is_told_and_nothing_stays(tmp_path, monkeypatch):
 def test_of_two_runs_at_once_one_gets_the_folder(tmp_path):
     with claimed(tmp_path, RUN, False), pytest.raises(FileError, match=f"in use by process {os.getpid()}"):
         finish(tmp_path)
+
+
+def test_what_a_kill_left_among_the_inputs_is_removed(tmp_path):
+    source = tmp_path / "data.csv"
+    source.write_text("1")
+    with claimed(tmp_path / "out", RUN, False, {"data.csv": source}) as claim:
+        claim.results(lambda stage: (stage / SUMMARY).write_text("{}"))
+    left = tmp_path / "out" / INPUTS / "1" / ".data.csv.partial"
+    left.write_text("half of it")
+    with claimed(tmp_path / "out", RUN, False, {"data.csv": source}):
+        assert not left.exists()

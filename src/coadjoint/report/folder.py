@@ -179,6 +179,8 @@ def claimed(
         require_free(folder, configuration, inputs)
         disk.sweep(folder)
         new = not claim.manifest.files
+        for place in () if new else {(folder / name).parent for name in claim.manifest.files}:
+            disk.sweep(place)
         if new or (overwrite and (claim.complete or (folder / UNFINISHED).exists())):
             if not new:
                 _discard(claim)
