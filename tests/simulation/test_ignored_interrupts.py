@@ -91,6 +91,24 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     runs[call]()  # which nothing interrupts
 
 
+@pytest.mark.parametrize("at", [0, 1], ids=["system", "state"])
+def test_it_ends_what_reads_a_lagrangian(at):
+    armed = [False]
+
+    def lagrangian(xi):
+        if armed[0]:
+            armed[0] = False
+            ignored_interrupt()
+        return 0.5 * xi @ xi
+
+    armed[0] = at == 0
+    with pytest.raises(KeyboardInterrupt):
+        system = co.System(co.SO3(), lagrangian)
+        armed[0] = True
+        system.state(xi=[0.1, 0.2, 0.3])
+    assert not armed[0], "it was not read"
+
+
 def test_it_is_told_at_the_end_of_a_call_that_does_not_look_and_not_in_the_next():
     with pytest.raises(KeyboardInterrupt), heeded():
         ignored_interrupt()

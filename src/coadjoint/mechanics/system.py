@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
+from coadjoint.interrupts import heeded
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
@@ -98,6 +99,7 @@ class System(ReducedFunctions):
     parameters: Parameters | None
     checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = field(compare=False)
 
+    @heeded()
     def __init__(
         self,
         group: LieGroup,
@@ -215,6 +217,7 @@ class System(ReducedFunctions):
         """(T, f), (dim G,) and (ambient,): the sum of all forces; zero where the system has none."""
         return added(self, self.body_forces(motion))
 
+    @heeded()
     def state(
         self,
         *,
