@@ -44,8 +44,9 @@ def forget():
 
 
 def found_in(folder):
-    """The names of what is kept of set-up, beside machine code and the key."""
-    return {path.name for path in folder.glob("*.code") if path.read_bytes()[32:33] == b"{"}
+    """The names of what is kept of systems, beside machine code, the key, and which maps fit which groups."""
+    begins = {path.name: path.read_bytes()[32:48] for path in folder.glob("*.code")}
+    return {name for name, text in begins.items() if text.startswith(b"{") and not text.startswith(b'{"outside"')}
 
 
 def again(run, folder):

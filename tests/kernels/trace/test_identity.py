@@ -6,6 +6,7 @@ import functools
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from coadjoint.kernels.trace.identity import Shapes, Traced, identity
 from coadjoint.mechanics.identity import parts
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.models import catalogue
+from coadjoint.vehicles.missions.legs import arrival
 from coadjoint.vehicles.parts.fin import Fin
 from coadjoint.vehicles.water.borders import at_bottom
 
@@ -79,6 +81,16 @@ def test_what_is_not_known_has_no_identity(value):
     assert identity(value) is None
 
 
+def test_an_end_at_the_last_way_point_has_an_identity_with_its_numbers():
+    controllers = [
+        types.SimpleNamespace(way_points=np.array([[0.0, 0, 0], [60.0, 0, 3]]), acceptance=reach) for reach in (3, 4)
+    ]
+    first, second = (identity(arrival(controller)) for controller in controllers)
+    assert first is not None and first.whole
+    assert first != second
+    assert identity(pytest) is None
+
+
 def test_a_class_of_somebody_else_that_inherits_has_none():
     class Part(Fin):
         pass
@@ -134,6 +146,16 @@ def test_a_library_that_is_changed_in_memory_has_no_digest(change, monkeypatch):
     with monkeypatch.context() as patch:
         change(patch)
         assert library.library() is None
+    assert library.library() is not None
+
+
+def test_figures_and_files_of_runs_leave_the_library_as_it_is():
+    from coadjoint.plotting import style
+    from coadjoint.simulation import dataset, recording
+    from coadjoint.vehicles.missions import results
+
+    assert style.PlotFigure.set.__module__.startswith("matplotlib")
+    assert dataset and recording and results
     assert library.library() is not None
 
 

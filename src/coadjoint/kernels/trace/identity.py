@@ -138,12 +138,19 @@ class _Walk:
             self._several("partial", [value.func, value.args, value.keywords])
         elif isinstance(value, enum.Enum):
             self._several("member", [type(value), value.name])
+        elif isinstance(value, types.ModuleType):
+            self._module(value.__name__, value)
         elif _named(value):
             self.word("named", value.__module__, value.__qualname__)
         elif not isinstance(value, type) and all(map(_of_library, _bases(value))):
             self._instance(value)
         else:
             raise NoIdentity
+
+    def _module(self, name: str, module: types.ModuleType) -> None:
+        if name.partition(".")[0] not in _BY_NAME or sys.modules.get(name) is not module:
+            raise NoIdentity
+        self.word("module", name)
 
     def _function(self, function: Any) -> None:
         if not _written_here(function):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+import sysconfig
 import threading
 import time
 import types
@@ -25,6 +26,7 @@ PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "llvmlite")
 """What traces, and what emits machine code."""
 
 _IMPORTS = {NAME, *PACKAGES, *sys.stdlib_module_names}
+_INSTALLED = tuple({path for name, path in sysconfig.get_paths().items() if name in ("stdlib", "purelib", "platlib")})
 _BEGAN = time.time()
 _lock = threading.Lock()
 _first: dict[int, _Held] = {}
@@ -88,8 +90,11 @@ def _changed() -> bool:
         for owner in owners:  # classes are added behind the modules that define them
             now, known = vars(owner), _first.get(id(owner))
             if known is None:
-                known = _first[id(owner)] = _Held(owner)
-            if known.foreign or any(now.get(name) is not value for name, value in known.values):
+                known = _Held(owner)
+                if known.foreign:
+                    return True
+                _first[id(owner)] = known
+            if any(now.get(name) is not value for name, value in known.values):
                 return True
             if any(getattr(part, name, None) is not inner for part, name, inner in known.inside):
                 return True
@@ -126,6 +131,10 @@ def _lasting(name: str, value: Any) -> bool:
 
 
 def _foreign(value: Any) -> bool:
-    """Whether a function was written neither in the library nor in a package that it imports."""
+    """Whether a function was written neither in the library nor in a package that is installed."""
     root = str(getattr(value, "__module__", "")).partition(".")[0]
-    return root not in _IMPORTS and (root == "__main__" or root in sys.modules)
+    if root in _IMPORTS:
+        return False
+    module = sys.modules.get(root)
+    home = str(getattr(module, "__file__", ""))
+    return root == "__main__" or (module is not None and not home.startswith(_INSTALLED))
