@@ -250,3 +250,57 @@ def test_what_has_no_optimum_is_told_with_the_constraint_that_resists():
     )  # fmt: skip
     with pytest.raises(co.OptimumError, match="No optimum was found"):
         endless.solve(max_iterations=50)
+
+
+def test_an_end_half_a_turn_away_is_not_taken_for_the_end():
+    """The skew part of a rotation by π is zero, too: a pendulum that hangs must not pass for one that stands."""
+    pendulum = co.System(
+        co.SO2(), lambda xi, a: 0.5 * xi @ xi - a[1], advected=co.Defining(),
+        forces=lambda motion: co.Force(torque=motion.inputs.u),
+    )  # fmt: skip
+    hanging = pendulum.state(a0=[0.0, -1.0])
+    problem = Problem(
+        pendulum, hanging, dt=0.1, duration=8.0, inputs={"u": Input((1,), -0.6, 0.6)},
+        cost=lambda motion: 0.5 * motion.inputs.u @ motion.inputs.u, end=End(g=-np.eye(2), xi=[0.0]),
+    )  # fmt: skip
+    optimum = problem.solve()
+    assert np.asarray(optimum.run.final.g) == pytest.approx(-np.eye(2), abs=1e-7)
+    assert optimum.cost > 0.05
+    half = turning([0, 0, np.pi - 1e-9], 20).solve()
+    assert np.asarray(half.run.final.g) == pytest.approx(np.diag([-1.0, -1.0, 1.0]), abs=1e-7)
+
+
+def test_a_function_of_the_motion_beside_an_input_is_part_of_the_optimum():
+    system = co.System(
+        co.Translation(1), lambda xi: 0.5 * xi @ xi,
+        forces=lambda motion: co.Force(torque=motion.inputs.push + motion.inputs.spring),
+    )  # fmt: skip
+    optimum = Problem(
+        system, system.state(g=[0.0]), dt=0.05, duration=2.0,
+        inputs={"push": Input((1,)), "spring": lambda motion: -0.7 * motion.g},
+        cost=lambda motion: motion.inputs.push @ motion.inputs.push, end=End(g=[1.0], xi=[0.0]),
+    ).solve()  # fmt: skip
+    assert optimum.difference < 1e-8 and np.asarray(optimum.run.final.g) == pytest.approx([1.0], abs=1e-8)
+    assert optimum.inputs.keys() == {"push"}
+
+
+def test_the_velocities_of_the_start_stay_whatever_mass_is_chosen():
+    system = co.System(
+        co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.push),
+    )  # fmt: skip
+    optimum = Problem(
+        system, system.state(g=[0.0], xi=[1.0]), dt=0.1, duration=1.0, inputs={"push": Input((1,), -1.0, -1.0)},
+        end=End(g=[0.75]), parameters={"mass": (0.4, 3.0)},
+    ).solve()  # fmt: skip
+    assert float(optimum.parameters["mass"]) == pytest.approx(2.0, abs=1e-6)  # 1 − 1/(2 m) = 0.75
+    assert optimum.difference < 1e-8
+
+
+def test_an_end_where_the_solver_begins_is_told_on_the_card():
+    system = mass()
+    optimum = Problem(
+        system, system.state(g=[0.0]), dt=0.1, duration=1.0, inputs={"push": Input((1,), -9, 9)},
+        cost=lambda motion: -motion.inputs.push @ motion.inputs.push,
+    ).solve()  # fmt: skip
+    assert optimum.iterations > 0 or "stationary" in str(optimum)

@@ -28,6 +28,11 @@ def ends(problem: Statement) -> list[tuple[str, Residual]]:
         return []
     if not end.given:
         raise ArgumentError("co.control.End is empty: give at least one of g, q, xi, qdot, mu, pi, or leave it out.")
+    of_q = [name for name in ("q", "qdot", "pi") if getattr(end, name) is not None]
+    if of_q and not problem.system.additional.dim(problem.system.group):
+        raise ArgumentError(
+            f"co.control.End has `{of_q[0]}`, but this system has no `additional`, so that there is no q."
+        )
     target = end_state(problem)
     return [(f"`{name}` at the end", _RESIDUALS[name](target)) for name in end.given]
 
@@ -51,12 +56,16 @@ def end_state(problem: Statement) -> State:
 
 
 def _element(target: State) -> Residual:
-    """(g⁻¹ g_N − e)'s orthogonal projection onto 𝔤, (dim G,): the identity on 𝔤 to first order, so of full rank."""
+    """2 (F − e)(F + e)⁻¹ for F = g⁻¹g_N, by its coordinates in 𝔤, (dim G,): zero for F = e alone.
+
+    It is the identity on 𝔤 to first order, so that the equations have full rank, and it grows beyond all bounds towards
+    half a turn, where the skew part of F would be zero again.
+    """
 
     def residual(system: System, state: State) -> Array:
-        group = system.group
-        between = group.compose(group.inverse(target.g), state.g)
-        return group.vee(group.matrix(between) - jnp.eye(group.matrix_size))
+        group, one = system.group, jnp.eye(system.group.matrix_size)
+        F = group.matrix(group.compose(group.inverse(target.g), state.g))
+        return group.vee(2 * jnp.linalg.solve((F + one).T, (F - one).T).T)
 
     return residual
 

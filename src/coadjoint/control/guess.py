@@ -14,12 +14,16 @@ from coadjoint.control.stage import numbers_of
 from coadjoint.control.statement import End
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.groups import LieGroup
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import each
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
+
+TINY, ASIDE = 1e-6, -1e-3
+"""The imaginary part of a logarithm that counts as none, and how far beside half a turn a guess ends, in 𝔤."""
 
 
 def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
@@ -35,6 +39,8 @@ def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray
         guess = "interpolate" if placed else "simulate"
     if isinstance(guess, Run):
         states, inputs = _of_run(transcription, guess)
+    elif not isinstance(guess, str):
+        raise ArgumentError(f"Argument `guess` must be a run, a name or None, but is {shown(guess)}.")
     elif guess == "interpolate":
         states, inputs = _interpolated(transcription), None
     elif guess == "simulate":
@@ -124,8 +130,7 @@ def _interpolated(transcription: Transcription) -> State:
     tau = np.linspace(0.0, 1.0, problem.count + 1)
     s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
     between = evaluate(lambda a, b: group.matrix(group.compose(group.inverse(a), b)), start.g, target.g)
-    log: Any = scipy.linalg.logm(between)
-    whole = np.asarray(evaluate(group.vee, np.real(log)))
+    whole = _logarithm(group, between)
 
     def element(s: Any) -> Any:
         return group.compose(start.g, group.exp(s * whole))
@@ -146,3 +151,12 @@ def _interpolated(transcription: Transcription) -> State:
         given["internal"] = start.internal
     states = problem.system.state(**given, inputs=start.inputs)
     return states.replace(t=float(start.t) + problem.length * tau)
+
+
+def _logarithm(group: LieGroup, F: np.ndarray) -> np.ndarray:
+    """ξ with exp(ξ) = F, (dim G,); of half a turn, which has no real logarithm, that of an element near to it."""
+    log: Any = scipy.linalg.logm(F)
+    if np.max(np.abs(np.imag(log))) > TINY:
+        aside = evaluate(lambda xi: group.matrix(group.exp(xi)), np.full(group.dim, ASIDE))
+        log = scipy.linalg.logm(F @ aside)
+    return np.asarray(evaluate(group.vee, np.real(log)))

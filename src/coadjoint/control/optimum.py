@@ -59,6 +59,9 @@ class Optimum:
         if self.difference > 10 * steps * max(self.violation, ROUND_OFF):
             rows.append(("warning", "the run leaves the optimum by more than ten times what the violations of all "
                                     "steps add up to: the motion is unstable, or the tolerance too large"))  # fmt: skip
+        if self.iterations == 0:
+            rows.append(("warning", "the solver ended where it began, where the cost is stationary: another guess "
+                                    "tells whether that is a minimum"))  # fmt: skip
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
 
 

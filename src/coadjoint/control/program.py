@@ -80,10 +80,13 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
     for name, place, rate in _rates(transcription):
         parts.append(ca.vec((u[place, 1:] - u[place, :-1]) / h))
         blocks.append(Block(Rows(f"the rate of input `{name}`", -rate, rate), steps - 1))
+    if transcription.start:
+        parts.append(functions.start(x[:, 0], u[:, 0], p, h))
+        blocks += [Block(rows, 1) for rows in transcription.start]
     if transcription.end:
         parts.append(functions.end(last, u[:, -1], p, h))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
-    return NonlinearProgram(w, f, ca.vertcat(*parts), blocks, _bounds(transcription))
+    return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription))
 
 
 def _rates(transcription: Transcription) -> list[tuple[str, slice, np.ndarray]]:
@@ -102,10 +105,13 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
     problem, steps = transcription.problem, transcription.problem.count
     nx, nu, nz, _ = transcription.sizes
     start = transcription.graph.numbers(transcription.beginning.state)[transcription.live]
+    names = transcription.graph.names()
+    own = bool(transcription.start)  # then the momenta of the first node are those of its velocities
+    momenta = np.array([own and names[i].startswith(("mu", "pi")) for i in transcription.live], bool)
     found = []
     for side, unbounded in (("lower", -np.inf), ("upper", np.inf)):
         x, u = np.full((steps + 1, nx), unbounded), np.full((steps, nu), unbounded)
-        x[0] = start
+        x[0] = np.where(momenta, unbounded, start)
         limits = [np.ravel(getattr(given, side)) for _, given in transcription.inputs]
         if limits:
             u[:] = np.concatenate(limits)

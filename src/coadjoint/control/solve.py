@@ -25,7 +25,9 @@ REASONS = {
     "Maximum_CpuTime_Exceeded": "the solver did not converge in its time",
     "Restoration_Failed": "the solver found no way back to the constraints",
     "Diverging_Iterates": "the cost falls without bound",
-    "Invalid_Number_Detected": "a function of the problem is not finite where the solver went",
+    "Invalid_Number_Detected": "a function of the problem, or a derivative, is not finite where the solver went",
+    "Not_Enough_Degrees_Of_Freedom": "there are more equations than numbers to choose: take more steps or inputs",
+    "Error_In_Step_Computation": "the solver could make no step: is a function not smooth, such as |u| at 0?",
 }
 """What IPOPT's words mean."""
 
@@ -67,9 +69,9 @@ def solve(
     lower, upper = program.limits
     try:
         found = function(x0=first, lbx=program.bounds[0], ubx=program.bounds[1], lbg=lower, ubg=upper)
-    except RuntimeError as error:
-        if "KeyboardInterrupt" in str(error):
-            raise Interrupted("Interrupted while the solver began.") from None
+    except (RuntimeError, SystemError) as error:
+        if "KeyboardInterrupt" in f"{error} {error.__cause__!r}":
+            raise Interrupted("Interrupted in the solver.") from None
         raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
     seconds = time.perf_counter() - began
     stats = function.stats()
@@ -80,7 +82,12 @@ def solve(
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:
-    quiet: dict[str, Any] = {"print_time": verbose, "record_time": True, "error_on_fail": False}
+    quiet: dict[str, Any] = {
+        "print_time": verbose,
+        "record_time": True,
+        "error_on_fail": False,
+        "show_eval_warnings": False,
+    }
     if solver == "ipopt":
         own = {"tol": tolerance, "constr_viol_tol": tolerance, "max_iter": iterations, "sb": "yes"}
         own["fixed_variable_treatment"] = "make_constraint"  # as parameters they cost it twice the iterations
@@ -96,6 +103,7 @@ def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, toleranc
     if status in INTERRUPTED:
         raise Interrupted(f"Interrupted after {stats.get('iter_count', 0)} iterations of the solver.")
     reason = REASONS.get(status, f"the solver ended with “{status}”")
-    what, excess = program.worst(found["g"].full().ravel())
-    resists = f"; most violated: {what}, by {excess:.3g}" if excess > tolerance else "; all constraints are satisfied"
+    constraints = casadi().Function("g", [program.w], [program.g])
+    what, excess = program.worst(constraints(found["x"]).full().ravel())
+    resists = f"; most violated: {what}, by {excess:.3g}" if excess > tolerance else ""
     raise OptimumError(f"No optimum was found after {stats.get('iter_count', 0)} iterations: {reason}{resists}.")

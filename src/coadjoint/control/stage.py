@@ -16,6 +16,7 @@ from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.inputs import Command
 from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -143,12 +144,14 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
     holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
     constants = Constants(parameters, {}, RENEWED if holds else None)
     symbols = {part: tracer.symbols(f"{part} ", getattr(state, part)) for part in VARIED}
+    symbols["inputs"], commands = _commands(tracer, system, state)
     rest = {"t_rest": np.zeros(()), "xi": np.zeros_like(state.xi), "nu": np.zeros_like(state.nu)}
     begun = state.replace(**symbols, **rest)
     if state.internal_due is not None:
         begun = begun.with_course(symbols["internal"], state.internal_mean, state.internal_end, np.ones(()))
     program = StepProgram(replace_parameters(system, None), method)
     node = traced(tracer, "The step", program.prepare, constants, begun, np.asarray(h))
+    held = node.inputs
     unknowns: list[Expr] = []
     residual: list[Expr] = []
     for part in program.substeps:
@@ -160,8 +163,22 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
             residual += flat(traced(tracer, "The step", stage.residual, constants, node, at, z))
             node = traced(tracer, "The step", stage.advance, constants, node, at, z, np.ones(()))
             node = node.replace(t_rest=np.zeros(()))
-    found = Symbols(flat(StepGraph._symbolic(begun)), flat(symbols["inputs"]), unknowns, free_symbols, h)
+    found = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, free_symbols, h)
+    begun = begun.replace(inputs=held)
     return StepGraph(tracer, beginning, found, constants, begun, node, residual)
+
+
+def _commands(tracer: Tracer, system: System, state: State) -> tuple[Any, list[Expr]]:
+    """What is held over the step, with symbols for the commands, and these symbols; functions are evaluated there."""
+    inputs = system.inputs
+    if inputs is None or inputs.names is None or state.inputs is None:
+        return state.inputs, []
+    held, found = state.inputs.asdict(), []
+    for name, source in zip(inputs.names, inputs.sources, strict=True):
+        if isinstance(source, Command):
+            held[name] = tracer.symbols(f"inputs {name} ", held[name])
+            found += flat(held[name])
+    return type(state.inputs)(**held), found
 
 
 def _parameters(tracer: Tracer, system: System, free: tuple[str, ...]) -> tuple[list[Expr], Any]:

@@ -159,7 +159,12 @@ class Statement:
 
     def _require_free(self) -> None:
         if self.free_duration is not None:
-            low, high = (_number(x, "free_duration") for x in self.free_duration)
+            given = self.free_duration
+            if not isinstance(given, (tuple, list)) or len(given) != 2:
+                raise ArgumentError(
+                    f"Argument `free_duration` must be (shortest, longest) in s, but is {shown(given)}."
+                )
+            low, high = (_number(x, "free_duration") for x in given)
             if not 0 < low <= high < math.inf:
                 raise ArgumentError(
                     "Argument `free_duration` must be (shortest, longest) in s, positive and finite, but is "

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.control.ends import ends
@@ -53,12 +54,13 @@ class Functions(NamedTuple):
     """Functions of CasADi.
 
     equations: (x, u, z, p, h) → (r, Φ). cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
-    end, final: (x, u, p, h) of the last node → what is zero there, and what it costs.
+    start: (x, u, p, h) of the first node → what is zero there. end, final: of the last node, and what it costs.
     """
 
     equations: Any
     cost: Any
     path: Any
+    start: Any
     end: Any
     final: Any
 
@@ -73,6 +75,7 @@ class Transcription:
     live: list[int]
     functions: Functions
     path: list[Rows]
+    start: list[Rows]
     end: list[Rows]
 
     @property
@@ -121,12 +124,14 @@ def transcribe(problem: Statement) -> Transcription:
     end = {what: graph.at_node(residual, "The end") for what, residual in ends(problem)}
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
+    start = _start(graph, problem)
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
     live = graph.needed([*cost, *final, *of_path, *of_end])
-    functions = functions_of(graph, live, cost, of_path, of_end, final)
+    functions = functions_of(graph, live, cost, of_path, start, of_end, final)
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
     zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
-    return Transcription(problem, beginning, graph, live, functions, rows, zeros)
+    begins = [Rows("the velocities of the start", np.zeros(len(start)), np.zeros(len(start)))] if start else []
+    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros)
 
 
 def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
@@ -139,6 +144,20 @@ def begun(system: System, start: State, h: float, method: Method, inputs: Mappin
     system.check(start, method.regular)
     require_forward(system, method, start, h)
     return Begun(system, method, h, method.begin(system, start, h))
+
+
+def _start(graph: StepGraph, problem: Statement) -> list[Expr]:
+    """ξ and ν of the first node less those of the start, where chosen parameters change the momenta that they have."""
+    if not (problem.parameters and problem.start.from_velocities):
+        return []
+    xi, nu = np.asarray(problem.start.xi), np.asarray(problem.start.nu)
+
+    def residual(system: System, state: State) -> Any:
+        rest = state.nu - nu
+        rest = rest if system.additional.flat else system.additional.coordinates(system.group, state.n, rest)
+        return jnp.concatenate([state.xi - xi, rest])
+
+    return graph.at_node(residual, "The start")
 
 
 def _number(graph: StepGraph, function: Any, what: str) -> list[Expr]:
@@ -163,7 +182,13 @@ def _path_rows(name: str, count: int, problem: Statement) -> Rows:
 
 
 def functions_of(
-    graph: StepGraph, live: list[int], cost: list[Expr], path: list[Expr], end: list[Expr], final: list[Expr]
+    graph: StepGraph,
+    live: list[int],
+    cost: list[Expr],
+    path: list[Expr],
+    start: list[Expr],
+    end: list[Expr],
+    final: list[Expr],
 ) -> Functions:
     ca, symbols = casadi(), graph.symbols
     sizes = len(live), len(symbols.commands), len(symbols.unknowns), len(symbols.parameters), 1
@@ -183,6 +208,7 @@ def functions_of(
         as_function("equations", columns, list("xuzph"), step),
         as_function("cost", *at_node, {"cost": cost}),
         as_function("path", *at_node, {"path": path}),
+        as_function("start", *at_node, {"start": start}),
         as_function("end", *at_node, {"end": end}),
         as_function("final", *at_node, {"final": final}),
     )
