@@ -9,11 +9,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import shutil
+import tempfile
 from collections import defaultdict
 
 import pytest
 
 import tiers
+
+CACHE = pytest.StashKey[str]()
+"""The folder in which this run of tests keeps what set-up finds; its processes share it."""
 
 
 def pytest_addoption(parser):
@@ -21,10 +26,18 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    if "COADJOINT_CACHE" not in os.environ:  # what other versions or runs have kept is not tested
+        os.environ["COADJOINT_CACHE"] = config.stash[CACHE] = tempfile.mkdtemp(prefix="coadjoint-cache-")
     if config.getoption("--measure"):
         from measuring import Measuring
 
         config.pluginmanager.register(Measuring(writes=not hasattr(config, "workerinput")))
+
+
+def pytest_unconfigure(config):
+    if CACHE in config.stash:
+        del os.environ["COADJOINT_CACHE"]
+        shutil.rmtree(config.stash[CACHE], ignore_errors=True)
 
 
 def pytest_report_header(config):

@@ -9,6 +9,7 @@ import pytest
 from test_store import stopped_after
 
 import coadjoint as co
+from coadjoint.manifest import Manifest
 from coadjoint.report.verification import verify
 from coadjoint.runs.run_file import read
 from coadjoint.runs.running import execute
@@ -45,6 +46,11 @@ def is_found(place):
         return True
 
 
+def unused(place):
+    """The checkpoint before the last one, which no manifest names and nothing reads."""
+    return {"checkpoint-0.npz": "checkpoint-1.npz"}.get(Manifest.read(place).facts["checkpoint"], "checkpoint-0.npz")
+
+
 def require_unchanged(load, expected):
     """What is read is what was written, as far as it goes, or the call says what is wrong."""
     try:
@@ -75,7 +81,7 @@ def test_of_a_stored_run(tmp_path, monkeypatch, done, flips):
     for _ in range(flips):
         shutil.copytree(place, again)
         path, _ = flipped(again, generator)
-        assert is_found(again), path
+        assert is_found(again) or path.name == unused(again), path
         require_unchanged(lambda: co.load(again).dataset, whole)
         require_unchanged(lambda: simulate(again).dataset, whole)
         require_unchanged(lambda: co.resume(again, BODY).dataset, whole)

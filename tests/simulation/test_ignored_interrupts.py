@@ -22,6 +22,14 @@ STEPS = 300
 AT = {"dt": 0.01, "steps": STEPS, "progress": False}
 
 
+@pytest.fixture(autouse=True)
+def _ctrl_c():
+    """Ctrl-C as a shell in the foreground gives it; a process in the background starts with none."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def body(**changes):
     system = co.System(
         co.SO3(), lambda xi, p: 0.5 * p.scale * xi @ (np.array([1.0, 2.0, 3.0]) * xi), parameters={"scale": 1.0}

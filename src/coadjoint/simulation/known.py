@@ -102,7 +102,10 @@ def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
         return None
     with _lock:
         found = _verdicts.get((purpose, reading.key))
-    found = kept.find(_named(reading, purpose)) if found is None else found
+    if found is None:
+        found = kept.find(_named(reading, purpose))
+        if found is not None:
+            _remember_verdict(reading, purpose, found)
     return None if found is None else copy.deepcopy(found)
 
 
@@ -110,11 +113,16 @@ def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any
     """Keep what checks found, lists of texts and arrays of float64, here and for other processes."""
     if reading is None:
         return
+    _remember_verdict(reading, purpose, found)
+    kept.keep(_named(reading, purpose), found)
+
+
+def _remember_verdict(reading: Reading, purpose: str, found: dict[str, Any]) -> None:
+    """Keep it in this process."""
     with _lock:
         _verdicts[purpose, reading.key] = copy.deepcopy(found)
         while len(_verdicts) > KEPT:
             _verdicts.popitem(last=False)
-    kept.keep(_named(reading, purpose), found)
 
 
 def _named(reading: Reading, purpose: str) -> str | None:
