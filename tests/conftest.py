@@ -60,7 +60,8 @@ def pytest_collection_modifyitems(config, items):
             functions[_function(item.nodeid)].append(item)
     together = defaultdict(list)  # functions of a file with the same cases, which share what is prepared for each
     for name, cases in functions.items():
-        together[name.split("::")[0], *(item.nodeid[len(name) :] for item in cases)].append(name)
+        alike = [item.nodeid[len(name) :] for item in cases]
+        together[(name.split("::")[0], *alike) if any(alike) else (name,)].append(name)
     known = tiers.seconds()
     for names in together.values():
         budgets = [functions[name][0].get_closest_marker("budget") for name in names]

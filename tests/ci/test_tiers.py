@@ -21,7 +21,7 @@ def test_cases_fit_their_budgets(count, each):
     assert by_default == count if each == 0.0 else by_default > 0 or count == 1 or each > tiers.MOST * tiers.DEFAULT
     if count * each > tiers.DEFAULT:  # then as many as fit, and one where none does
         assert (by_default + 1) * each > tiers.DEFAULT
-        assert by_long > 0 or by_default == count
+        assert by_long > 0 or by_default == count or each > tiers.MOST * tiers.LONG
 
 
 def test_further_cases_come_last_and_never_by_default():

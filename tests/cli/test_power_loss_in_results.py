@@ -23,8 +23,8 @@ CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.f
     ("begun", "seeds", "share"),
     [
         (False, 0, 40),
-        pytest.param(False, 2, 3, marks=pytest.mark.long),
-        pytest.param(True, 2, 3, marks=pytest.mark.long),
+        pytest.param(False, 2, 3, marks=pytest.mark.exhaustive),
+        pytest.param(True, 2, 3, marks=pytest.mark.exhaustive),
     ],
 )
 def test_results_are_written_again_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, begun, seeds, share):

@@ -22,7 +22,7 @@ CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.f
 
 @pytest.mark.parametrize(
     ("processes", "share"),
-    [(2, 33), pytest.param(2, 1, marks=pytest.mark.long), pytest.param(3, 1, marks=pytest.mark.long)],
+    [(2, 33), pytest.param(2, 1, marks=pytest.mark.exhaustive), pytest.param(3, 1, marks=pytest.mark.exhaustive)],
 )
 def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes, share):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
