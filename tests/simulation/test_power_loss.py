@@ -29,7 +29,11 @@ def simulate(members, place):
 
 @pytest.mark.parametrize(
     ("members", "seeds", "share"),
-    [(1, 0, 7), pytest.param(1, 3, 1, marks=pytest.mark.exhaustive), pytest.param(3, 2, 2, marks=pytest.mark.exhaustive)],
+    [
+        (1, 0, 7),
+        pytest.param(1, 3, 1, marks=pytest.mark.exhaustive),
+        pytest.param(3, 2, 2, marks=pytest.mark.exhaustive),
+    ],
 )
 def test_a_run_goes_on_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, members, seeds, share):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)

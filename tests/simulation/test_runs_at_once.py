@@ -20,7 +20,11 @@ RUN |= {"backend": "native"}
 
 @pytest.mark.parametrize(
     ("processes", "share", "rounds"),
-    [(2, 4, 1), pytest.param(2, 1, 3, marks=pytest.mark.exhaustive), pytest.param(3, 1, 2, marks=pytest.mark.exhaustive)],
+    [
+        (2, 4, 1),
+        pytest.param(2, 1, 3, marks=pytest.mark.exhaustive),
+        pytest.param(3, 1, 2, marks=pytest.mark.exhaustive),
+    ],
 )
 def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes, share, rounds):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
