@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from coadjoint.control.functions import casadi_function as casadi_function
     from coadjoint.control.optimum import Optimum as Optimum
     from coadjoint.control.problem import Problem as Problem
+    from coadjoint.control.sensitivity import Sensitivity as Sensitivity
     from coadjoint.control.statement import Bounds as Bounds
     from coadjoint.control.statement import End as End
     from coadjoint.control.statement import Input as Input

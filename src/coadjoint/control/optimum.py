@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from coadjoint.control.program import NonlinearProgram
+from coadjoint.control.sensitivity import Sensitivity, SolvedProgram, sensitivity
 from coadjoint.control.statement import Input
-from coadjoint.control.transcription import Split, Transcription
+from coadjoint.control.transcription import Transcription
 from coadjoint.errors import OptimumError, StepError
 from coadjoint.mechanics.signals import Held
 from coadjoint.mechanics.state import NodeMotion
@@ -44,6 +45,19 @@ class Optimum:
     build_seconds: float
     solve_seconds: float
     solver: str
+    solution: SolvedProgram
+
+    def sensitivity(self, *names: str, start: tuple[str, ...] = ()) -> Sensitivity:
+        """The first derivatives of the optimum by its data, from the conditions that it satisfies.
+
+        names: of parameters θ of the system, weights of the cost among them; arrays count by each of their numbers.
+        start: parts of the start, of "g" (η in g exp(η)), "n", "mu", "pi", as the method begins; by default none.
+
+        Raises ArgumentError for unknown names, OptimumError where the optimum has no derivative: where a bound is only
+        just reached, or where it is not a strict one. Source: Fiacco (1983), Introduction to Sensitivity and
+        Stability Analysis in Nonlinear Programming.
+        """
+        return sensitivity(self.solution, self.run, names, start)
 
     def __str__(self) -> str:
         rows = [
@@ -72,7 +86,7 @@ def flown(
     """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
     problem, parts = transcription.problem, transcription.split(numbers["x"])
     commands = transcription.commands(parts.u)
-    chosen = _parameters(transcription, parts)
+    chosen = transcription.chosen(parts)
     system = problem.system.replace(**chosen) if chosen else problem.system
     given = {
         name: _held(commands[name], float(problem.start.t), parts.h) if isinstance(value, Input) else value
@@ -97,18 +111,8 @@ def flown(
         run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen, equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
         float(np.max(excess, initial=0.0)), difference, iterations, *seconds, solver,
+        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
     )  # fmt: skip
-
-
-def _parameters(transcription: Transcription, parts: Split) -> dict[str, Any]:
-    found, begin = {}, 0
-    known: Any = transcription.problem.system.parameters
-    for name in transcription.problem.parameters:
-        shape = np.shape(getattr(known, name))
-        size = int(np.prod(shape))
-        found[name] = parts.parameters[begin : begin + size].reshape(shape)
-        begin += size
-    return found
 
 
 def _held(values: np.ndarray, begin: float, h: float) -> Any:

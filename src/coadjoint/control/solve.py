@@ -76,7 +76,7 @@ def solve(
     seconds = time.perf_counter() - began
     stats = function.stats()
     _require_optimum(program, found, stats, tolerance)
-    numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g")}
+    numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g", "lam_x")}
     words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
     return flown(transcription, program, numbers, int(stats.get("iter_count", 0)), (built, seconds), words)
 

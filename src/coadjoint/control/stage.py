@@ -117,10 +117,12 @@ class StepGraph:
 
     def numbers(self, states: State) -> np.ndarray:
         """States with leading axes as rows of the numbers that are symbols."""
-        tree = self._symbolic(states)
         lead = np.shape(states.t)
-        leaves = [np.asarray(leaf, float).reshape(*lead, -1) for leaf in jax.tree_util.tree_leaves(tree)]
-        return np.concatenate(leaves, axis=-1)
+        return np.concatenate([np.asarray(leaf, float).reshape(*lead, -1) for leaf in self.leaves(states)], axis=-1)
+
+    def leaves(self, state: State) -> list[Any]:
+        """The arrays of a state of which the numbers are symbols."""
+        return jax.tree_util.tree_leaves(self._symbolic(state))
 
     @staticmethod
     def _symbolic(state: State) -> tuple[Any, ...]:

@@ -113,6 +113,17 @@ class Transcription:
             begin += size
         return found
 
+    def chosen(self, parts: Split) -> dict[str, np.ndarray]:
+        """The parameters that are chosen, by their names."""
+        found, begin = {}, 0
+        known: Any = self.problem.system.parameters
+        for name in self.problem.parameters:
+            shape = np.shape(getattr(known, name))
+            size = int(np.prod(shape))
+            found[name] = parts.parameters[begin : begin + size].reshape(shape)
+            begin += size
+        return found
+
 
 def transcribe(problem: Statement) -> Transcription:
     """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated."""

@@ -1,0 +1,277 @@
+"""How an optimum changes with its data: parameters of the system, weights of the cost among them, and the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.sparse import bmat, csc_matrix
+from scipy.sparse.linalg import splu
+
+from coadjoint.control.library import casadi
+from coadjoint.control.program import NonlinearProgram, nonlinear_program
+from coadjoint.control.statement import Statement
+from coadjoint.control.transcription import Split, Transcription, transcribe
+from coadjoint.errors import ArgumentError, OptimumError, shown
+from coadjoint.simulation.run import Run
+
+OF_THE_START = ("g", "n", "mu", "pi")
+"""What of a start an optimum is differentiated by."""
+SETTLED = 1e-4
+"""The distance from a bound and its multiplier, relative to the largest, of which one at least must be larger."""
+
+
+class SolvedProgram(NamedTuple):
+    """What a solver found: the program's problem, and w with the multipliers of g(w) and of the bounds of w."""
+
+    problem: Statement
+    w: np.ndarray
+    of_rows: np.ndarray
+    of_bounds: np.ndarray
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """First derivatives of an optimum, by name of the datum θ; θ's own axes come last.
+
+    cost: θ → dJ/dθ. duration: θ → dT/dθ, s. inputs: input → θ → (N, *shape, *θ). parameters: chosen parameter → θ →
+    its derivative. states: θ → (N + 1, nx, *θ), in the order of `names`.
+    """
+
+    cost: dict[str, np.ndarray]
+    duration: dict[str, np.ndarray]
+    inputs: dict[str, dict[str, np.ndarray]]
+    parameters: dict[str, dict[str, np.ndarray]]
+    states: dict[str, np.ndarray]
+    names: list[str]
+
+    def __str__(self) -> str:
+        rows = [
+            f"{name:<18}dJ/dθ {np.array2string(value, precision=6, threshold=9)}" for name, value in self.cost.items()
+        ]
+        return "\n".join(["derivatives of the optimum", *rows])
+
+
+def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start: tuple[str, ...]) -> Sensitivity:
+    """The derivatives of an optimum, which `run` is; see `Optimum.sensitivity`."""
+    problem = solution.problem
+    _require(problem, names, start)
+    values = {name: np.asarray(getattr(problem.system.parameters, name), float) for name in names}
+    fixed = {name: (value, value) for name, value in values.items()}
+    wider = replace(problem, duration=None, parameters={**problem.parameters, **fixed})
+    transcription = transcribe(wider)
+    program = nonlinear_program(transcription)
+    w, multipliers, bounds = _taken_over(solution, run, transcription, values)
+    data = _data(transcription, values, start)
+    moved, slope = _derivatives(program, transcription, w, multipliers, bounds, np.concatenate(list(data.values()), 1))
+    return _named(transcription, data, values, moved, slope)
+
+
+def _require(problem: Statement, names: tuple[str, ...], start: tuple[str, ...]) -> None:
+    for name in names:
+        if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
+            raise ArgumentError(
+                f"The optimum is asked for its derivative by {shown(name)}, no parameter of the system."
+            )
+        if name in problem.parameters:
+            raise ArgumentError(
+                f"Parameter `{name}` is chosen with the motion, so that the optimum is no function of it."
+            )
+    for part in start:
+        if part not in OF_THE_START:
+            raise ArgumentError(
+                f"Argument `start` names parts of a state, of {', '.join(OF_THE_START)}, but {shown(part)}."
+            )
+    if not names and not start:
+        raise ArgumentError("Nothing is named by which the optimum is to be differentiated: parameters, or `start`.")
+    if start and problem.start.from_velocities and (names or problem.parameters):
+        raise ArgumentError(
+            "With parameters the motion begins with the velocities of the start, by whose momenta it has no derivative "
+            "then: ask for parameters and for the start one after the other."
+        )
+
+
+def _taken_over(
+    solution: SolvedProgram, run: Run, wider: Transcription, values: dict[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """w of the wider program with its multipliers: those of the program that was solved, and of the start's rows."""
+    narrow = transcribe(solution.problem)
+    parts = narrow.split(solution.w)
+    x = wider.graph.numbers(run.records)[:, wider.live]
+    at = [wider.live.index(i) for i in narrow.live]
+    x[:, at] = parts.x
+    p = np.concatenate([parts.parameters, *(value.ravel() for value in values.values())])
+    w = wider.joined(Split(x, parts.u, parts.z, p, parts.h))
+    (nx, _, nz, _), few, steps = wider.sizes, len(narrow.live), wider.problem.count
+    dynamics, others = np.split(solution.of_rows, [steps * (nz + few)])
+    rows = np.zeros((steps, nz + nx))
+    rows[:, [*range(nz), *(nz + i for i in at)]] = dynamics.reshape(steps, nz + few)
+    before = narrow.split(solution.of_bounds)
+    bounds = np.zeros_like(x)
+    bounds[:, at] = before.x
+    p = np.concatenate([before.parameters, np.zeros(sum(value.size for value in values.values()))])
+    h = before.h if wider.problem.free_duration is not None else 0.0
+    of_bounds = wider.joined(Split(bounds, before.u, before.z, p, h))
+    if wider.start and not narrow.start:
+        ends = sum(len(of_end.lower) for of_end in wider.end)
+        inner, outer = np.split(others, [len(others) - ends])
+        others = np.concatenate([inner, np.zeros(len(wider.start[0].lower)), outer])
+    return w, np.concatenate([rows.ravel(), others]), of_bounds
+
+
+def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """θ → (n, size): how w moves with the data themselves, all else being held."""
+    size, sizes = len(transcription.joined(_zeros(transcription))), transcription.sizes
+    found, first = {}, sizes[3] - sum(value.size for value in values.values())
+    for name, value in values.items():
+        columns = np.zeros((size, value.size))
+        for i in range(value.size):
+            parts = _zeros(transcription)
+            parts.parameters[first + i] = 1.0
+            columns[:, i] = transcription.joined(parts)
+        found[name], first = columns, first + value.size
+    for part in start:
+        changes = _changes(transcription, part)
+        columns = np.zeros((size, len(changes)))
+        for i, change in enumerate(changes):
+            parts = _zeros(transcription)
+            parts.x[0] = change
+            columns[:, i] = transcription.joined(parts)
+        found[f"start {part}"] = columns
+    return found
+
+
+def _changes(transcription: Transcription, part: str) -> np.ndarray:
+    """(size, nx): how x_0 changes with a part of the start: g with η in g exp(η), others with their own numbers."""
+    state, system = transcription.beginning.state, transcription.beginning.system
+    if part in ("n", "pi") and not system.additional.flat:
+        raise ArgumentError(f"The start's {part} lies on a manifold, by whose points there is no derivative here.")
+    size = system.group.dim if part == "g" else np.size(getattr(state, part))
+
+    def numbers(change: Any) -> Any:
+        if part == "g":
+            moved = system.group.compose(state.g, system.group.exp(change))
+        else:
+            before = jnp.asarray(getattr(state, part))
+            moved = before + change.reshape(before.shape)
+        leaves = transcription.graph.leaves(state.replace(**{part: moved}))
+        return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, float)) for leaf in leaves])
+
+    return np.asarray(jax.jacfwd(numbers)(jnp.zeros(size))).T[:, transcription.live]
+
+
+def _zeros(transcription: Transcription) -> Split:
+    steps = transcription.problem.count
+    nx, nu, nz, count = transcription.sizes
+    return Split(np.zeros((steps + 1, nx)), np.zeros((steps, nu)), np.zeros((steps, nz)), np.zeros(count), 0.0)
+
+
+def _derivatives(
+    program: NonlinearProgram, transcription: Transcription, w: np.ndarray, rows: np.ndarray, bounds: np.ndarray,
+    data: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """dw/dθ and dJ/dθ, with the active constraints A: the derivative of the conditions of the optimum,
+
+    [H  Aᵀ] [dw]     [H D]
+    [A  0 ] [dλ] = − [A D],   dJ = (∇f + Aᵀλ) D,   H the second derivative of f + λ·g, D how the data move w.
+    """
+    ca = casadi()
+    lam = ca.MX.sym("lam", program.g.numel())
+    lagrangian = program.f + ca.dot(lam, program.g)
+    hessian, gradient = ca.hessian(lagrangian, program.w)
+    jacobian = ca.jacobian(program.g, program.w)
+    at = ca.Function("conditions", [program.w, lam], [hessian, jacobian, gradient, program.g])
+    _, slopes, _, values = at(w, rows)
+    if transcription.start and not np.any(rows[_of_start(transcription)]):
+        rows = _with_start(transcription, rows, slopes.sparse().tocsc(), bounds)
+    second, slopes, gradient, values = at(w, rows)
+    a, gradient = slopes.sparse().tocsr(), gradient.full().ravel()
+    below, above = program.limits
+    held = _active(values.full().ravel(), below, above, rows, "A constraint")
+    low, high = program.bounds
+    fixed = _active(w, low, high, -gradient, "A bound")
+    free, a = np.flatnonzero(~fixed), a[held]
+    moving = csc_matrix(data)
+    right = -np.vstack([(second.sparse().tocsr()[free] @ moving).toarray(), (a @ moving).toarray()])
+    a = a[:, free]
+    matrix = csc_matrix(bmat([[second.sparse().tocsr()[free][:, free], a.T], [a, None]]))
+    found = _solved(matrix, right)
+    moved = data.copy()
+    moved[free] += found[: len(free)]
+    return moved, gradient @ data
+
+
+def _of_start(transcription: Transcription) -> slice:
+    """The rows of g that say with which velocities the motion starts: before those of the end, which are last."""
+    after = sum(len(rows.lower) for rows in transcription.end)
+    size = sum(len(rows.lower) for rows in transcription.start)
+    return slice(-size - after, -after or None)
+
+
+def _with_start(transcription: Transcription, rows: np.ndarray, slopes: Any, bounds: np.ndarray) -> np.ndarray:
+    """The multipliers of the start's velocities, Sᵀ λ = those of its momenta while these were fixed."""
+    where, names = _of_start(transcription), transcription.graph.names()
+    of_momenta = [i for i, place in enumerate(transcription.live) if names[place].startswith(("mu", "pi"))]
+    square = slopes[where][:, of_momenta].toarray()
+    rows = rows.copy()
+    rows[where] = np.linalg.lstsq(square.T, bounds[of_momenta], rcond=None)[0]
+    return rows
+
+
+def _active(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray, what: str) -> np.ndarray:
+    """Which constraints hold the optimum; raises OptimumError where one is only just reached."""
+    distance = np.minimum(value - lower, upper - value) / (1.0 + np.abs(value))
+    force = np.abs(multiplier) / max(1.0, float(np.max(np.abs(multiplier), initial=0.0)))
+    equal = lower == upper
+    if np.any(~equal & (distance < SETTLED) & (force < SETTLED)):
+        raise OptimumError(
+            f"{what} is only just reached: the optimum has a derivative on either side of it, but not here. Move its "
+            "limit a little."
+        )
+    return equal | (distance < force)
+
+
+def _solved(matrix: csc_matrix, right: np.ndarray) -> np.ndarray:
+    no = "The optimum is not a strict one, or its constraints are not independent: it has no derivative."
+    try:
+        found = splu(matrix, permc_spec="COLAMD").solve(right)
+    except RuntimeError:
+        raise OptimumError(no) from None
+    left = np.max(np.abs(matrix @ found - right), initial=0.0)
+    if not np.all(np.isfinite(found)) or left > SETTLED * (1.0 + np.max(np.abs(right), initial=0.0)):
+        raise OptimumError(no)
+    return found
+
+
+def _named(
+    transcription: Transcription, data: dict[str, np.ndarray], values: dict[str, np.ndarray],
+    moved: np.ndarray, slope: np.ndarray,
+) -> Sensitivity:  # fmt: skip
+    cost, duration, states = {}, {}, {}
+    inputs: dict[str, dict[str, np.ndarray]] = {name: {} for name, _ in transcription.inputs}
+    chosen: dict[str, dict[str, np.ndarray]] = {
+        name: {} for name in transcription.problem.parameters if name not in values
+    }
+    begin = 0
+    for name, columns in data.items():
+        shape = values[name].shape if name in values else (columns.shape[1],)
+        end = begin + columns.shape[1]
+        each = [transcription.split(column) for column in moved[:, begin:end].T]
+        cost[name], begin = slope[begin:end].reshape(shape), end
+
+        def last(rows: list[np.ndarray], shape: tuple[int, ...] = shape) -> np.ndarray:
+            return np.stack(rows, axis=-1).reshape((*rows[0].shape, *shape))
+
+        free = transcription.problem.free_duration is not None
+        times = [np.asarray(one.h * transcription.problem.count if free else 0.0) for one in each]
+        duration[name] = last(times)
+        states[name] = last([one.x for one in each])
+        for own in inputs:
+            inputs[own][name] = last([transcription.commands(one.u)[own] for one in each])
+        for own in chosen:
+            chosen[own][name] = last([transcription.chosen(one)[own] for one in each])
+    names = [transcription.graph.names()[i] for i in transcription.live]
+    return Sensitivity(cost, duration, inputs, chosen, states, names)

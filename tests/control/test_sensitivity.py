@@ -1,0 +1,116 @@
+"""Derivatives of an optimum by its data are the difference quotients of optima that are solved again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import coadjoint as co
+from coadjoint.control import End, Input, Problem
+
+J = np.diag([1.0, 2.0, 3.0])
+XI = np.array([0.1, -0.1, 0.2])
+STEP = 1e-4
+FREE = {"lower": -np.inf, "upper": np.inf}
+BOUNDED = {"lower": -0.6, "upper": 0.6}
+
+
+def turn(inertia=J, weight=1.0, xi=XI, first=((1, 0, 0), (0, 1, 0), (0, 0, 1)), limits=FREE):
+    system = co.System(
+        co.SO3(),
+        lambda xi, p: 0.5 * xi @ p.J @ xi,
+        parameters={"J": inertia, "weight": weight},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.torque),
+    )
+    return Problem(
+        system,
+        system.state(xi=xi, g=np.asarray(first, float)),
+        dt=0.5,
+        steps=10,
+        inputs={"torque": Input((3,), **limits)},
+        cost=lambda m, p: 0.5 * m.inputs.torque @ m.inputs.torque + p.weight * m.xi @ m.xi,
+        end=End(g=Rotation.from_rotvec([0.5, 1.2, -0.8]).as_matrix(), xi=np.zeros(3)),
+    )
+
+
+def quotients(changed, optimum):
+    """(J(θ + ε) − J(θ − ε))/2ε of the cost and of the torques, of problems solved again."""
+    ahead, behind = (changed(sign * STEP).solve(guess=optimum.run, tolerance=1e-11) for sign in (1, -1))
+    of_torques = (ahead.inputs["torque"] - behind.inputs["torque"]) / (2 * STEP)
+    return (ahead.cost - behind.cost) / (2 * STEP), of_torques
+
+
+@pytest.mark.parametrize("limits", [FREE, BOUNDED], ids=["free", "bounded"])
+def test_by_parameters_and_weights_of_the_cost(limits):
+    optimum = turn(limits=limits).solve(tolerance=1e-11)
+    found = optimum.sensitivity("J", "weight")
+    changes = {
+        "weight": ((), lambda e: turn(weight=1.0 + e, limits=limits)),
+        "J": ((0, 0), lambda e: turn(inertia=J + e * np.diag([1.0, 0, 0]), limits=limits)),
+    }
+    for name, (place, changed) in changes.items():
+        cost, torques = quotients(changed, optimum)
+        assert found.cost[name][place] == pytest.approx(cost, abs=2e-7)
+        np.testing.assert_allclose(found.inputs["torque"][name][(..., *place)], torques, atol=5e-6)
+    held = np.abs(np.abs(optimum.inputs["torque"]) - 0.6) < 1e-6
+    assert np.any(held) == (limits is BOUNDED)
+    assert np.max(np.abs(found.inputs["torque"]["weight"][held]), initial=0.0) < 1e-12
+
+
+def test_by_the_start_at_its_momenta_and_turned_in_its_own_frame():
+    optimum = turn().solve(tolerance=1e-11)
+    found = optimum.sensitivity(start=("mu", "g"))
+    turned = lambda s: turn(first=Rotation.from_rotvec([0.0, 0.0, s]).as_matrix())  # noqa: E731
+    changes = {"start mu": (0, lambda s: turn(xi=XI + s * np.eye(3)[0])), "start g": (2, turned)}
+    for name, (axis, changed) in changes.items():
+        cost, torques = quotients(changed, optimum)
+        assert found.cost[name][axis] == pytest.approx(cost, abs=2e-7)
+        np.testing.assert_allclose(found.inputs["torque"][name][..., axis], torques, atol=5e-6)
+    at = [optimum.names.index(f"mu[{i}]") for i in range(3)]
+    np.testing.assert_allclose(found.states["start mu"][0, at], np.eye(3), atol=1e-12)
+
+
+def test_by_a_parameter_beside_a_free_duration_and_a_chosen_parameter():
+    def crossing(weight):
+        cart = co.System(
+            co.Translation(1),
+            lambda xi, p: 0.5 * p.mass * xi @ xi,
+            parameters={"mass": 1.0, "weight": weight},
+            forces=lambda motion, p: co.Force(torque=motion.inputs.push),
+        )
+        return Problem(
+            cart,
+            cart.state(g=[0.0], xi=[0.3]),
+            dt=0.1,
+            steps=20,
+            inputs={"push": Input((1,))},
+            cost=lambda m, p: p.weight + 0.5 * m.inputs.push @ m.inputs.push + 0.5 * (p.mass - 2.0) ** 2,
+            end=End(g=[2.0], xi=[0.0]),
+            free_duration=(0.5, 20.0),
+            parameters={"mass": (0.5, 5.0)},
+        )
+
+    optimum = crossing(0.7).solve(tolerance=1e-11)
+    found = optimum.sensitivity("weight")
+    ahead, behind = (crossing(0.7 + s * STEP).solve(guess=optimum.run, tolerance=1e-11) for s in (1, -1))
+    assert found.duration["weight"] == pytest.approx((ahead.duration - behind.duration) / (2 * STEP), rel=1e-5)
+    slope = (ahead.parameters["mass"] - behind.parameters["mass"]) / (2 * STEP)
+    assert found.parameters["mass"]["weight"] == pytest.approx(slope, rel=1e-5)
+    assert found.cost["weight"] == pytest.approx(optimum.duration, rel=1e-8)  # dJ/dw = ∂J/∂w = T
+
+
+def test_what_has_no_derivative_is_told():
+    optimum = turn().solve()
+    for names, start, words in [
+        (("jay",), (), "no parameter of the system"),
+        ((), ("xi",), "parts of a state"),
+        ((), (), "Nothing is named"),
+        (("J",), ("mu",), "one after the other"),
+    ]:
+        with pytest.raises(co.ArgumentError, match=words):
+            optimum.sensitivity(*names, start=start)
+    largest = float(np.max(np.abs(optimum.inputs["torque"])))
+    reached = turn(limits={"lower": -largest, "upper": largest}).solve(tolerance=1e-11)
+    with pytest.raises(co.OptimumError, match="only just reached"):
+        reached.sensitivity("weight")
