@@ -188,6 +188,7 @@ def test_drift_of_errors_that_stay_that_wander_and_that_grow():
     assert drift(wave * (1.5 + np.sin(17 * t))) < 0.2, "a slow exchange is no drift"
     assert 1 < drift(np.sqrt(t) * wave) < 1.3
     assert drift(t * wave) == pytest.approx(2, abs=0.1)
+    assert drift(np.arange(10_000) + 0.5) == pytest.approx(2, rel=1e-6), "a straight line has no scatter to take off"
 
 
 FLAT = [name for name, problem in PROBLEMS.items() if problem.system.additional.flat and problem.exact is None]

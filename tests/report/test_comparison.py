@@ -55,6 +55,14 @@ def test_a_shorter_run_is_compared_as_far_as_it_goes(coarse):
     assert found.largest["mu"] == 0.0
 
 
+def test_what_only_one_of_the_runs_conserves_is_shown_for_that_one(coarse):
+    other = coarse.dataset.copy()
+    error = other.attrs.pop("energy_error_max")
+    assert compare(coarse.dataset, other).conserved["energy_error_max"] == (error, None)
+    assert compare(other, coarse.dataset).conserved["energy_error_max"] == (None, error)
+    assert "energy_error_max" not in compare(other, other).conserved
+
+
 def test_angles_are_compared_within_half_a_turn(coarse):
     turned = coarse.dataset.copy(deep=True)
     turned["euler_angles"] = turned.euler_angles + 2 * np.pi

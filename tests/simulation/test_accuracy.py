@@ -224,6 +224,8 @@ def test_a_trajectory_that_parts_from_the_true_one_tells_until_when_it_holds():
     run = co.simulate(system, start, accuracy="full", **arguments)
     assert run.accuracy.trajectory > 0.1 and 0 < run.accuracy.holds < 5
     assert "under 10 % until t = " in str(run)
+    system, start, arguments = top(2.5)()
+    assert co.simulate(system, start, accuracy="full", **arguments).accuracy.holds == 0.0, "lost in the first step"
 
 
 def test_a_whole_trajectory_is_judged_only_where_two_runs_share_their_nodes():

@@ -48,6 +48,9 @@ def test_members_with_different_directions_of_gravity_each_conserve_their_own_mo
     fleet = co.simulate(VEHICLE, start(VEHICLE, a0=co.each(down)), dt=0.02, steps=200)
     assert np.max(fleet.relative_changes("kelvin_noether")) < 1e-11
     assert np.max(fleet.extrema["balance"][1]) < 1e-13
+    top = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ (xi * jnp.arange(1.0, 4.0)) - 2e9 * a[2], advected=co.Defining())
+    fleet = co.simulate(top, top.state(xi=[0.3, 0.2, 5.0], a0=co.each(1e-9 * down)), dt=0.02, steps=200)
+    assert np.max(fleet.relative_changes("kelvin_noether")) < 1e-11, "whatever the unit of a0"
 
 
 def test_a_member_that_fails_is_reported_and_masked_and_the_others_finish():

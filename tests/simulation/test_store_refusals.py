@@ -295,6 +295,8 @@ sys.stdin.read()
             with pytest.raises(co.FileError, match=f"in use by process {process.pid}: wait"):
                 going_on()
         assert 0 < len(co.load(cut).dataset.time) < 1001
+        with pytest.raises(subprocess.TimeoutExpired):  # whoever asks leaves the other process alone
+            process.wait(0.1)
     finally:
         process.kill()
         process.communicate()

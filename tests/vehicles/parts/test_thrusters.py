@@ -87,6 +87,13 @@ def test_a_table_is_the_straight_lines_between_its_rows_and_constant_beyond():
     np.testing.assert_allclose(found, np.interp(u, [-5, -1, 0, 2, 5], [-9, -1, 0, 1, 20]), atol=1e-14)
 
 
+@pytest.mark.parametrize("forces", [(-0.3, 0.0, 0.5), (-2.0, -1.0, 0.0), (0.0, 0.2, 0.4)])
+def test_a_table_may_push_little_or_in_one_direction_alone(forces):
+    commands = np.array([-1.0, 0.0, 1.0])
+    curve = force_curve({"table": list(zip(commands, forces, strict=True))}, "x")
+    np.testing.assert_allclose(evaluate(curve.force, commands, Named(**curve.parameters())), forces, atol=1e-15)
+
+
 def test_the_t200_at_16_volts_has_its_published_ends_and_dead_band():
     part = Thrusters("thrusters", T200, **ONE, unit="µs")
     assert part.command.start == 1500.0 and tuple(part.limit) == (1100.0, 1900.0)
