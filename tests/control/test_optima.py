@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -295,6 +297,13 @@ def test_the_velocities_of_the_start_stay_whatever_mass_is_chosen():
     ).solve()  # fmt: skip
     assert float(optimum.parameters["mass"]) == pytest.approx(2.0, abs=1e-6)  # 1 − 1/(2 m) = 0.75
     assert optimum.difference < 1e-8
+
+
+@pytest.mark.parametrize(("times", "told"), [(0.99, False), (1.01, True)])
+def test_a_run_that_leaves_the_optimum_by_ten_times_all_violations_is_told_on_the_card(times, told):
+    optimum = turning([0, 0, 2.5], 8).solve()
+    card = str(replace(optimum, violation=1e-9, difference=times * 10 * 8 * 1e-9))
+    assert ("leaves the optimum" in card) == told
 
 
 def test_an_end_where_the_solver_begins_is_told_on_the_card():

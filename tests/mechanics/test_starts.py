@@ -95,6 +95,10 @@ def test_a_start_that_is_given_twice_or_in_another_shape_is_refused(given, sente
         RIGID.state(**given)
 
 
+def test_no_momenta_of_no_additional_dynamics_may_be_given():
+    assert RIGID.state(mu=[1, 0, 0.0], pi=[]).pi.shape == (0,)
+
+
 def on_sphere(mu, p):
     x, y = mu[:3] / p.gamma[0], mu[3:] / p.gamma[1]
     return -p.gamma[0] * p.gamma[1] / (4 * jnp.pi) * jnp.log(2 - 2 * x @ y)

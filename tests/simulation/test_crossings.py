@@ -84,14 +84,15 @@ def test_the_first_of_two_crossings_in_one_step_ends_the_run():
     assert falling.event == pytest.approx(0.0714, abs=1e-12)
 
 
+@pytest.mark.parametrize("top", [0.2, 0.37, 0.8])
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3])
-def test_near_crossings_are_told_from_crossings(gap):
-    """cos 0.9(x − 0.37) − 1 ± gap², whose maximum between nodes 0 and 1 is just over and just under zero."""
+def test_near_crossings_are_told_from_crossings(gap, top):
+    """cos 0.9(x − top) − 1 ± gap², whose maximum between nodes 0 and 1 is just over and just under zero."""
     nodes = np.arange(8.0)
     for sign in (-1, 1):
 
         def f(x, sign=sign):
-            return np.cos(0.9 * (x - 0.37)) - 1 + sign * gap**2
+            return np.cos(0.9 * (x - top)) - 1 + sign * gap**2
 
         found = [
             c
@@ -101,7 +102,7 @@ def test_near_crossings_are_told_from_crossings(gap):
         ]
         assert [c.rises for c in found] == ([True, False] if sign > 0 else [])
         half = np.arccos(1 - gap**2) / 0.9
-        assert [c.theta for c in found] == pytest.approx([0.37 - half, 0.37 + half][: len(found)], abs=1e-10)
+        assert [c.theta for c in found] == pytest.approx([top - half, top + half][: len(found)], abs=1e-10)
 
 
 def test_three_crossings_in_one_step_are_three():

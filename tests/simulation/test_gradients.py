@@ -70,8 +70,8 @@ def test_translation_symmetry_makes_the_sensitivity_to_the_start_the_identity():
         return co.trajectory(VEHICLE, start(VEHICLE, q=q0), dt=DT, steps=STEPS).final.q
 
     with co.float64():
-        jacobian = jax.jacrev(last)(jnp.array([0.0, 0.0, 1.0]))
-    assert np.max(np.abs(np.asarray(jacobian) - np.eye(3))) < 1e-13
+        jacobians = [jacobian(last)(jnp.array([0.0, 0.0, 1.0])) for jacobian in (jax.jacrev, jax.jacfwd)]
+    assert np.max(np.abs(np.asarray(jacobians) - np.eye(3))) < 1e-13
 
 
 def test_vmap_over_parameters_equals_single_trajectories_in_value_and_gradient():

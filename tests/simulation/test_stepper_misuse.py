@@ -106,6 +106,7 @@ def test_wrong_calls_get_a_sentence_and_change_nothing(single, many):
         (lambda: many.reset(mask=[1, 0]), "must be truth values"),
         (lambda: many.reset(mask=[[True], [False, True]]), "must be truth values"),
         (lambda: many.reset(seed=[[1], [2, 3]]), "Argument `seed` must be whole numbers"),
+        (lambda: many.restore(jax.tree.map(lambda leaf: leaf[:3], many.state)), "must be of 11 members, but is of 3"),
         (lambda: many.step({"spin": np.zeros(3)}), r"must have shape \(11,\)"),
         (lambda: many.step({"spin": ["full"] * 11}), "must be a number"),
         (lambda: many.change(lag=np.ones(3)), "or one for each of 11 members"),
