@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from coadjoint.control.exported import step_function as step_function
     from coadjoint.control.functions import casadi_function as casadi_function
     from coadjoint.control.optimum import Optimum as Optimum
+    from coadjoint.control.predictive import Answer as Answer
+    from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
     from coadjoint.control.statement import Bounds as Bounds

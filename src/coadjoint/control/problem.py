@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from coadjoint.control.optimum import Optimum
+from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.solve import solve
 from coadjoint.control.statement import Statement
+from coadjoint.mechanics.state import State
 from coadjoint.simulation.run import Run
 
 
@@ -72,3 +74,31 @@ class Problem(Statement):
         LagrangianError for what cannot be stated.
         """
         return solve(self, guess, solver, tolerance, max_iterations, verbose, options)
+
+    def controller(
+        self,
+        horizon: float | None = None,
+        period: float | None = None,
+        *,
+        delay: float = 0.0,
+        iterations: int = 1,
+        fallback: Callable[[State], Any] | None = None,
+    ) -> Controller:
+        """Model predictive control of this problem: `controller(state)` is the command for a state, by one iteration.
+
+            controller = problem.controller(horizon=2.0, period=0.1)
+            stepper.step(controller(stepper.state).command)
+
+        Arguments:
+            horizon: how far it looks ahead, s; by default the duration of the problem.
+            period: how long each answer's inputs act, s, a whole number of steps; by default one.
+            delay: how long after its state the new plan begins to act, s, a whole number of steps up to the period;
+                until then that of the answer before acts. By default 0.
+            iterations: quadratic programs in each call, by default 1.
+            fallback: state → {name: command}, what acts where there is no plan; by default the inputs' guesses.
+
+        The start of the problem says only which system and internal state it is. Raises ArgumentError and
+        LagrangianError for what cannot be a controller.
+        """
+        problem = self if horizon is None else replace(self, duration=horizon, steps=None)
+        return controller(problem, period, delay, iterations, fallback)

@@ -1,0 +1,204 @@
+"""The quadratic program about a plan: its steps linearised, its costs to second order, its constraints to first.
+
+    min Σ ½ δwᵀ H_k δw + g_kᵀ δw   subject to   δx_{k+1} = A δx_k + B δu_k + c_k,  w = (x, u),
+
+where H is the Hessian of the costs alone, with no curvature of the steps: a generalised Gauss–Newton method, whose
+steps need no multipliers and lead to the same optima. Where a Hessian is not positive semidefinite its negative
+eigenvalues are left out.
+
+Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal
+feedback control*, SIAM J. Control Optim. 43 (2005); on the Hessian: F. Messerer, K. Baumgärtner, M. Diehl, *Survey of
+sequential convex programming and generalized Gauss–Newton methods*, ESAIM: Proc. 71 (2021).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coadjoint.control.linearised import LinearSteps, Steps, Tables, with_hessian, with_jacobian
+from coadjoint.control.quadratic import Stages
+from coadjoint.control.transcription import Transcription
+from coadjoint.errors import ArgumentError
+
+FLOOR = 1e-9
+"""The least eigenvalue of a Hessian, of its largest number."""
+
+
+class Expansion(NamedTuple):
+    """The program about a plan, and the steps by which z follows."""
+
+    stages: Stages
+    steps: Steps
+    next: np.ndarray
+
+
+class Expanding:
+    """A transcription's functions, expanded about any plan. scale: of each input, by which the program counts it."""
+
+    def __init__(self, transcription: Transcription):
+        problem, functions = transcription.problem, transcription.functions
+        self.transcription, self.count, self.h = transcription, problem.count, problem.dt
+        self.nx, self.nu = transcription.sizes[:2]
+        self._linear = LinearSteps(transcription, self.count)
+        cost, final = with_hessian(functions.cost, "cost"), with_hessian(functions.final, "final")
+        path, end = with_jacobian(functions.path, "path"), with_jacobian(functions.end, "end")
+        self._cost, self._final = Tables(cost, 2 * self.count), Tables(final, 1)
+        self._path, self._end = Tables(path, self.count + 1), Tables(end, 1)
+        self.coupled = self._coupled(cost) or self._coupled(final)
+        self._path_reads_inputs = _reads(path, slice(self.nx, None))
+        if np.any(_reads(end, slice(self.nx, None))):
+            raise ArgumentError(
+                "A controller's `end` must be of the state alone: put what is asked of inputs in `path`."
+            )
+        self.lower, self.upper, self.rate = (limits_of(transcription, name) for name in ("lower", "upper", "rate"))
+        width = self.upper - self.lower
+        self.scale = np.where(np.isfinite(width) & (width > 0), width / 2, 1.0)
+        self._units = np.concatenate([np.ones(self.nx), self.scale])
+        self.rated = np.flatnonzero(np.isfinite(self.rate))
+
+    def _coupled(self, function) -> bool:
+        """Whether a cost has a product of a state with an input, which is of two stages at the end of a step."""
+        hessian = _pattern(function, "hessian", self.nx + self.nu)
+        return bool(
+            np.any(hessian[: self.nx, self.nx :]) or (function.name() == "final" and np.any(hessian[self.nx :]))
+        )
+
+    def steps(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, Steps]:
+        """Φ (N, nx) and the linear steps about a plan, with their gaps c."""
+        after, steps = self._linear(x[:-1], u, z, p, self.h)
+        return after, steps._replace(c=steps.c - x[1:])
+
+    def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray) -> Expansion:
+        """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN where none is known."""
+        after, steps = self.steps(x, u, z, p)
+        M = np.concatenate([steps.A, steps.B], axis=2)
+        H, g, last_H, last_g = self._costs(x, u, p, M, steps.c)
+        C, limits, last_C, last_limits = self._constraints(x, u, p)
+        bounds = self.lower - u, self.upper - u
+        stages = Stages(H, g, M, steps.c, C, limits, bounds, last_H, last_g, last_C, last_limits)
+        return Expansion(self._scaled(self._with_rates(stages, u, before)), steps, after)
+
+    def _costs(
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        n, nx, nu, half = self.count, self.nx, self.nu, 0.5 * self.h
+        _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, u]), p, self.h)
+        hessian = hessian.reshape(2 * n, nx + nu, nx + nu)
+        H, g, ahead, slope = half * hessian[:n], half * gradient[:n], half * hessian[n:], half * gradient[n:]
+        _, gradient, hessian = self._final(x[-1:], u[-1:], p, self.h)
+        ahead[-1] += hessian.reshape(nx + nu, nx + nu)
+        slope[-1] += gradient[0]
+        if self.coupled:
+            T = np.concatenate([M, np.broadcast_to(np.eye(nu, nx + nu, nx), (n, nu, nx + nu))], axis=1)
+            offset = slope + (ahead[:, :, :nx] @ c[:, :, None])[:, :, 0]
+            back = T.transpose(0, 2, 1)
+            H, g = H + back @ ahead @ T, g + (back @ offset[:, :, None])[:, :, 0]
+            return convex(H, self._units), g, np.zeros((nx, nx)), np.zeros(nx)
+        H[:, nx:, nx:] += ahead[:, nx:, nx:]
+        g[:, nx:] += slope[:, nx:]
+        H[1:, :nx, :nx] += ahead[:-1, :nx, :nx]
+        g[1:, :nx] += slope[:-1, :nx]
+        return convex(H, self._units), g, convex(ahead[-1:, :nx, :nx], self._units[:nx])[0], slope[-1, :nx]
+
+    def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
+        """Those of the motion, less what no input can change at the first node, and what inputs do at the last."""
+        n, nx, m = self.count, self.nx, self.nx + self.nu
+        values, jacobian = self._path(x, np.concatenate([u, u[-1:]]), p, self.h)
+        rows = values.shape[1]
+        jacobian = jacobian.reshape(n + 1, rows, m)
+        of_path = [np.concatenate([getattr(r, s) for r in self.transcription.path] or [[]]) for s in ("lower", "upper")]
+        limits = [np.asarray(side, float) - values for side in of_path]
+        inputs = self._path_reads_inputs
+        for side, endless in zip(limits, (-np.inf, np.inf), strict=True):
+            side[0, ~inputs] = endless
+            side[-1, inputs] = endless
+        end, of_end = self._end(x[-1:], u[-1:], p, self.h)
+        last_C = np.concatenate([jacobian[-1, :, :nx], of_end.reshape(end.shape[1], m)[:, :nx]])
+        last = [np.concatenate([side[-1], -end[0]]) for side in limits]
+        return jacobian[:-1], (limits[0][:-1], limits[1][:-1]), last_C, (last[0], last[1])
+
+    def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
+        """With the input before as states more, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a rate."""
+        rated, n, nx, nu = self.rated, self.count, self.nx, self.nu
+        if not len(rated):
+            return s
+        more = len(rated)
+        grown = np.concatenate([np.arange(nx), nx + more + np.arange(nu)])
+        m = nx + more + nu
+        H, g, M, C = (
+            np.zeros((n, m, m)),
+            np.zeros((n, m)),
+            np.zeros((n, nx + more, m)),
+            np.zeros((n, s.C.shape[1] + more, m)),
+        )
+        H[:, grown[:, None], grown], g[:, grown] = s.H, s.g
+        M[:, :nx, grown] = s.M
+        M[:, nx + np.arange(more), nx + more + rated] = 1.0
+        C[:, : s.C.shape[1], grown] = s.C
+        C[:, s.C.shape[1] + np.arange(more), nx + more + rated] = 1.0
+        C[:, s.C.shape[1] + np.arange(more), nx + np.arange(more)] = -1.0
+        change = np.vstack([u[0] - before, np.diff(u, axis=0)])[:, rated]
+        most = self.rate[rated] * self.h
+        low = np.where(np.isnan(change), -np.inf, -most - change)
+        high = np.where(np.isnan(change), np.inf, most - change)
+        limits = np.concatenate([s.C_limits[0], low], 1), np.concatenate([s.C_limits[1], high], 1)
+        wide = [(0, more)]
+        return s._replace(
+            H=H, g=g, M=M, c=np.pad(s.c, [(0, 0), *wide]), C=C, C_limits=limits, last_H=np.pad(s.last_H, wide * 2),
+            last_g=np.pad(s.last_g, wide), last_C=np.pad(s.last_C, [(0, 0), *wide]),
+        )  # fmt: skip
+
+    def _scaled(self, s: Stages) -> Stages:
+        """With inputs counted in half their width."""
+        units = np.concatenate([np.ones(s.M.shape[1] - len(self.rated)), self.scale[self.rated], self.scale])
+        nx = s.M.shape[1]
+        of_x = units[:nx]
+        return s._replace(
+            H=s.H * units * units[:, None], g=s.g * units, M=s.M * units / of_x[:, None], C=s.C * units,
+            u_limits=(s.u_limits[0] / self.scale, s.u_limits[1] / self.scale),
+        )  # fmt: skip
+
+    def patterns(self) -> dict[str, np.ndarray]:
+        """Which numbers of the program may differ from zero."""
+        nx, nu, more = self.nx, self.nu, len(self.rated)
+        rows, end = (
+            sum(len(r.lower) for r in self.transcription.path),
+            sum(len(r.lower) for r in self.transcription.end),
+        )
+        m = nx + more + nu
+        found = {"M": (nx + more, m), "H": (m, m), "C": (rows + more, m), "last_H": (nx + more,) * 2}
+        return {name: np.ones(shape, bool) for name, shape in (found | {"last_C": (rows + end, nx + more)}).items()}
+
+
+def limits_of(transcription: Transcription, name: str) -> np.ndarray:
+    """`lower`, `upper`, `rate` or `guess` of all inputs, (nu,)."""
+    return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
+
+
+def convex(H: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number, in units (m,)."""
+    H = H * units * units[:, None]
+    size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
+    raised = H + FLOOR * size * np.eye(H.shape[-1])
+    try:
+        np.linalg.cholesky(raised)
+        return raised / units / units[:, None]
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(H)
+        found = (vectors * np.maximum(values, FLOOR * size)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        return found / units / units[:, None]
+
+
+def _pattern(function, result: str, width: int) -> np.ndarray:
+    sparsity = function.sparsity_out(result)
+    found = np.zeros((sparsity.size1(), width), bool)
+    found[np.array(sparsity.row(), int), np.array(sparsity.get_col(), int)] = True
+    return found
+
+
+def _reads(function, columns: slice) -> np.ndarray:
+    """Which rows of a function depend on some of (x, u)."""
+    sparsity = function.sparsity_out("jacobian")
+    return np.any(_pattern(function, "jacobian", sparsity.size2())[:, columns], axis=1)

@@ -1,0 +1,361 @@
+"""Model predictive control by real-time iterations: one quadratic program a period, about the plan of the last one.
+
+Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal
+feedback control*, SIAM J. Control Optim. 43 (2005).
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.control.expansion import Expanding, Expansion, limits_of
+from coadjoint.control.linearised import Simulated
+from coadjoint.control.measured import Measured
+from coadjoint.control.quadratic import QuadraticSolver, StageLayout
+from coadjoint.control.statement import Statement
+from coadjoint.control.transcription import transcribe
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.mechanics.state import State
+from coadjoint.simulation.arguments import whole
+
+VIOLATED = 1e-5
+"""How far a solution may leave the constraints of its program."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a controller says to a state.
+
+    command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
+    period. status: "solved"; "planned", the inputs that the last plan has for these steps; "fallback", those of the
+    function `fallback`; or "guess", those of the inputs' guesses. sentence: why, or empty where it is solved.
+    plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
+    names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
+    read, and after.
+    """
+
+    command: dict[str, np.ndarray]
+    inputs: dict[str, np.ndarray]
+    status: str
+    sentence: str
+    plan: dict[str, np.ndarray]
+    nodes: np.ndarray
+    t: float
+    preparation_seconds: float
+    feedback_seconds: float
+
+
+class MotionPlan(NamedTuple):
+    """Nodes x (N + 1, nx), inputs u (N, nu) and unknowns z (N, nz)."""
+
+    x: np.ndarray
+    u: np.ndarray
+    z: np.ndarray
+
+
+@dataclass
+class Timeline:
+    """What acts when: `inputs`, rows (1 + d + N, nu), the one before t, those of the delay, and the plan; age: steps
+    since the last solution."""
+
+    t: float
+    inputs: np.ndarray
+    age: int = 0
+
+
+@dataclass
+class Record:
+    """How often each status was answered, and the seconds of both phases."""
+
+    statuses: Counter[str] = field(default_factory=Counter)
+    last_failure: str = ""
+    preparation: list[float] = field(default_factory=list)
+    feedback: list[float] = field(default_factory=list)
+
+
+class Controller:
+    """Model predictive control: controller(state).command once a period; `co.control.Problem.controller` makes it.
+
+    Each call takes one step of Gauss and Newton (`iterations` of them) towards the optimum of the problem from this
+    state on, about the last plan, which is shifted by the steps that have passed since:
+
+        preparation: x, u, z shifted by s steps, their linear steps, costs and constraints  (no state is needed);
+        feedback: the quadratic program with δx_0 = x(t + delay) − x_0, whose u_0, u_1, … are the command.
+
+    Called again with a state of the same t it shifts nothing, and goes on to the optimum of that state. A state that is
+    earlier than the last one, or later than the plan, starts anew from the inputs' guesses, as `reset` does.
+    """
+
+    def __init__(
+        self,
+        problem: Statement,
+        period: int,
+        delay: int,
+        iterations: int,
+        fallback: Callable[[State], Any] | None,
+    ):
+        self.problem, self.steps, self.delay, self.iterations = problem, period, delay, iterations
+        self._fallback = fallback
+        self._transcription = transcription = transcribe(problem)
+        self.names = tuple(transcription.graph.names()[i] for i in transcription.live)
+        self._expanding = expanding = Expanding(transcription)
+        self._simulated, self._measured = Simulated(transcription), Measured(transcription)
+        self._guess = limits_of(transcription, "guess")
+        nx = expanding.nx + len(expanding.rated)
+        self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
+        self._solve = QuadraticSolver(self._layout)
+        self._p = np.zeros(transcription.sizes[3])
+        self.record = Record()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the plan and what has acted: the next call starts from the inputs' guesses."""
+        self._plan: MotionPlan | None = None
+        self._clock: Timeline | None = None
+        self._prepared: tuple[int, MotionPlan, Expansion] | None = None
+
+    def prepare(self) -> float:
+        """Linearise about the plan as it will be a period after the last state; returns seconds.
+
+        What a loop calls while it waits for the next state; without it, the call with that state does this first.
+        """
+        began = time.perf_counter()
+        if self._plan is not None and self._prepared is None:
+            self._prepare(self.steps)
+        return time.perf_counter() - began
+
+    def __call__(self, state: State) -> Answer:
+        """The command for a state, by one real-time iteration.
+
+        state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member. Its momenta
+        are those of the model: where the vehicle has other masses, give velocities, system.state(g=…, xi=…, …).
+        Raises ArgumentError for another thing; what fails in the solver is told by the answer.
+        """
+        began = time.perf_counter()
+        measured = self._measured(state)
+        t, passed = float(state.t), self._passed(float(state.t))
+        if passed is None:
+            self.reset()
+        preparing = time.perf_counter()
+        if self._plan is not None and passed is not None and (self._prepared is None or self._prepared[0] != passed):
+            self._prepare(passed)
+        if self._prepared is not None:
+            self._plan = self._prepared[1]
+        preparation = time.perf_counter() - preparing
+        clock = self._now(t, passed or 0)
+        reason = self._iterate(measured, clock)
+        answer = self._answer(state, clock, reason, began, preparation)
+        self._note(answer)
+        return answer
+
+    def _passed(self, t: float) -> int | None:
+        """Steps since the last state; None where the plan does not reach."""
+        if self._clock is None:
+            return 0
+        passed = round((t - self._clock.t) / self.problem.dt)
+        return passed if 0 <= passed < self.problem.count else None
+
+    def _prepare(self, passed: int) -> None:
+        plan = self._shifted(passed)
+        assert self._clock is not None
+        before = self._clock.inputs[passed + self.delay]
+        with np.errstate(all="ignore"):
+            self._prepared = passed, plan, self._expanding(plan.x, plan.u, plan.z, self._p, before)
+
+    def _shifted(self, passed: int) -> MotionPlan:
+        """The plan some steps later, whose last input is held and whose last nodes are where it leads."""
+        assert self._plan is not None
+        x, u, z = self._plan
+        if passed:
+            x, u, z = (np.concatenate([rows[passed:], rows[-1:].repeat(passed, 0)]) for rows in (x, u, z))
+            self._follow(x, u, z, len(u) - passed)
+        return MotionPlan(x, u, z)
+
+    def _follow(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, first: int) -> bool:
+        """Simulate the nodes from `first` on in place; False where a step has no solution."""
+        for k in range(first, len(u)):
+            found = self._simulated(x[k], u[k], z[max(k - 1, 0)], self._p, self.problem.dt)
+            if found is None:
+                x[k + 1 :] = x[k]
+                return False
+            x[k + 1], z[k] = found
+        return True
+
+    def _now(self, t: float, passed: int) -> Timeline:
+        """What has acted and will act until the plan begins; the plan's own rows follow when there are some."""
+        if self._clock is None:
+            unknown = np.full((1, len(self._guess)), np.nan)
+            return Timeline(t, np.concatenate([unknown, np.tile(self._guess, (self.delay, 1))]))
+        acting = self._clock.inputs[passed : passed + 1 + self.delay]
+        return Timeline(t, acting, self._clock.age + passed)
+
+    def _iterate(self, measured: np.ndarray, clock: Timeline) -> str:
+        """Solve from the state that the delay ends at; returns why it failed, or an empty sentence."""
+        first = self._predicted(measured, clock)
+        if first is None:
+            self._prepared = None
+            return "the model has no step from this state"
+        if self._plan is None:
+            self._begin(first, clock)
+        for _ in range(self.iterations):
+            if self._prepared is None:
+                self._prepare_again(clock)
+            assert self._prepared is not None
+            _, plan, expansion = self._prepared
+            self._prepared = None
+            reason = self._step(plan, expansion, first)
+            if reason:
+                return reason
+        return ""
+
+    def _prepare_again(self, clock: Timeline) -> None:
+        assert self._plan is not None
+        with np.errstate(all="ignore"):
+            self._prepared = 0, self._plan, self._expanding(*self._plan, self._p, clock.inputs[-1])
+
+    def _predicted(self, measured: np.ndarray, clock: Timeline) -> np.ndarray | None:
+        x, z = measured, np.zeros(self._transcription.sizes[2])
+        for u in clock.inputs[1:]:
+            found = self._simulated(x, u, z, self._p, self.problem.dt)
+            if found is None:
+                return None
+            x, z = found
+        return x
+
+    def _begin(self, first: np.ndarray, clock: Timeline) -> None:
+        """A first plan: the motion from here under the inputs' guesses."""
+        count, nz = self.problem.count, self._transcription.sizes[2]
+        x, u, z = np.tile(first, (count + 1, 1)), np.tile(self._guess, (count, 1)), np.zeros((count, nz))
+        u = np.clip(u, self._expanding.lower, self._expanding.upper)
+        self._follow(x, u, z, 0)
+        self._plan = MotionPlan(x, u, z)
+
+    def _step(self, plan: MotionPlan, expansion: Expansion, first: np.ndarray) -> str:
+        """One quadratic program, and the plan moved by its solution."""
+        stages, steps = expansion.stages, expansion.steps
+        if not (np.all(np.isfinite(stages.M)) and np.all(np.isfinite(stages.H)) and np.all(np.isfinite(stages.g))):
+            self._plan = None
+            return "a function of the problem, or a derivative, is not finite about the plan"
+        nx = self._expanding.nx
+        change = np.concatenate([first - plan.x[0], np.zeros(len(self._expanding.rated))])
+        solved = self._solve(stages, change)
+        if solved.failure or solved.violation > VIOLATED:
+            return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
+        dx, du = solved.x[:, :nx], solved.u * self._expanding.scale
+        dz = (steps.E @ dx[:-1, :, None] + steps.F @ du[:, :, None])[:, :, 0] + steps.e
+        u = np.clip(plan.u + du, self._expanding.lower, self._expanding.upper)
+        self._plan = MotionPlan(plan.x + dx, u, plan.z - dz)
+        return ""
+
+    def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> Answer:
+        """What is said to a state: the plan that was found, or what stands in for it."""
+        count, named = self.problem.count, self._transcription.commands
+        age, row = clock.age if reason else 0, self._guess
+        if not reason:
+            status = "solved"
+        elif self._plan is not None and self._clock is not None and age < count:
+            status = "planned"
+        else:
+            status, row = self._instead(state)
+            self._plan = None
+        if self._plan is None:
+            x, u = np.zeros((0, self._expanding.nx)), np.tile(row, (count, 1))
+        else:
+            x, u, _ = self._plan
+        inputs = np.concatenate([clock.inputs, u])
+        self._clock = Timeline(clock.t, inputs, age)
+        rows = named(inputs[1 : 1 + self.steps])
+        command = {name: value[0] for name, value in rows.items()}
+        sentence = f"No new plan: {reason}." if reason else ""
+        seconds = time.perf_counter() - began - preparation
+        return Answer(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds)
+
+    def _instead(self, state: State) -> tuple[str, np.ndarray]:
+        """What acts where there is no plan."""
+        if self._fallback is None:
+            return "guess", self._guess
+        return "fallback", self._row(self._fallback(state))
+
+    def _row(self, command: Any) -> np.ndarray:
+        """Commands of a fallback as a row, within the inputs' bounds."""
+        known = self._transcription.inputs
+        if not isinstance(command, dict) or set(command) != {name for name, _ in known}:
+            names = ", ".join(f"`{name}`" for name, _ in known)
+            raise ArgumentError(f"The `fallback` must return a dictionary of {names}, but returned {shown(command)}.")
+        try:
+            found = [np.broadcast_to(np.asarray(command[name], float), given.shape).ravel() for name, given in known]
+        except (TypeError, ValueError):
+            raise ArgumentError("The `fallback` must return numbers of the inputs' shapes.") from None
+        row = np.clip(np.concatenate(found), self._expanding.lower, self._expanding.upper)
+        if not np.all(np.isfinite(row)):
+            raise ArgumentError(f"The `fallback` must return finite numbers, but returned {shown(command)}.")
+        return row
+
+    def _note(self, answer: Answer) -> None:
+        record = self.record
+        record.statuses[answer.status] += 1
+        record.last_failure = answer.sentence or record.last_failure
+        record.preparation.append(answer.preparation_seconds)
+        record.feedback.append(answer.feedback_seconds)
+
+    def __str__(self) -> str:
+        problem, record = self.problem, self.record
+        calls = sum(record.statuses.values())
+        counts = ", ".join(f"{count} {name}" for name, count in record.statuses.items())
+        rows = [
+            ("controller", f"{problem.count} steps of {problem.dt:g} s, a period of {self.steps * problem.dt:g} s, "
+                           f"a delay of {self.delay * problem.dt:g} s"),
+            ("a step", f"{len(self.names)} numbers of the state, {len(self._guess)} of the inputs"),
+            ("calls", f"{calls}: {counts}" if calls else "none"),
+        ]  # fmt: skip
+        for name, seconds in (("preparation", record.preparation), ("feedback", record.feedback)):
+            if seconds:
+                median, high = 1e3 * np.percentile(seconds, [50, 99])
+                rows.append((name, f"{median:.3g} ms, {high:.3g} ms at the 99th percentile"))
+        if record.last_failure:
+            rows.append(("last failure", record.last_failure))
+        return "\n".join(f"{name:<18}{text}" for name, text in rows)
+
+
+def steps_of(value: Any, dt: float, name: str, least: int) -> int:
+    """A time as whole steps; raises ArgumentError for another."""
+    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    count = round(value / dt) if number and np.isfinite(value) else -1
+    if count < least or abs(count * dt - value) > 1e-9 * max(dt, abs(value)):
+        raise ArgumentError(
+            f"Argument `{name}` must be a whole number of steps of {dt:g} s{', at least one' if least else ''}, but is "
+            f"{shown(value)}."
+        )
+    return count
+
+
+def require_controllable(problem: Statement) -> None:
+    """Raise ArgumentError where a problem is none of a controller."""
+    if problem.cost is None and problem.final_cost is None:
+        raise ArgumentError("A controller needs something to make small: give the problem a `cost` or a `final_cost`.")
+    if problem.free_duration is not None:
+        raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
+    if problem.parameters:
+        raise ArgumentError("A controller chooses inputs alone: leave out `parameters` of the problem.")
+    if not any(hasattr(value, "guess") for value in problem.inputs.values()):
+        raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
+
+
+def controller(problem: Statement, period: Any, delay: Any, iterations: Any, fallback: Any) -> Controller:
+    """The controller of a problem; the arguments are those of `Problem.controller`."""
+    require_controllable(problem)
+    steps = steps_of(problem.dt if period is None else period, problem.dt, "period", 1)
+    late = steps_of(delay, problem.dt, "delay", 0)
+    if steps > problem.count:
+        raise ArgumentError(f"Argument `period` must not be longer than the horizon of {problem.length:g} s.")
+    if late > steps:
+        raise ArgumentError("Argument `delay` must not be longer than the period.")
+    if fallback is not None and not callable(fallback):
+        raise ArgumentError(f"Argument `fallback` must be a function of the state, but is {shown(fallback)}.")
+    return Controller(problem, steps, late, whole(iterations, "iterations"), fallback)
