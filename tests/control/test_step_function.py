@@ -87,7 +87,7 @@ def test_the_equations_vanish_on_a_run_and_the_step_leads_to_its_next_node(build
     beginning = begun(system, start, h, method, {"u": Input((3,))})
     graph = step_graph(beginning)
     live = graph.needed(graph.symbols.state)
-    equations = functions_of(graph, live, [], [], [], [], []).equations
+    equations = functions_of(graph, [], live, [], [], [], [], [], {}).equations
     x = graph.numbers(run.records)[:, live]
     assert x[0] == pytest.approx(graph.numbers(beginning.state)[live], abs=0)
     size = len(graph.symbols.unknowns)

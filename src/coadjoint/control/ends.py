@@ -40,19 +40,22 @@ def ends(problem: Statement) -> list[tuple[str, Residual]]:
 def end_state(problem: Statement) -> State:
     """The state at the end, where what is free is as at the start; raises ArgumentError for wrong shapes."""
     end = problem.end if isinstance(problem.end, End) else End()
-    start, system = problem.start, problem.system
-    group, Q, V = system.places
-    given: dict[str, Any] = {"g": start.g if end.g is None else end.g, "t": start.t}
+    given = start_values(problem) | {name: getattr(end, name) for name in end.given}
+    return problem.system.state(**given, inputs=problem.start.inputs)
+
+
+def start_values(problem: Statement) -> dict[str, Any]:
+    """Where the motion starts, as arguments of `system.state`, without velocities."""
+    start = problem.start
+    group, Q, V = problem.system.places
+    found: dict[str, Any] = {"g": start.g, "t": start.t}
     if Q.dim(group):
-        given["q"] = start.q if end.q is None else end.q
+        found["q"] = start.q
     if V.dim(group):
-        given["a0"] = evaluate(lambda s: V.act(group, s.g, s.a), start)
+        found["a0"] = evaluate(lambda s: V.act(group, s.g, s.a), start)
     if start.internal is not None:
-        given["internal"] = start.internal
-    for name in ("xi", "qdot", "mu", "pi"):
-        if getattr(end, name) is not None:
-            given[name] = getattr(end, name)
-    return system.state(**given, inputs=start.inputs)
+        found["internal"] = start.internal
+    return found
 
 
 def _element(target: State) -> Residual:

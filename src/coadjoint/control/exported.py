@@ -57,7 +57,7 @@ def step_function(
     beginning = begun(system, start, h, method, inputs or {})
     graph = step_graph(beginning, tuple(parameters))
     live = graph.needed(graph.symbols.state)
-    found = functions_of(graph, live, [], [], [], [], []).equations
+    found = functions_of(graph, [], live, [], [], [], [], [], {}).equations
     names = graph.names()
     numbers = graph.numbers(beginning.state)
     return ExportedStep(found, tuple(names[i] for i in live), numbers[live], len(graph.symbols.unknowns), h)

@@ -67,7 +67,7 @@ def _variables(transcription: Transcription, states: State, inputs: np.ndarray |
     z = _unknowns(transcription, jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states))
     known = transcription.beginning.system.parameters
     parameters = [numbers_of(getattr(known, name)) for name in problem.parameters]
-    numbers = np.concatenate(parameters) if parameters else np.zeros(0)
+    numbers = np.concatenate([*parameters, np.zeros(len(transcription.eta))])
     h = problem.dt if problem.free_duration is None else float(np.clip(problem.length, *problem.free_duration))
     h = h if problem.free_duration is None else h / problem.count
     return transcription.joined(Split(x, np.clip(inputs, *limits), z.reshape(problem.count, nz), numbers, h))

@@ -1,61 +1,85 @@
-"""Measured states as numbers of a transcription's first node."""
+"""What was measured at nodes: its misfit is a part of the cost, so that the optimum is the most likely motion."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
-import jax
 import numpy as np
 
-from coadjoint.control.transcription import Transcription
-from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.state import State
+from coadjoint.control.numbers import number
+from coadjoint.errors import ArgumentError, shown
 
 
+@dataclass(frozen=True, eq=False)
 class Measured:
-    """x of a state, (nx,): what of its numbers the steps, costs and constraints depend on."""
+    """y_k = function(motion [, p]) + noise at nodes, which adds ½ Σ_k |(function − y_k)/σ|² to the cost.
 
-    def __init__(self, transcription: Transcription):
-        self._transcription, self._beginning = transcription, transcription.beginning
-        self._begin: Callable[..., Any] | None = None
-        begun = transcription.beginning.state
-        self._size = transcription.graph.numbers(begun).shape
-        self._structure = jax.tree_util.tree_structure(begun.internal)
+    function: of the `co.NodeMotion` at a node, a number or an array, written with `jax.numpy`.
+    values: (K, …) of the function's shape; NaN where nothing was measured.
+    deviation: σ, a number or an array of the function's shape, in its units.
+    times: (K,) s, each at a node; by default all N + 1 nodes.
 
-    def __call__(self, state: Any) -> np.ndarray:
-        """x; raises ArgumentError for what is no state of this system, and for numbers that are not finite."""
-        self._require(state)
-        if state.from_velocities:
-            state = self._with_momenta(state)
-        found = self._transcription.graph.numbers(state)
-        if found.shape != self._size:
-            raise ArgumentError("Argument `state` has other shapes than the states of the problem's system.")
-        x = found[self._transcription.live]
-        if not np.all(np.isfinite(x)):
-            raise ArgumentError("Argument `state` must have finite numbers.")
-        return x
+    Raises ArgumentError for values that are no numbers, or deviations that are not positive.
+    """
 
-    def _require(self, state: Any) -> None:
-        system = self._transcription.problem.system
-        if not isinstance(state, State):
+    function: Callable[..., Any]
+    values: Any
+    deviation: Any
+    times: Any = None
+
+    def __post_init__(self):
+        if not callable(self.function):
+            raise ArgumentError(f"co.control.Measured takes a function of the motion, but got {shown(self.function)}.")
+        for name in ("values", "deviation", *(() if self.times is None else ("times",))):
+            object.__setattr__(self, name, number(getattr(self, name), name, nan=name == "values"))
+        if self.values.ndim == 0 or np.any(np.isinf(self.values)) or not np.any(np.isfinite(self.values)):
+            raise ArgumentError("Argument `values` of co.control.Measured must be (K, …) finite numbers, NaN for gaps.")
+        if not np.all((self.deviation > 0) & np.isfinite(self.deviation)):
+            raise ArgumentError("Argument `deviation` of co.control.Measured must be positive: a standard deviation.")
+
+    def nodes(self, name: str, begin: float, h: float, steps: int) -> np.ndarray:
+        """The nodes at which it was measured, (K,); raises ArgumentError for times beside the nodes."""
+        if self.times is None:
+            if len(self.values) != steps + 1:
+                raise ArgumentError(
+                    f"`{name}` has {len(self.values)} values, but there are {steps + 1} nodes: give `times`, or a "
+                    "value for each node, NaN where nothing was measured."
+                )
+            return np.arange(steps + 1)
+        if np.shape(self.times) != (len(self.values),):
             raise ArgumentError(
-                f"Argument `state` must be a co.State of the problem's system, but is {type(state).__name__}."
+                f"`{name}` has {len(self.values)} values, but times of the shape {np.shape(self.times)}."
             )
-        if state.places != system.places:
-            raise ArgumentError("Argument `state` belongs to a system with another group or other spaces.")
-        if np.ndim(state.t):
-            raise ArgumentError("Argument `state` must be of one member, but has many: give each its own controller.")
-        if jax.tree_util.tree_structure(state.internal) != self._structure:
+        places = (self.times - begin) / h
+        nodes = np.rint(places).astype(int)
+        if len(np.unique(nodes)) < len(nodes):
+            raise ArgumentError(f"`{name}` has two values at one node.")
+        if np.any((nodes < 0) | (nodes > steps)):
             raise ArgumentError(
-                "Argument `state` has another internal state than the problem's system: its actuators, controller or "
-                "water differ."
+                f"`{name}` was measured outside of the motion from {begin:g} to {begin + steps * h:g} s."
             )
+        worst = int(np.argmax(np.abs(places - nodes)))
+        if abs(places[worst] - nodes[worst]) > 1e-6:
+            raise ArgumentError(
+                f"`{name}` was measured at {self.times[worst]:g} s, between two nodes: choose dt so that all times are "
+                "nodes, or interpolate the values."
+            )
+        return nodes
 
-    def _with_momenta(self, state: State) -> State:
-        system, method, h, begun = self._beginning
-        state = state.replace(inputs=begun.inputs)
-        if self._begin is None:
-            self._begin = tabulate(lambda found: method.begin(system, found, h), state)
-        return self._begin(state)
+    def weights(self, shape: tuple[int, ...], name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Values and 1/σ, (m, K) each, 0 where nothing was measured, of a function with values of this shape."""
+        if self.values.shape[1:] != shape:
+            raise ArgumentError(
+                f"`{name}` has values of the shape {self.values.shape[1:]}, but its function returns {shape}."
+            )
+        known = np.isfinite(self.values)
+        try:
+            weight = known / np.broadcast_to(self.deviation, shape)
+        except ValueError:
+            raise ArgumentError(
+                f"`{name}` has a deviation of the shape {self.deviation.shape}, but its function returns {shape}."
+            ) from None
+        count = len(self.values)
+        return np.where(known, self.values, 0.0).reshape(count, -1).T, weight.reshape(count, -1).T

@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.control import starts
+from coadjoint.control.conditions import SolvedProgram
+from coadjoint.control.library import casadi
+from coadjoint.control.likelihood import deviations
 from coadjoint.control.program import NonlinearProgram
-from coadjoint.control.sensitivity import Sensitivity, SolvedProgram, sensitivity
+from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.statement import Input
-from coadjoint.control.transcription import Transcription
+from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import OptimumError, StepError
 from coadjoint.mechanics.signals import Held
 from coadjoint.mechanics.state import NodeMotion
@@ -26,10 +30,11 @@ class Optimum:
     """What `Problem.solve` returns; printed, it is a card, with the certificate of the run below.
 
     run: the motion, flown again by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
-    step. cost: the least value found. duration: s. parameters: name → value, of those that were chosen. costates:
-    (N, nx), the multipliers of x_{k+1} = Φ, in
-    the order of `names`. violation: how far the solver left the constraints. difference: the largest
-    |x − x of the run| of any number of the state. iterations, and seconds of building, solving: of the solver.
+    step. cost: the least value found. duration: s. parameters: name → value, of those that were chosen.
+    residuals: of what was measured, name → (K, …), (function − y)/σ, NaN where nothing was. costates: (N, nx), the
+    multipliers of x_{k+1} = Φ, in the order of `names`. violation: how far the solver left the constraints.
+    difference: the largest |x − x of the run| of any number of the state. iterations, and seconds of building, solving:
+    of the solver.
     """
 
     run: Run
@@ -37,6 +42,7 @@ class Optimum:
     cost: float
     duration: float
     parameters: dict[str, np.ndarray]
+    residuals: dict[str, np.ndarray]
     costates: np.ndarray
     names: list[str]
     violation: float
@@ -59,6 +65,17 @@ class Optimum:
         """
         return sensitivity(self.solution, self.run, names, start)
 
+    def deviations(self) -> dict[str, np.ndarray]:
+        """Standard deviations of the chosen parameters and of the start ("start g", in η of g exp(η), and so on).
+
+        Where the cost is minus the logarithm of a likelihood, as ½|w/σ|² of what was measured and of disturbances, they
+        are those of the normal distribution that touches it at the optimum (Laplace): the roots of the diagonal of the
+        inverse of its second derivative along the motions. 0 of what a bound holds.
+
+        Raises ArgumentError where nothing was measured or chosen, OptimumError where the measurements do not tell.
+        """
+        return deviations(self.solution)
+
     def __str__(self) -> str:
         rows = [
             ("optimum", f"cost {self.cost:.9g} over {self.duration:.6g} s, {len(self.run.records.t) - 1} steps"),
@@ -69,6 +86,10 @@ class Optimum:
             *((f"parameter {name}", f"{np.array2string(value, precision=6)}")
               for name, value in self.parameters.items()),
         ]  # fmt: skip
+        for name, values in self.residuals.items():
+            known = values[np.isfinite(values)]
+            rows.append((f"measured {name}", f"{known.size} numbers, {np.sqrt(np.mean(known**2)):.3g} σ in the mean "
+                                             f"square, {np.max(np.abs(known)):.3g} σ at most"))  # fmt: skip
         steps = len(self.run.records.t) - 1
         if self.difference > 10 * steps * max(self.violation, ROUND_OFF):
             rows.append(("warning", "the run leaves the optimum by more than ten times what the violations of all "
@@ -88,13 +109,14 @@ def flown(
     commands = transcription.commands(parts.u)
     chosen = transcription.chosen(parts)
     system = problem.system.replace(**chosen) if chosen else problem.system
+    start = starts.moved(problem, system, transcription.moved_by(parts))
     given = {
         name: _held(commands[name], float(problem.start.t), parts.h) if isinstance(value, Input) else value
         for name, value in problem.inputs.items()
     }
     try:
         run = simulate(
-            system, problem.start, dt=parts.h, steps=problem.count, method=problem.method, inputs=given or None,
+            system, start, dt=parts.h, steps=problem.count, method=problem.method, inputs=given or None,
             progress=False,
         )  # fmt: skip
     except StepError as error:
@@ -108,11 +130,25 @@ def flown(
     equations = numbers["lam_g"][: problem.count * (nx + nz)].reshape(problem.count, -1)
     difference = float(np.max(np.abs(rows - parts.x), initial=0.0))
     return Optimum(
-        run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen, equations[:, nz:],
+        run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen,
+        _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
         float(np.max(excess, initial=0.0)), difference, iterations, *seconds, solver,
         SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
     )  # fmt: skip
+
+
+def _residuals(transcription: Transcription, parts: Split) -> dict[str, np.ndarray]:
+    """(function − y)/σ by names, (K, …)."""
+    u = np.vstack([parts.u, parts.u[-1:]])
+    found = {}
+    for name, (nodes, values, weights) in transcription.data.items():
+        each = [casadi().DM(rows[nodes].T) for rows in (parts.x, u)]
+        numbers = [casadi().repmat(casadi().DM(value), 1, len(nodes)) for value in (parts.parameters, parts.h)]
+        seen = transcription.functions.measured[name].map(len(nodes))(*each, *numbers).full()
+        standard = np.where(weights > 0, (seen - values) * weights, np.nan)
+        found[name] = standard.T.reshape(np.shape(transcription.problem.measured[name].values))
+    return found
 
 
 def _held(values: np.ndarray, begin: float, h: float) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
-from coadjoint.control.measured import Measured
+from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
@@ -105,7 +105,7 @@ class Controller:
         self._transcription = transcription = transcribe(problem)
         self.names = tuple(transcription.graph.names()[i] for i in transcription.live)
         self._expanding = expanding = Expanding(transcription)
-        self._simulated, self._measured = Simulated(transcription), Measured(transcription)
+        self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
         self._guess = limits_of(transcription, "guess")
         nx = expanding.nx + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
@@ -343,6 +343,8 @@ def require_controllable(problem: Statement) -> None:
         raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
     if problem.parameters:
         raise ArgumentError("A controller chooses inputs alone: leave out `parameters` of the problem.")
+    if problem.free_start or problem.measured:
+        raise ArgumentError("A controller begins at the state that it is given: leave out `free_start` and `measured`.")
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
 

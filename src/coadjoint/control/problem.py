@@ -44,6 +44,10 @@ class Problem(Statement):
         end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
         free_duration: (shortest, longest) duration, s: then h is chosen too, N stays. By default fixed.
         parameters: names of parameters of the system that are chosen too → (lower, upper).
+        free_start: parts of the start that are chosen too, of "g" (η in g exp(η)), "q", and "xi", "qdot" or "mu",
+            "pi" → standard deviation σ, which adds ½|η/σ|² to the cost; math.inf where nothing is known. By default
+            none.
+        measured: name → `co.control.Measured`, whose misfit is added to the cost; by default none.
 
     Raises ArgumentError and LagrangianError. Source: Ober-Blöbaum, Junge, Marsden (2011) on discrete mechanics and
     optimal control; the equations of a step are (P43), (P44).

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.control import starts
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Rows, Split, Transcription
@@ -70,6 +71,7 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
     if problem.cost is not None:
         cost = functions.cost.map(steps)
         f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, u, *each)))
+    f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, u[:, -1]), p, h)
     if transcription.path:
         at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, u[:, -1], p, h))
         begin = 0
@@ -87,6 +89,20 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
         parts.append(functions.end(last, u[:, -1], p, h))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription))
+
+
+def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any:
+    """½ Σ |(h(x_k) − y_k)/σ|² of all that was measured, and ½ |η/σ|² of the start."""
+    ca, found = casadi(), 0.0
+    for name, (nodes, values, weights) in transcription.data.items():
+        at, count = nodes.tolist(), len(nodes)
+        function = transcription.functions.measured[name].map(count)
+        seen = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count))
+        found += 0.5 * ca.sumsqr((seen - ca.DM(values)) * ca.DM(weights))
+    if transcription.eta:
+        eta = p[-len(transcription.eta) :]
+        found += 0.5 * ca.sumsqr(eta / ca.DM(starts.deviations(transcription.problem)))
+    return found
 
 
 def _rates(transcription: Transcription) -> list[tuple[str, slice, np.ndarray]]:
@@ -107,7 +123,8 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
     start = transcription.graph.numbers(transcription.beginning.state)[transcription.live]
     names = transcription.graph.names()
     own = bool(transcription.start)  # then the momenta of the first node are those of its velocities
-    momenta = np.array([own and names[i].startswith(("mu", "pi")) for i in transcription.live], bool)
+    moved = ("mu", "pi", "g", "n", "a") if transcription.eta else ("mu", "pi")
+    momenta = np.array([own and names[i].startswith(moved) for i in transcription.live], bool)
     found = []
     for side, unbounded in (("lower", -np.inf), ("upper", np.inf)):
         x, u = np.full((steps + 1, nx), unbounded), np.full((steps, nu), unbounded)
@@ -117,7 +134,7 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
             u[:] = np.concatenate(limits)
         z = np.full((steps, nz), unbounded)
         of_parameters = [_spread(transcription, name, side == "upper") for name in problem.parameters]
-        parameters = np.concatenate(of_parameters) if of_parameters else np.zeros(0)
+        parameters = np.concatenate([*of_parameters, np.full(len(transcription.eta), unbounded)])
         duration = (problem.free_duration or (0.0, 0.0))[side == "upper"]
         found.append(transcription.joined(Split(x, u, z, parameters, duration / steps)))
     return found[0], found[1]

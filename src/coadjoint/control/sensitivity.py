@@ -3,34 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.sparse import bmat, csc_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_matrix
 
-from coadjoint.control.library import casadi
+from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import Split, Transcription, transcribe
-from coadjoint.errors import ArgumentError, OptimumError, shown
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.run import Run
 
 OF_THE_START = ("g", "n", "mu", "pi")
 """What of a start an optimum is differentiated by."""
-SETTLED = 1e-4
-"""The distance from a bound and its multiplier, relative to the largest, of which one at least must be larger."""
-
-
-class SolvedProgram(NamedTuple):
-    """What a solver found: the program's problem, and w with the multipliers of g(w) and of the bounds of w."""
-
-    problem: Statement
-    w: np.ndarray
-    of_rows: np.ndarray
-    of_bounds: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -85,6 +73,8 @@ def _require(problem: Statement, names: tuple[str, ...], start: tuple[str, ...])
             raise ArgumentError(
                 f"Argument `start` names parts of a state, of {', '.join(OF_THE_START)}, but {shown(part)}."
             )
+    if start and problem.free_start:
+        raise ArgumentError("The start is chosen with the motion, so that the optimum is no function of it.")
     if not names and not start:
         raise ArgumentError("Nothing is named by which the optimum is to be differentiated: parameters, or `start`.")
     if start and problem.start.from_velocities and (names or problem.parameters):
@@ -103,7 +93,9 @@ def _taken_over(
     x = wider.graph.numbers(run.records)[:, wider.live]
     at = [wider.live.index(i) for i in narrow.live]
     x[:, at] = parts.x
-    p = np.concatenate([parts.parameters, *(value.ravel() for value in values.values())])
+    count = len(parts.parameters) - len(wider.eta)
+    chosen, eta = np.split(parts.parameters, [count])
+    p = np.concatenate([chosen, *(value.ravel() for value in values.values()), eta])
     w = wider.joined(Split(x, parts.u, parts.z, p, parts.h))
     (nx, _, nz, _), few, steps = wider.sizes, len(narrow.live), wider.problem.count
     dynamics, others = np.split(solution.of_rows, [steps * (nz + few)])
@@ -112,7 +104,8 @@ def _taken_over(
     before = narrow.split(solution.of_bounds)
     bounds = np.zeros_like(x)
     bounds[:, at] = before.x
-    p = np.concatenate([before.parameters, np.zeros(sum(value.size for value in values.values()))])
+    chosen, eta = np.split(before.parameters, [count])
+    p = np.concatenate([chosen, np.zeros(sum(value.size for value in values.values())), eta])
     h = before.h if wider.problem.free_duration is not None else 0.0
     of_bounds = wider.joined(Split(bounds, before.u, before.z, p, h))
     if wider.start and not narrow.start:
@@ -125,7 +118,7 @@ def _taken_over(
 def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tuple[str, ...]) -> dict[str, np.ndarray]:
     """θ → (n, size): how w moves with the data themselves, all else being held."""
     size, sizes = len(transcription.joined(_zeros(transcription))), transcription.sizes
-    found, first = {}, sizes[3] - sum(value.size for value in values.values())
+    found, first = {}, sizes[3] - len(transcription.eta) - sum(v.size for v in values.values())
     for name, value in values.items():
         columns = np.zeros((size, value.size))
         for i in range(value.size):
@@ -173,77 +166,13 @@ def _derivatives(
     program: NonlinearProgram, transcription: Transcription, w: np.ndarray, rows: np.ndarray, bounds: np.ndarray,
     data: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """dw/dθ and dJ/dθ, with the active constraints A: the derivative of the conditions of the optimum,
-
-    [H  Aᵀ] [dw]     [H D]
-    [A  0 ] [dλ] = − [A D],   dJ = (∇f + Aᵀλ) D,   H the second derivative of f + λ·g, D how the data move w.
-    """
-    ca = casadi()
-    lam = ca.MX.sym("lam", program.g.numel())
-    lagrangian = program.f + ca.dot(lam, program.g)
-    hessian, gradient = ca.hessian(lagrangian, program.w)
-    jacobian = ca.jacobian(program.g, program.w)
-    at = ca.Function("conditions", [program.w, lam], [hessian, jacobian, gradient, program.g])
-    _, slopes, _, values = at(w, rows)
-    if transcription.start and not np.any(rows[_of_start(transcription)]):
-        rows = _with_start(transcription, rows, slopes.sparse().tocsc(), bounds)
-    second, slopes, gradient, values = at(w, rows)
-    a, gradient = slopes.sparse().tocsr(), gradient.full().ravel()
-    below, above = program.limits
-    held = _active(values.full().ravel(), below, above, rows, "A constraint")
-    low, high = program.bounds
-    fixed = _active(w, low, high, -gradient, "A bound")
-    free, a = np.flatnonzero(~fixed), a[held]
+    """dw/dθ and dJ/dθ: [H Aᵀ; A 0] (dw, dλ) = −(H D, A D), dJ = (∇f + Aᵀλ) D, with D how the data move w."""
+    found = conditions(program, transcription, w, rows, bounds)
     moving = csc_matrix(data)
-    right = -np.vstack([(second.sparse().tocsr()[free] @ moving).toarray(), (a @ moving).toarray()])
-    a = a[:, free]
-    matrix = csc_matrix(bmat([[second.sparse().tocsr()[free][:, free], a.T], [a, None]]))
-    found = _solved(matrix, right)
+    right = -np.vstack([(part @ moving).toarray() for part in (found.hessian, found.slopes)])
     moved = data.copy()
-    moved[free] += found[: len(free)]
-    return moved, gradient @ data
-
-
-def _of_start(transcription: Transcription) -> slice:
-    """The rows of g that say with which velocities the motion starts: before those of the end, which are last."""
-    after = sum(len(rows.lower) for rows in transcription.end)
-    size = sum(len(rows.lower) for rows in transcription.start)
-    return slice(-size - after, -after or None)
-
-
-def _with_start(transcription: Transcription, rows: np.ndarray, slopes: Any, bounds: np.ndarray) -> np.ndarray:
-    """The multipliers of the start's velocities, Sᵀ λ = those of its momenta while these were fixed."""
-    where, names = _of_start(transcription), transcription.graph.names()
-    of_momenta = [i for i, place in enumerate(transcription.live) if names[place].startswith(("mu", "pi"))]
-    square = slopes[where][:, of_momenta].toarray()
-    rows = rows.copy()
-    rows[where] = np.linalg.lstsq(square.T, bounds[of_momenta], rcond=None)[0]
-    return rows
-
-
-def _active(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray, what: str) -> np.ndarray:
-    """Which constraints hold the optimum; raises OptimumError where one is only just reached."""
-    distance = np.minimum(value - lower, upper - value) / (1.0 + np.abs(value))
-    force = np.abs(multiplier) / max(1.0, float(np.max(np.abs(multiplier), initial=0.0)))
-    equal = lower == upper
-    if np.any(~equal & (distance < SETTLED) & (force < SETTLED)):
-        raise OptimumError(
-            f"{what} is only just reached: the optimum has a derivative on either side of it, but not here. Move its "
-            "limit a little."
-        )
-    return equal | (distance < force)
-
-
-def _solved(matrix: csc_matrix, right: np.ndarray) -> np.ndarray:
-    no = "The optimum is not a strict one, or its constraints are not independent: it has no derivative."
-    try:
-        found = splu(matrix, permc_spec="COLAMD").solve(right)
-    except RuntimeError:
-        raise OptimumError(no) from None
-    left = np.max(np.abs(matrix @ found - right), initial=0.0)
-    if not np.all(np.isfinite(found)) or left > SETTLED * (1.0 + np.max(np.abs(right), initial=0.0)):
-        raise OptimumError(no)
-    return found
+    moved[found.free] += found.solved(right)[: len(found.free)]
+    return moved, found.gradient @ data
 
 
 def _named(

@@ -70,24 +70,31 @@ class StepGraph:
     after: State
     residual: list[Expr]
 
-    def at_node(self, function: Callable[[System, State], Any], what: str) -> list[Expr]:
-        """function(system, state) at the node where the step starts, with ξ and ν of the momenta."""
+    def at_node(self, function: Callable[..., Any], what: str, *more: Any) -> list[Expr]:
+        """function(system, state, *more) at the node where the step starts, with ξ and ν of the momenta."""
+        return flat(self._at_node(function, what, *more))
+
+    def _at_node(self, function: Callable[..., Any], what: str, *more: Any) -> Any:
         skeleton = replace_parameters(self.beginning.system, None)
 
-        def of_node(constants: Constants, state: State) -> Any:
+        def of_node(constants: Constants, state: State, *more: Any) -> Any:
             system = replace_parameters(skeleton, constants.system)
-            return jnp.asarray(function(system, at_node(system, state)))
+            return jnp.asarray(function(system, at_node(system, state), *more))
 
-        return flat(traced(self.tracer, what, of_node, self.constants, self.state))
+        return traced(self.tracer, what, of_node, self.constants, self.state, *more)
 
     def of_motion(self, function: Callable[..., Any], what: str) -> list[Expr]:
         """function(motion [, p]) of the `co.NodeMotion` at the node where the step starts."""
+        return flat(self.array_of_motion(function, what))
+
+    def array_of_motion(self, function: Callable[..., Any], what: str) -> Any:
+        """`of_motion` as an array of expressions."""
 
         def given(system: System, state: State) -> Any:
             arguments = () if system.parameters is None else (system.parameters,)
             return function(system.motion_at(state, state.inputs), *arguments)
 
-        return self.at_node(given, what)
+        return self._at_node(given, what)
 
     def needed(self, roots: Iterable[Expr]) -> list[int]:
         """Which numbers of the state the roots depend on, by themselves or through later steps."""

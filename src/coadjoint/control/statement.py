@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.control.measured import Measured
+from coadjoint.control.numbers import number
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import State
@@ -64,7 +66,7 @@ class Bounds:
         if not callable(self.function):
             raise ArgumentError(f"co.control.Bounds takes a function of the motion, but got {shown(self.function)}.")
         for name in ("lower", "upper"):
-            object.__setattr__(self, name, _number(getattr(self, name), name))
+            object.__setattr__(self, name, number(getattr(self, name), name))
         _require_between(self.lower, self.upper, "a constraint")
         if np.all(np.isinf(self.lower)) and np.all(np.isinf(self.upper)):
             raise ArgumentError("co.control.Bounds needs `lower` or `upper`.")
@@ -108,6 +110,8 @@ class Statement:
     end: End | Callable[..., Any] | None = None
     free_duration: tuple[float, float] | None = None
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    free_start: Mapping[str, Any] = field(default_factory=dict)
+    measured: Mapping[str, Measured] = field(default_factory=dict)
 
     def __post_init__(self):
         require_kinds(self.system, self.start, self.method)
@@ -120,6 +124,7 @@ class Statement:
         self._require_functions()
         self._require_inputs()
         self._require_free()
+        self._require_estimated()
 
     @property
     def count(self) -> int:
@@ -152,10 +157,33 @@ class Statement:
     def _require_inputs(self) -> None:
         if not isinstance(self.inputs, Mapping) or not all(isinstance(name, str) for name in self.inputs):
             raise ArgumentError("Argument `inputs` must be a dictionary of name → co.control.Input(…).")
-        if not any(isinstance(value, Input) for value in self.inputs.values()) and not self.parameters:
+        chosen = any(isinstance(value, Input) for value in self.inputs.values()) or self.parameters
+        if not chosen and not self.free_start:
             raise ArgumentError(
-                "There is nothing to choose: give `inputs` with at least one co.control.Input(…), or `parameters`."
+                "There is nothing to choose: give `inputs` with at least one co.control.Input(…), `parameters` or "
+                "`free_start`."
             )
+
+    def _require_estimated(self) -> None:
+        parts = ("g", "q", "xi", "qdot", "mu", "pi")
+        if not isinstance(self.free_start, Mapping) or not all(name in parts for name in self.free_start):
+            raise ArgumentError(
+                f"Argument `free_start` must be a dictionary of {', '.join(parts)} → standard deviation, math.inf "
+                f"where nothing is known, but is {shown(self.free_start)}."
+            )
+        for name, value in self.free_start.items():
+            if not np.all(number(value, "free_start") > 0):
+                raise ArgumentError(f"The standard deviation of `{name}` in `free_start` must be positive.")
+        if self.free_start and self.method.start == "velocity":
+            raise ArgumentError('With `free_start` a method begins with momenta: use start="momentum".')
+        if not isinstance(self.measured, Mapping) or not all(isinstance(m, Measured) for m in self.measured.values()):
+            raise ArgumentError("Argument `measured` must be a dictionary of name → co.control.Measured(function, …).")
+        arguments = ["motion"] if self.system.parameters is None else ["motion", "p"]
+        for name, one in self.measured.items():
+            require_signature(one.function, f"Argument `measured` under `{name}`", arguments)
+            one.nodes(name, float(self.start.t), self.dt, self.count)
+        if self.measured and self.free_duration is not None:
+            raise ArgumentError("What was measured at times fixes the duration: leave `free_duration` out.")
 
     def _require_free(self) -> None:
         if self.free_duration is not None:
@@ -164,7 +192,7 @@ class Statement:
                 raise ArgumentError(
                     f"Argument `free_duration` must be (shortest, longest) in s, but is {shown(given)}."
                 )
-            low, high = (_number(x, "free_duration") for x in given)
+            low, high = (number(x, "free_duration") for x in given)
             if not 0 < low <= high < math.inf:
                 raise ArgumentError(
                     "Argument `free_duration` must be (shortest, longest) in s, positive and finite, but is "
@@ -181,21 +209,11 @@ class Statement:
                 raise ArgumentError(f"Argument `parameters` names `{name}`, which is no parameter of the system.")
             if not isinstance(limits, tuple) or len(limits) != 2:
                 raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
-            _require_between(_number(limits[0], name), _number(limits[1], name), f"parameter `{name}`")
-
-
-def _number(value: Any, name: str) -> np.ndarray:
-    try:
-        found = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.") from None
-    if np.any(np.isnan(found)):
-        raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.")
-    return found
+            _require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")
 
 
 def _spread(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
-    found = _number(value, name)
+    found = number(value, name)
     if name == "guess":
         float64(found, "Argument `guess` of an input")
     try:

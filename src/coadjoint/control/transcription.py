@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.control import starts
 from coadjoint.control.ends import ends
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.library import casadi
@@ -22,6 +23,7 @@ from coadjoint.control.stage import Begun, StepGraph, step_graph
 from coadjoint.control.statement import Input, Statement
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.trace.tracer import flat
 from coadjoint.mechanics.inputs import Command, inputs_from
 from coadjoint.mechanics.over_step import require_internal
 from coadjoint.mechanics.state import State
@@ -41,7 +43,7 @@ class Rows(NamedTuple):
 
 
 class Split(NamedTuple):
-    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), parameters (np,) and h, s."""
+    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), parameters and η (np,) and h, s."""
 
     x: np.ndarray
     u: np.ndarray
@@ -55,6 +57,7 @@ class Functions(NamedTuple):
 
     equations: (x, u, z, p, h) → (r, Φ). cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
     start: (x, u, p, h) of the first node → what is zero there. end, final: of the last node, and what it costs.
+    measured: name → (x, u, p, h) → what would be measured at a node.
     """
 
     equations: Any
@@ -63,11 +66,16 @@ class Functions(NamedTuple):
     start: Any
     end: Any
     final: Any
+    measured: dict[str, Any]
 
 
 @dataclass
 class Transcription:
-    """A problem as functions of CasADi. live: which numbers of the state are x. path, end: what their rows are."""
+    """A problem as functions of CasADi.
+
+    live: which numbers of the state are x. path, end: what their rows are. eta: how far the start is moved, if it is
+    free. data: name → nodes, values (m, K) and 1/σ of what was measured.
+    """
 
     problem: Statement
     beginning: Begun
@@ -77,12 +85,14 @@ class Transcription:
     path: list[Rows]
     start: list[Rows]
     end: list[Rows]
+    eta: list[Expr]
+    data: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
-        """How many numbers x, u and z of a step and the parameters have."""
+        """How many numbers x, u and z of a step and the parameters, with η, have."""
         found = self.graph.symbols
-        return len(self.live), len(found.commands), len(found.unknowns), len(found.parameters)
+        return len(self.live), len(found.commands), len(found.unknowns), len(found.parameters) + len(self.eta)
 
     @property
     def inputs(self) -> list[tuple[str, Input]]:
@@ -113,6 +123,10 @@ class Transcription:
             begin += size
         return found
 
+    def moved_by(self, parts: Split) -> np.ndarray:
+        """η, how far the start is moved."""
+        return parts.parameters[len(parts.parameters) - len(self.eta) :]
+
     def chosen(self, parts: Split) -> dict[str, np.ndarray]:
         """The parameters that are chosen, by their names."""
         found, begin = {}, 0
@@ -135,14 +149,28 @@ def transcribe(problem: Statement) -> Transcription:
     end = {what: graph.at_node(residual, "The end") for what, residual in ends(problem)}
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
-    start = _start(graph, problem)
+    measured = {
+        name: graph.array_of_motion(m.function, f"What is measured as `{name}`") for name, m in problem.measured.items()
+    }
+    eta = flat(graph.tracer.symbols("start ", np.zeros(sum(starts.sizes(problem).values()))))
+    start = _start(graph, problem, eta)
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
-    live = graph.needed([*cost, *final, *of_path, *of_end])
-    functions = functions_of(graph, live, cost, of_path, start, of_end, final)
+    seen = {name: flat(array) for name, array in measured.items()}
+    of_start = start if problem.free_start else []
+    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *chain.from_iterable(seen.values())])
+    functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, seen)
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
     zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
-    begins = [Rows("the velocities of the start", np.zeros(len(start)), np.zeros(len(start)))] if start else []
-    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros)
+    what = "the start" if problem.free_start else "the velocities of the start"
+    begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
+    data = {name: _data(problem, name, np.shape(array)) for name, array in measured.items()}
+    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data)
+
+
+def _data(problem: Statement, name: str, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    measured = problem.measured[name]
+    nodes = measured.nodes(name, float(problem.start.t), problem.dt, problem.count)
+    return nodes, *measured.weights(shape, name)
 
 
 def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
@@ -157,8 +185,11 @@ def begun(system: System, start: State, h: float, method: Method, inputs: Mappin
     return Begun(system, method, h, method.begin(system, start, h))
 
 
-def _start(graph: StepGraph, problem: Statement) -> list[Expr]:
-    """ξ and ν of the first node less those of the start, where chosen parameters change the momenta that they have."""
+def _start(graph: StepGraph, problem: Statement, eta: list[Expr]) -> list[Expr]:
+    """What is zero at the first node: of a free start, all of it; where chosen parameters change its momenta, ξ and ν
+    less those that were given."""
+    if problem.free_start:
+        return graph.at_node(starts.residual(problem), "The start", np.array(eta, object))
     if not (problem.parameters and problem.start.from_velocities):
         return []
     xi, nu = np.asarray(problem.start.xi), np.asarray(problem.start.nu)
@@ -194,18 +225,21 @@ def _path_rows(name: str, count: int, problem: Statement) -> Rows:
 
 def functions_of(
     graph: StepGraph,
+    eta: list[Expr],
     live: list[int],
     cost: list[Expr],
     path: list[Expr],
     start: list[Expr],
     end: list[Expr],
     final: list[Expr],
+    measured: dict[str, list[Expr]],
 ) -> Functions:
     ca, symbols = casadi(), graph.symbols
-    sizes = len(live), len(symbols.commands), len(symbols.unknowns), len(symbols.parameters), 1
+    chosen = [*symbols.parameters, *eta]
+    sizes = len(live), len(symbols.commands), len(symbols.unknowns), len(chosen), 1
     columns = [ca.SX.sym(name, size) for name, size in zip("xuzph", sizes, strict=True)]
     x, u, _, p, h = columns
-    nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, symbols.parameters, [symbols.h]]
+    nodes = [[symbols.state[i] for i in live], symbols.commands, symbols.unknowns, chosen, [symbols.h]]
     known = {node: column[i] for column, row in zip(columns, nodes, strict=True) for i, node in enumerate(row)}
     after = graph.next()
 
@@ -222,4 +256,5 @@ def functions_of(
         as_function("start", *at_node, {"start": start}),
         as_function("end", *at_node, {"end": end}),
         as_function("final", *at_node, {"final": final}),
+        {name: as_function("measured", *at_node, {"measured": found}) for name, found in measured.items()},
     )

@@ -1,0 +1,106 @@
+"""The conditions that an optimum satisfies, to first and second order, with the constraints that are active."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import bmat, csc_matrix
+from scipy.sparse.linalg import splu
+
+from coadjoint.control.library import casadi
+from coadjoint.control.program import NonlinearProgram
+from coadjoint.control.statement import Statement
+from coadjoint.control.transcription import Transcription
+from coadjoint.errors import OptimumError
+
+SETTLED = 1e-4
+"""The distance from a bound and its multiplier, relative to the largest, of which one at least must be larger."""
+
+
+class SolvedProgram(NamedTuple):
+    """What a solver found: the program's problem, and w with the multipliers of g(w) and of the bounds of w."""
+
+    problem: Statement
+    w: np.ndarray
+    of_rows: np.ndarray
+    of_bounds: np.ndarray
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """At an optimum: H, the second derivative of f + λ·g, of the free variables' rows, (f, n); A, the slopes of active
+    constraints, (a, n); ∇f + Aᵀλ, (n,); free, which variables no bound holds."""
+
+    hessian: Any
+    slopes: Any
+    gradient: np.ndarray
+    free: np.ndarray
+
+    def solved(self, right: np.ndarray) -> np.ndarray:
+        """The solution of [H Aᵀ; A 0] x = right over the free variables; raises OptimumError where there is none."""
+        a = self.slopes[:, self.free]
+        matrix = csc_matrix(bmat([[self.hessian[:, self.free], a.T], [a, None]]))
+        no = "The optimum is not a strict one, or its constraints are not independent: it has no derivative."
+        try:
+            found = splu(matrix, permc_spec="COLAMD").solve(right)
+        except RuntimeError:
+            raise OptimumError(no) from None
+        left = np.max(np.abs(matrix @ found - right), initial=0.0)
+        if not np.all(np.isfinite(found)) or left > SETTLED * (1.0 + np.max(np.abs(right), initial=0.0)):
+            raise OptimumError(no)
+        return found
+
+
+def conditions(
+    program: NonlinearProgram, transcription: Transcription, w: np.ndarray, rows: np.ndarray, bounds: np.ndarray
+) -> Conditions:
+    """The conditions at w with the multipliers of the rows of g and of the bounds.
+
+    Raises OptimumError where a constraint is only just reached.
+    """
+    ca = casadi()
+    lam = ca.MX.sym("lam", program.g.numel())
+    hessian, gradient = ca.hessian(program.f + ca.dot(lam, program.g), program.w)
+    jacobian = ca.jacobian(program.g, program.w)
+    at = ca.Function("conditions", [program.w, lam], [hessian, jacobian, gradient, program.g])
+    _, slopes, _, values = at(w, rows)
+    if transcription.start and not np.any(rows[_of_start(transcription)]):
+        rows = _with_start(transcription, rows, slopes.sparse().tocsc(), bounds)
+    second, slopes, gradient, values = at(w, rows)
+    gradient = gradient.full().ravel()
+    held = _active(values.full().ravel(), *program.limits, rows, "A constraint")
+    fixed = _active(w, *program.bounds, -gradient, "A bound")
+    free = np.flatnonzero(~fixed)
+    return Conditions(second.sparse().tocsr()[free], slopes.sparse().tocsr()[held], gradient, free)
+
+
+def _of_start(transcription: Transcription) -> slice:
+    """The rows of g that say with which velocities the motion starts: before those of the end, which are last."""
+    after = sum(len(rows.lower) for rows in transcription.end)
+    size = sum(len(rows.lower) for rows in transcription.start)
+    return slice(-size - after, -after or None)
+
+
+def _with_start(transcription: Transcription, rows: np.ndarray, slopes: Any, bounds: np.ndarray) -> np.ndarray:
+    """The multipliers of the start's velocities, Sᵀ λ = those of its momenta while these were fixed."""
+    where, names = _of_start(transcription), transcription.graph.names()
+    of_momenta = [i for i, place in enumerate(transcription.live) if names[place].startswith(("mu", "pi"))]
+    square = slopes[where][:, of_momenta].toarray()
+    rows = rows.copy()
+    rows[where] = np.linalg.lstsq(square.T, bounds[of_momenta], rcond=None)[0]
+    return rows
+
+
+def _active(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray, what: str) -> np.ndarray:
+    """Which constraints hold the optimum; raises OptimumError where one is only just reached."""
+    distance = np.minimum(value - lower, upper - value) / (1.0 + np.abs(value))
+    force = np.abs(multiplier) / max(1.0, float(np.max(np.abs(multiplier), initial=0.0)))
+    equal = lower == upper
+    if np.any(~equal & (distance < SETTLED) & (force < SETTLED)):
+        raise OptimumError(
+            f"{what} is only just reached: the optimum has a derivative on either side of it, but not here. Move its "
+            "limit a little."
+        )
+    return equal | (distance < force)

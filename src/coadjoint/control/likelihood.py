@@ -1,0 +1,50 @@
+"""How well an optimum knows what it chose, where its cost is minus the logarithm of a likelihood."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coadjoint.control import starts
+from coadjoint.control.conditions import SolvedProgram, conditions
+from coadjoint.control.program import nonlinear_program
+from coadjoint.control.transcription import Split, Transcription, transcribe
+from coadjoint.errors import ArgumentError
+
+
+def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
+    """Standard deviations of the parameters and of η of the start; see `Optimum.deviations`."""
+    problem = solved.problem
+    if not problem.measured:
+        raise ArgumentError("Standard deviations need what was measured: give the problem `measured`.")
+    if not problem.parameters and not problem.free_start:
+        raise ArgumentError("Standard deviations are those of `parameters` and `free_start`, of which there are none.")
+    transcription = transcribe(problem)
+    program = nonlinear_program(transcription)
+    found = conditions(program, transcription, solved.w, solved.of_rows, solved.of_bounds)
+    steps, sizes = problem.count, transcription.sizes
+    of_parameters = transcription.joined(
+        Split(
+            np.zeros((steps + 1, sizes[0])), np.zeros((steps, sizes[1])), np.zeros((steps, sizes[2])),
+            np.ones(sizes[3]), 0.0,
+        )
+    )  # fmt: skip
+    chosen = np.flatnonzero(of_parameters)
+    place = {variable: row for row, variable in enumerate(found.free)}
+    right = np.zeros((len(found.free) + found.slopes.shape[0], len(chosen)))
+    for column, variable in enumerate(chosen):
+        if variable in place:
+            right[place[variable], column] = 1.0
+    spread = found.solved(right)
+    variance = [spread[place[v], c] if v in place else 0.0 for c, v in enumerate(chosen)]
+    return _named(transcription, np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _named(transcription: Transcription, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    problem = transcription.problem
+    blank = np.zeros(0)
+    parts = Split(blank, blank, blank, numbers, 0.0)
+    found, begin = dict(transcription.chosen(parts)), 0
+    eta = transcription.moved_by(parts)
+    for name, size in starts.sizes(problem).items():
+        found[f"start {name}"], begin = eta[begin : begin + size], begin + size
+    return found
