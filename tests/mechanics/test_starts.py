@@ -82,6 +82,16 @@ def test_a_run_starts_from_the_momentum_that_its_start_shows():
     np.testing.assert_array_equal(again.records.mu[0], [1.0, 0.2, 0.0])
 
 
+def test_members_start_from_the_momenta_that_their_own_starts_show():
+    """ℓ = ½|ξ|² + u·ξ with an input u: μ = ξ + u at the start, whatever u is from the first step."""
+    system = co.System(co.SO3(), lambda xi, *, inputs: 0.5 * xi @ xi + inputs.u @ xi)
+    xi, u = np.array([[0.3, 0.0, 0.1], [0.0, 0.5, 0.2]]), np.array([0.0, 0.0, 1.0])
+    start = system.state(xi=co.each(xi), inputs={"u": u})
+    later = {"u": lambda motion: jnp.array([0, 2.4, 0]) + 0 * motion.t}
+    fleet = co.simulate(system, start, dt=0.1, steps=5, inputs=later, progress=False)
+    np.testing.assert_allclose(fleet.records.mu[:, 0], xi + u, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

@@ -54,6 +54,11 @@ def test_a_run_that_is_not_resolved_says_so_and_names_a_dt_that_would_do(case):
     assert run.summary()["resolved"] == 0 and run.summary()["dt_resolving"] == run.accuracy.resolving
 
 
+def test_the_dt_that_resolves_a_command_does_not_depend_on_the_lag_that_follows_it():
+    quick, slow = (co.simulate(*made[:2], **made[2]) for made in (lag(tau, rate=1000.0)() for tau in (1.0, 50.0)))
+    assert slow.accuracy.resolving == quick.accuracy.resolving < np.pi / 1000
+
+
 @pytest.mark.parametrize("case", selected(RESOLVED))
 def test_a_run_that_is_resolved_is_no_alarm(case):
     run = case.simulate()

@@ -62,18 +62,21 @@ def test_without_fins_a_simulation_leaves_at_the_rate_of_the_spectrum():
     assert np.log(yaw[700] / yaw[300]) / 2.0 == pytest.approx(mode.rate, rel=2e-3)
 
 
-def test_a_turning_circle_is_the_one_that_a_simulation_goes_round():
-    flight = SteadyFlight(REMUS, hold={"rudder": np.radians(10)}, turning=True)
+@pytest.mark.parametrize("climb", [0.0, -20.0])
+def test_a_turning_circle_or_helix_is_the_one_that_a_simulation_goes_round(climb):
+    flight = SteadyFlight(REMUS, hold={"rudder": np.radians(10)}, turning=True, climb=np.radians(climb))
     motion = flight.at(1.5)
     found = trim(REMUS, motion)
-    assert found.speed == pytest.approx(1.5, rel=1e-10) and abs(found.climb) < 1e-10 and found.turn_rate > 0
+    assert found.speed == pytest.approx(1.5, rel=1e-10) and found.turn_rate > 0
+    assert found.climb == pytest.approx(np.radians(climb), abs=1e-9)
     assert stability(motion).verdict == "stable"
     np.testing.assert_allclose(motion.state.g.T @ [0, 0, 1], motion.state.a[:3], atol=1e-12)
     period = 2 * np.pi / found.turn_rate
     run = co.simulate(flight.craft.system, motion.state, dt=period / 400, duration=period).dataset
     q = run.q.values
-    np.testing.assert_allclose(q[-1], q[0], atol=2e-3)
-    across = np.max(np.linalg.norm(q - q[0], axis=1))
+    sunk = -1.5 * np.sin(np.radians(climb)) * period
+    np.testing.assert_allclose(q[-1], q[0] + [0, 0, sunk], atol=2e-3)
+    across = np.max(np.linalg.norm((q - q[0])[:, :2], axis=1))
     assert across == pytest.approx(2 * found.radius, rel=1e-3)
 
 
