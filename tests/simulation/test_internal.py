@@ -214,6 +214,17 @@ def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("backend", ["native", "xla"])
+def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_record(backend):
+    system = body(lambda motion, h, p: {"rudder": co.jumped(motion.internal.rudder + 1)})
+    given = {"dt": 0.1, "progress": False, "backend": backend}
+    run = co.simulate(system, system.state(internal={"rudder": 0.0}), steps=6, **given)
+    np.testing.assert_array_equal(run.records.internal.rudder, np.arange(1.0, 8.0))
+    record = jax.tree.map(lambda leaf: leaf[4], run.records)
+    again = co.simulate(system, record, steps=2, **given)
+    np.testing.assert_array_equal(again.records.internal.rudder, [5.0, 6.0, 7.0])
+
+
 def test_a_rule_that_becomes_infinite_ends_the_run_at_the_last_good_node():
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder / (0.5 - motion.t)})
     with pytest.raises(co.StepError, match="not finite") as caught:

@@ -74,6 +74,19 @@ def test_what_has_no_expression_is_named(name):
         traced(LANGUAGE[name], A, B)
 
 
+@pytest.mark.parametrize("kind", ["while", "scan"])
+def test_a_loop_has_as_many_trips_as_the_sentence_says(kind):
+    def loop(trips):
+        if kind == "scan":
+            return lambda x: jax.lax.scan(lambda c, _: (-c, None), x, length=trips)[0]
+        return lambda x: jax.lax.while_loop(lambda c: c[0] < trips, lambda c: (c[0] + 1, -c[1]), (0, x))[1]
+
+    _, roots, symbols, _ = traced(loop(2000), B)
+    assert roots == symbols
+    with pytest.raises(Untraceable, match="more than 2000 trips"):
+        traced(loop(2001), B)
+
+
 @pytest.mark.parametrize("name", TABLES)
 def test_constants_are_looked_up_where_jax_looks_by_few_operations(name):
     function = TABLES[name]
