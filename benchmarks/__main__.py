@@ -26,6 +26,7 @@ SECTIONS = {
     "environments": ("environments", 1, "environments of Gymnasium"),
     "judging": ("judging", 1, "the accuracy of the card"),
     "optimal": ("optimal", 1, "an optimal motion"),
+    "predictive": ("predictive", 1, "model predictive control"),
     "preparing": ("preparing", 2, "fresh processes"),
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),

@@ -225,7 +225,24 @@ def _optimal(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _predictive(found: dict[str, Any]) -> list[Table]:
+    tables = []
+    for part in found.values():
+        rows = [
+            (f"{phase}, {kind} time", _time(part[kind][phase][0]), _time(part[kind][phase][1]))
+            for kind in ("processor", "wall")
+            for phase in ("preparation", "feedback", "iteration")
+        ]
+        title = (
+            f"BlueROV2 Heavy in a tide, {part['stages']} stages of {part['states']} states and 8 thrusts: within "
+            f"{100 * part['distance']:.1f} cm and {part['angle']:.2f}°, {part['solved']:.1%} solved"
+        )
+        tables.append(Table(title, ("", "median", "99th percentile"), rows))
+    return tables
+
+
 _TABLES = {
+    "predictive": _predictive,
     "optimal": _optimal,
     "judging": _judging,
     "stepping": _stepping,

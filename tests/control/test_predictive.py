@@ -11,6 +11,8 @@ import pytest
 import coadjoint as co
 import paper_vehicle
 from coadjoint.control import Bounds, End, Input, Problem
+from coadjoint.control.linearised import expanded
+from coadjoint.control.transcription import transcribe
 
 BODY = co.System(
     co.SO3(),
@@ -170,6 +172,66 @@ def test_the_papers_vehicle_comes_to_a_pose_within_its_thrust():
     assert np.asarray(states[-1].g) == pytest.approx(turn, abs=2e-2)
 
 
+def squared(motion, p):
+    torque = motion.inputs.torque
+    return jnp.concatenate(
+        [jnp.sqrt(10.0) * jnp.ravel(motion.g - jnp.asarray(GOAL)), motion.xi, jnp.sqrt(0.1) * torque]
+    )
+
+
+def test_squares_are_the_cost_that_they_add_up_to_and_lead_to_its_optimum():
+    sums = co.control.squares(squared)
+    optimum = turning().solve()
+    again, controller = (
+        turning(cost=sums, final_cost=sums),
+        turning(cost=sums, final_cost=sums).controller(iterations=25),
+    )
+    assert again.solve().cost == pytest.approx(optimum.cost, rel=1e-9)
+    assert controller(BODY.state()).plan["torque"] == pytest.approx(optimum.inputs["torque"], abs=1e-6)
+
+
+def test_squares_of_a_product_have_the_curvature_of_gauss_and_newton():
+    """e = x y has |e|² with a Hessian that is indefinite at x = 1, y = 2 and 2 ∇e ∇eᵀ that is not."""
+    pair = co.System(
+        co.Translation(2), lambda xi: 0.5 * xi @ xi, forces=lambda motion: co.Force(torque=motion.inputs.push)
+    )
+    cost = co.control.squares(lambda motion: jnp.stack([motion.g[0] * motion.g[1], 0.1 * motion.inputs.push[0]]))
+    start = pair.state(g=[1.0, 2.0])
+    problem = Problem(pair, start, dt=0.1, steps=3, inputs={"push": Input((2,), -1, 1)}, cost=cost)
+    _, gradient, hessian = expanded(transcribe(problem), "cost")([1.0, 2.0, 0.0, 0.0], [0.5, 0.0], [], 0.1)
+    J = np.zeros((2, 6))
+    J[0, :2], J[1, 4] = [2.0, 1.0], 0.1
+    assert hessian.full() == pytest.approx(2 * J.T @ J, abs=1e-14)
+    assert gradient.full().ravel() == pytest.approx(2 * J.T @ [2.0, 0.05], abs=1e-14)
+
+
+def test_a_changed_parameter_is_that_of_another_model():
+    other = Problem(
+        BODY.replace(J=np.diag([1.5, 2.0, 2.5])), BODY.state(), dt=0.1, steps=15, cost=away, final_cost=away,
+        inputs={"torque": Input((3,), -2.0, 2.0)},
+    ).controller(iterations=3)  # fmt: skip
+    controller = turning().controller(iterations=3, changing=("J",))
+    state = BODY.state(xi=[0.3, -0.2, 0.1])
+    first = controller(state)
+    controller.change(J=np.diag([1.5, 2.0, 2.5]))
+    controller.reset()
+    changed = controller(state)
+    assert changed.plan["torque"] == pytest.approx(other(state).plan["torque"], abs=1e-8)
+    assert np.max(np.abs(changed.plan["torque"] - first.plan["torque"])) > 0.1
+    with pytest.raises(co.ArgumentError, match="name it in `changing`"):
+        controller.change(mass=2.0)
+
+
+def test_velocities_of_a_heavier_body_have_the_momenta_of_the_model():
+    heavy = BODY.replace(J=np.diag([2.0, 4.0, 6.0]))
+    run = co.simulate(heavy, heavy.state(xi=[0.3, -0.2, 0.1]), dt=0.1, steps=1, inputs={"torque": lambda m: 0 * m.xi})
+    controller = turning().controller()
+    asked = controller(run.final, velocities=True).plan["torque"]
+    controller.reset()
+    given = BODY.state(g=run.final.g, xi=run.final.xi).replace(t=run.final.t)
+    assert asked == pytest.approx(controller(given).plan["torque"], abs=1e-9)
+
+
 CARRIED = co.System(co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + 0.5 * nu @ nu, additional=co.Defining())
 NO_COST = {"cost": None, "final_cost": None}
 WRONG = {
@@ -182,6 +244,8 @@ WRONG = {
     "a delay beyond the period": ({}, {"delay": 0.2}, "not be longer than the period"),
     "no iteration": ({}, {"iterations": 0}, "`iterations`"),
     "a fallback that is a dictionary": ({}, {"fallback": {"torque": 0.0}}, "`fallback` must be a function"),
+    "a change of no parameter": ({}, {"changing": ("mass",)}, "`mass`, which is no parameter"),
+    "a change that is a number": ({}, {"changing": 1}, "must be names of parameters"),
     "no cost": (NO_COST, {}, "give the problem a `cost`"),
     "a free duration": ({"free_duration": (1.0, 2.0)}, {}, "leave out `free_duration`"),
     "parameters to choose": (

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
+    from coadjoint.control.squares import squares as squares
     from coadjoint.control.statement import Bounds as Bounds
     from coadjoint.control.statement import End as End
     from coadjoint.control.statement import Input as Input

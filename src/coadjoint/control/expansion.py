@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.control.linearised import LinearSteps, Steps, Tables, with_hessian, with_jacobian
+from coadjoint.control.linearised import LinearSteps, Steps, Tables, expanded, with_jacobian
 from coadjoint.control.quadratic import Stages
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
@@ -42,11 +42,13 @@ class Expanding:
         self.transcription, self.count, self.h = transcription, problem.count, problem.dt
         self.nx, self.nu = transcription.sizes[:2]
         self._linear = LinearSteps(transcription, self.count)
-        cost, final = with_hessian(functions.cost, "cost"), with_hessian(functions.final, "final")
+        cost, final = (expanded(transcription, name) for name in ("cost", "final_cost"))
         path, end = with_jacobian(functions.path, "path"), with_jacobian(functions.end, "end")
         self._cost, self._final = Tables(cost, 2 * self.count), Tables(final, 1)
         self._path, self._end = Tables(path, self.count + 1), Tables(end, 1)
         self.coupled = self._coupled(cost) or self._coupled(final)
+        costs = [given for given in (problem.cost, problem.final_cost) if given is not None]
+        self._definite = all(hasattr(given, "residual") for given in costs)
         self._path_reads_inputs = _reads(path, slice(self.nx, None))
         if np.any(_reads(end, slice(self.nx, None))):
             raise ArgumentError(
@@ -61,9 +63,7 @@ class Expanding:
     def _coupled(self, function) -> bool:
         """Whether a cost has a product of a state with an input, which is of two stages at the end of a step."""
         hessian = _pattern(function, "hessian", self.nx + self.nu)
-        return bool(
-            np.any(hessian[: self.nx, self.nx :]) or (function.name() == "final" and np.any(hessian[self.nx :]))
-        )
+        return bool(np.any(hessian[: self.nx, self.nx :]))
 
     def steps(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, Steps]:
         """Φ (N, nx) and the linear steps about a plan, with their gaps c."""
@@ -95,12 +95,15 @@ class Expanding:
             offset = slope + (ahead[:, :, :nx] @ c[:, :, None])[:, :, 0]
             back = T.transpose(0, 2, 1)
             H, g = H + back @ ahead @ T, g + (back @ offset[:, :, None])[:, :, 0]
-            return convex(H, self._units), g, np.zeros((nx, nx)), np.zeros(nx)
+            return self._convex(H), g, np.zeros((nx, nx)), np.zeros(nx)
         H[:, nx:, nx:] += ahead[:, nx:, nx:]
         g[:, nx:] += slope[:, nx:]
         H[1:, :nx, :nx] += ahead[:-1, :nx, :nx]
         g[1:, :nx] += slope[:-1, :nx]
-        return convex(H, self._units), g, convex(ahead[-1:, :nx, :nx], self._units[:nx])[0], slope[-1, :nx]
+        return self._convex(H), g, self._convex(ahead[-1:, :nx, :nx])[0], slope[-1, :nx]
+
+    def _convex(self, H: np.ndarray) -> np.ndarray:
+        return convex(H, self._units[: H.shape[-1]], self._definite)
 
     def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
         """Those of the motion, less what no input can change at the first node, and what inputs do at the last."""
@@ -177,11 +180,16 @@ def limits_of(transcription: Transcription, name: str) -> np.ndarray:
     return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
 
 
-def convex(H: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number, in units (m,)."""
+def convex(H: np.ndarray, units: np.ndarray, definite: bool) -> np.ndarray:
+    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number, in units (m,).
+
+    definite: whether none is negative, so that nothing has to be looked for.
+    """
     H = H * units * units[:, None]
     size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
     raised = H + FLOOR * size * np.eye(H.shape[-1])
+    if definite:
+        return raised / units / units[:, None]
     try:
         np.linalg.cholesky(raised)
         return raised / units / units[:, None]

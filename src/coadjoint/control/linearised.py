@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.control.library import casadi
-from coadjoint.control.transcription import Transcription
+from coadjoint.control.transcription import Transcription, functions_of
 
 
 class Tables:
@@ -143,6 +143,21 @@ def with_hessian(function: Any, name: str) -> Any:
     f = ca.densify(function(x, u, p, h))
     hessian, gradient = ca.hessian(f, both)
     return ca.Function(name, [x, u, p, h], [f, gradient, hessian], list("xuph"), ["f", "gradient", "hessian"])
+
+
+def expanded(transcription: Transcription, name: str) -> Any:
+    """`cost` or `final_cost` to second order; of squares |e|² the Hessian is 2 JᵀJ with the Jacobian J of e."""
+    functions, given = transcription.functions, getattr(transcription.problem, name)
+    whole = functions.cost if name == "cost" else functions.final
+    if not hasattr(given, "residual"):
+        return with_hessian(whole, name)
+    ca, graph = casadi(), transcription.graph
+    residual = graph.of_motion(given.residual, f"The squares of `{name}`")
+    e = with_jacobian(functions_of(graph, [], transcription.live, residual, [], [], [], [], {}).cost, name)
+    x, u, p, h = (ca.SX.sym(key, e.size1_in(k)) for k, key in enumerate("xuph"))
+    value, J = e(x, u, p, h)
+    results = [ca.densify(ca.sumsqr(value)), ca.densify(2 * J.T @ value), 2 * J.T @ J]
+    return ca.Function(name, [x, u, p, h], results, list("xuph"), ["f", "gradient", "hessian"])
 
 
 def with_jacobian(function: Any, name: str) -> Any:

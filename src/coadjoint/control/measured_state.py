@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
 
 
@@ -24,11 +25,14 @@ class MeasuredState:
         self._size = transcription.graph.numbers(begun).shape
         self._structure = jax.tree_util.tree_structure(begun.internal)
 
-    def __call__(self, state: Any) -> np.ndarray:
-        """x; raises ArgumentError for what is no state of this system, and for numbers that are not finite."""
+    def __call__(self, state: Any, parameters: Any, velocities: bool) -> np.ndarray:
+        """x; velocities: whether the momenta are those of the model, whose parameters are given, for ξ and ν.
+
+        Raises ArgumentError for what is no state of this system, and for numbers that are not finite.
+        """
         self._require(state)
-        if state.from_velocities:
-            state = self._with_momenta(state)
+        if state.from_velocities or velocities:
+            state = self._with_momenta(state.replace(from_velocities=True), parameters)
         found = self._transcription.graph.numbers(state)
         if found.shape != self._size:
             raise ArgumentError("Argument `state` has other shapes than the states of the problem's system.")
@@ -53,9 +57,14 @@ class MeasuredState:
                 "water differ."
             )
 
-    def _with_momenta(self, state: State) -> State:
+    def _with_momenta(self, state: State, parameters: Any) -> State:
         system, method, h, begun = self._beginning
-        state = state.replace(inputs=begun.inputs)
+        plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)
+        state = state.replace(inputs=begun.inputs, memory=None, ledger=None, **plain)
         if self._begin is None:
-            self._begin = tabulate(lambda found: method.begin(system, found, h), state)
-        return self._begin(state)
+
+            def begin(parameters: Any, state: State) -> State:
+                return method.begin(replace_parameters(system, parameters), state, h)
+
+            self._begin = tabulate(begin, parameters, state)
+        return self._begin(parameters, state)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
+from coadjoint.control.stage import numbers_of
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, shown
@@ -110,7 +111,8 @@ class Controller:
         nx = expanding.nx + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
-        self._p = np.zeros(transcription.sizes[3])
+        self.system = problem.system
+        self._p = self._numbers()
         self.record = Record()
         self.reset()
 
@@ -119,6 +121,25 @@ class Controller:
         self._plan: MotionPlan | None = None
         self._clock: Timeline | None = None
         self._prepared: tuple[int, MotionPlan, Expansion] | None = None
+
+    def change(self, **values: Any) -> None:
+        """Set parameters that `changing` names, as `system.replace` does, for all calls from now on.
+
+        values: name → value, or name → {name: value} of a part. Raises ArgumentError for another name.
+        """
+        known = tuple(self.problem.parameters)
+        for name in values:
+            if name not in known:
+                raise ArgumentError(
+                    f"Parameter `{name}` is fixed in this controller: name it in `changing` of problem.controller."
+                )
+        self.system = self.system.replace(**values)
+        self._p, self._prepared = self._numbers(), None
+
+    def _numbers(self) -> np.ndarray:
+        """The parameters that may change, in the order of the model's functions."""
+        found = [numbers_of(getattr(self.system.parameters, name)) for name in self.problem.parameters]
+        return np.concatenate(found) if found else np.zeros(0)
 
     def prepare(self) -> float:
         """Linearise about the plan as it will be a period after the last state; returns seconds.
@@ -130,15 +151,16 @@ class Controller:
             self._prepare(self.steps)
         return time.perf_counter() - began
 
-    def __call__(self, state: State) -> Answer:
+    def __call__(self, state: State, velocities: bool = False) -> Answer:
         """The command for a state, by one real-time iteration.
 
-        state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member. Its momenta
-        are those of the model: where the vehicle has other masses, give velocities, system.state(g=…, xi=…, …).
+        state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member.
+        velocities: whether ξ and ν of the state are taken, with the model's momenta for them, as where the vehicle has
+        other masses, or other water, than the model; by default the momenta of the state.
         Raises ArgumentError for another thing; what fails in the solver is told by the answer.
         """
         began = time.perf_counter()
-        measured = self._measured(state)
+        measured = self._measured(state, self.system.parameters, velocities)
         t, passed = float(state.t), self._passed(float(state.t))
         if passed is None:
             self.reset()
@@ -335,6 +357,19 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
     return count
 
 
+def _names(problem: Statement, changing: Any) -> tuple[str, ...]:
+    """The names of parameters that may change; raises ArgumentError for what are none."""
+    names = (changing,) if isinstance(changing, str) else changing
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        raise ArgumentError(
+            f'Argument `changing` must be names of parameters, such as ("mass",), not {shown(changing)}.'
+        )
+    for name in names:
+        if not hasattr(problem.system.parameters, name):
+            raise ArgumentError(f"Argument `changing` names `{name}`, which is no parameter of the system.")
+    return tuple(names)
+
+
 def require_controllable(problem: Statement) -> None:
     """Raise ArgumentError where a problem is none of a controller."""
     if problem.cost is None and problem.final_cost is None:
@@ -342,14 +377,16 @@ def require_controllable(problem: Statement) -> None:
     if problem.free_duration is not None:
         raise ArgumentError("A controller looks ahead over a fixed time: leave out `free_duration`.")
     if problem.parameters:
-        raise ArgumentError("A controller chooses inputs alone: leave out `parameters` of the problem.")
+        raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
     if problem.free_start or problem.measured:
         raise ArgumentError("A controller begins at the state that it is given: leave out `free_start` and `measured`.")
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")
 
 
-def controller(problem: Statement, period: Any, delay: Any, iterations: Any, fallback: Any) -> Controller:
+def controller(
+    problem: Statement, period: Any, delay: Any, iterations: Any, fallback: Any, changing: Any
+) -> Controller:
     """The controller of a problem; the arguments are those of `Problem.controller`."""
     require_controllable(problem)
     steps = steps_of(problem.dt if period is None else period, problem.dt, "period", 1)
@@ -360,4 +397,5 @@ def controller(problem: Statement, period: Any, delay: Any, iterations: Any, fal
         raise ArgumentError("Argument `delay` must not be longer than the period.")
     if fallback is not None and not callable(fallback):
         raise ArgumentError(f"Argument `fallback` must be a function of the state, but is {shown(fallback)}.")
+    problem = replace(problem, duration=None, parameters=dict.fromkeys(_names(problem, changing), (-np.inf, np.inf)))
     return Controller(problem, steps, late, whole(iterations, "iterations"), fallback)

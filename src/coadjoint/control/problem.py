@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,6 +87,7 @@ class Problem(Statement):
         delay: float = 0.0,
         iterations: int = 1,
         fallback: Callable[[State], Any] | None = None,
+        changing: Sequence[str] = (),
     ) -> Controller:
         """Model predictive control of this problem: `controller(state)` is the command for a state, by one iteration.
 
@@ -100,9 +101,10 @@ class Problem(Statement):
                 until then that of the answer before acts. By default 0.
             iterations: quadratic programs in each call, by default 1.
             fallback: state → {name: command}, what acts where there is no plan; by default the inputs' guesses.
+            changing: names of parameters that `controller.change` may set from period to period, by default none.
 
         The start of the problem says only which system and internal state it is. Raises ArgumentError and
         LagrangianError for what cannot be a controller.
         """
         problem = self if horizon is None else replace(self, duration=horizon, steps=None)
-        return controller(problem, period, delay, iterations, fallback)
+        return controller(problem, period, delay, iterations, fallback, changing)

@@ -1,0 +1,32 @@
+"""Costs that are sums of squares, whose curvature Gauss and Newton's method takes from the first derivatives."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError, shown
+
+
+def squares(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The cost L = |e|² of e = function(motion [, p]), a vector of any length.
+
+        cost=co.control.squares(lambda motion, p: jnp.concatenate([3 * (motion.q - goal), motion.nu]))
+
+    function: as a cost, written with jax.numpy; its weights are square roots of those of the squares.
+
+    To `problem.solve` this is a cost as any other. A controller takes 2 JᵀJ for its Hessian, J = ∂e/∂(x, u), which is
+    never negative and needs no second derivatives. Raises ArgumentError for what is no function.
+    """
+    if not callable(function):
+        raise ArgumentError(f"Argument `function` must be a function of the motion, but is {shown(function)}.")
+
+    @functools.wraps(function)
+    def cost(*arguments: Any) -> Any:
+        return jnp.sum(jnp.square(jnp.ravel(jnp.asarray(function(*arguments)))))
+
+    cost.residual = function  # pyright: ignore[reportAttributeAccessIssue]
+    return cost
