@@ -169,7 +169,7 @@ def test_a_number_that_is_compiled_in_is_compiled_anew_with_a_sentence():
 
 def test_a_mass_matrix_that_is_no_longer_positive_is_refused_and_nothing_changes(under_way):
     state, mass = under_way.state, under_way.parameters.mass
-    for wrong in ({"mass": -1.0}, {"inertia": [-0.2, 3.4, 3.4]}):
+    for wrong in ({"mass": -1.0}, {"inertia": np.diag([-0.2, 3.4, 3.4])}):
         with pytest.raises(ArgumentError, match="another sign than before"):
             under_way.change(**wrong)
     assert np.array_equal(under_way.state.pi, state.pi) and under_way.parameters.mass == mass

@@ -53,7 +53,7 @@ def carried(beginning: Beginning, states: np.ndarray, before: np.ndarray, after:
     rows = rows_of(found, len(states))
     if not np.all(np.isfinite(rows)):
         raise ArgumentError("With these parameters the momenta are not finite: look for a mass or an inertia of zero.")
-    if masses and not np.array_equal(*map(_negative, masses)):
+    if masses and np.any(_negative(masses[0]) != _negative(masses[1])):
         raise ArgumentError(
             "With these parameters an eigenvalue of ∂²ℓ/∂(ξ, ν)² has another sign than before: look for a mass or an "
             "inertia that is negative, or too small beside the others."
