@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from equations import Equations, Still
@@ -36,14 +39,38 @@ def test_newton_solves_systems_of_every_size(n, curved):
     assert chunk.iterations == 2 or curved
 
 
+SINGULAR = np.arange(1.0, 10.0).reshape(3, 3)
+
+
 @pytest.mark.parametrize("n", [4, 6, 7])
 def test_a_singular_corner_is_solved_with_pivots(n):
-    random = np.random.default_rng(3)
+    random = np.random.default_rng(n)
     matrix, right = random.normal(size=(n, n)), random.normal(size=n)
     # The corner that the closed form would invert has no inverse, but no zeros either.
-    matrix[:3, :3] = np.outer([1.0, 2.0, 3.0], [1.0, 0.5, 0.7])
+    matrix[:3, :3] = SINGULAR
+    assert np.linalg.cond(matrix) < 1e3
     chunk = found(matrix, right)
     np.testing.assert_allclose(chunk.records[0], np.linalg.solve(matrix, right), rtol=1e-10)
+
+
+@dataclass(frozen=True)
+class CurvedAtTheEnd(Equations):
+    """A z + ε sin z = s in the last row alone, and A z = s in the others."""
+
+    def residual(self, p, s, h, z):
+        return p @ z - s + self.curved * jnp.concatenate([0 * z[:-1], jnp.sin(z[-1:])])
+
+
+@pytest.mark.parametrize("n", [5, 6, 8])
+def test_a_singular_corner_behind_an_unknown_that_stands_alone_is_solved_with_pivots(n):
+    random = np.random.default_rng(3)
+    matrix, right = random.normal(size=(n, n)), random.normal(size=n)
+    matrix[0, 1:] = 0.0
+    matrix[1:4, 1:4] = SINGULAR
+    chunk = native.run(Still((CurvedAtTheEnd(0.1),)), matrix, right, 0.1, 1, 1)
+    assert chunk.code is Code.CONVERGED
+    z = chunk.records[0]
+    np.testing.assert_allclose(matrix @ z + 0.1 * np.sin(z) * (np.arange(n) == n - 1), right, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [3, 6])
