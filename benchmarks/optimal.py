@@ -2,11 +2,13 @@
 
 By hand: CasADi's own variables and IPOPT with exact second derivatives; the steps of the paper for a rigid body, by the
 Cayley map, μ_k + h u_k = (dτ⁻¹_{hω})*Jω, μ_{k+1} = Fᵀ(μ_k + h u_k), R_{k+1} = R_k F. Beside it the same problem by
-multiple shooting with RK4 and quaternions, as one would write without a group.
+multiple shooting with RK4 and quaternions, as one would write without a group, and by crocoddyl's FDDP, where it is
+installed (`pip install crocoddyl`): semi-implicit Euler on its own quaternions, the end by a penalty.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from functools import partial
 from typing import Any
@@ -20,18 +22,26 @@ from benchmarks.clock import Contender, interleaved, table_of
 J, T, TURN = np.array([1.0, 2.0, 3.0]), 5.0, 2.5 * np.array([1.0, 1.0, 1.0]) / np.sqrt(3)
 HAND = "CasADi by hand, the same steps"
 SHOOTING = "CasADi by hand, RK4 and quaternions"
+FDDP = "crocoddyl's FDDP, Euler, the end by a penalty"
+PENALTY = 1e7
 TOLERANCE = 1e-9
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Processor time of stating and solving, by turns; costs and iterations; the invariant |R Rᵀ − e| between nodes."""
+    """Processor time of stating and solving, by turns; costs and iterations; the invariants between nodes.
+
+    These are |R Rᵀ − e|, and the momentum in space less what the torque has put in, |π_{k+1} − π_k − h R_k u_k|,
+    relative to the largest momentum; of RK4, whose torque turns within the step, there is no such sum.
+    """
     found = {}
     for steps in (64, 256) if quick else (64, 256, 1024):
         contenders = {
             HAND: by_hand(steps),
-            "CasADi by hand, RK4 and quaternions": by_rk4(steps),
+            SHOOTING: by_rk4(steps),
             "co.control": ours(steps),
         }
+        if importlib.util.find_spec("crocoddyl") is not None:
+            contenders[FDDP] = by_crocoddyl(steps)
         answers = {name: solve() for name, solve in contenders.items()}
         timed = interleaved({name: Contender(solve) for name, solve in contenders.items()}, 2 if quick else 4)
         table = table_of(timed, HAND)
@@ -59,6 +69,7 @@ def ours(steps: int) -> Any:
         return {
             "cost": optimum.cost, "iterations": optimum.iterations, "solver": optimum.solve_seconds,
             "violation": optimum.violation, "orthogonal": _defect(R),
+            "momentum": _momentum(R, np.asarray(optimum.run.records.mu), optimum.inputs["u"], T / steps),
         }  # fmt: skip
 
     return solve
@@ -98,7 +109,11 @@ def _by_hand(steps: int) -> dict[str, Any]:
     nodes = np.column_stack([[turn.T.ravel() for turn in turns], J * speed])
     middle = 0.5 * (speed[1:] + speed[:-1])
     guess = np.concatenate([np.column_stack([nodes[:-1], np.zeros((steps, 3)), middle]).ravel(), nodes[-1]])
-    return _solved(ca, program, guess, lambda w: np.vstack([w[: 18 * steps].reshape(steps, 18)[:, :9], w[-12:-3]]))
+    answer, w = _solved(ca, program, guess, lambda w: np.vstack([w[: 18 * steps].reshape(steps, 18)[:, :9], w[-12:-3]]))
+    rows = w[: 18 * steps].reshape(steps, 18)
+    x = np.vstack([rows[:, :12], w[18 * steps :]])
+    R = np.swapaxes(x[:, :9].reshape(-1, 3, 3), 1, 2)  # by columns
+    return answer | {"momentum": _momentum(R, x[:, 9:], rows[:, 12:15], h)}
 
 
 def by_rk4(steps: int) -> Any:
@@ -138,10 +153,63 @@ def _by_rk4(steps: int) -> dict[str, Any]:
         length = np.sum(found**2, axis=1)[:, None, None]
         return (length * Rotation.from_quat(found).as_matrix()).reshape(-1, 9)
 
-    return _solved(ca, program, guess, rotations)
+    return _solved(ca, program, guess, rotations)[0]
 
 
-def _solved(ca: Any, program: dict[str, Any], guess: np.ndarray, rotations: Any) -> dict[str, Any]:
+def by_crocoddyl(steps: int) -> Any:
+    """The same motion by differential dynamic programming with pinocchio's quaternions."""
+    return partial(_by_crocoddyl, steps)
+
+
+def _by_crocoddyl(steps: int) -> dict[str, Any]:
+    import crocoddyl  # pyright: ignore[reportMissingImports]
+    import pinocchio  # pyright: ignore[reportMissingImports]
+
+    h, angle = T / steps, np.linalg.norm(TURN)
+    model = pinocchio.Model()
+    model.gravity = pinocchio.Motion.Zero()
+    joint = model.addJoint(0, pinocchio.JointModelSpherical(), pinocchio.SE3.Identity(), "body")
+    model.appendBodyToJoint(joint, pinocchio.Inertia(1.0, np.zeros(3), np.diag(J)), pinocchio.SE3.Identity())
+    state = crocoddyl.StateMultibody(model)
+    actuation = crocoddyl.ActuationModelFull(state)
+    goal = np.concatenate([Rotation.from_rotvec(TURN).as_quat(), np.zeros(3)])
+    effort, end = crocoddyl.CostModelSum(state, 3), crocoddyl.CostModelSum(state, 3)
+    residuals = crocoddyl.ResidualModelControl(state, 3), crocoddyl.ResidualModelState(state, goal, 3)
+    effort.addCost("effort", crocoddyl.CostModelResidual(state, residuals[0]), 1.0)
+    end.addCost("end", crocoddyl.CostModelResidual(state, residuals[1]), PENALTY)
+    differential = crocoddyl.DifferentialActionModelFreeFwdDynamics
+    models = [
+        crocoddyl.IntegratedActionModelEuler(differential(state, actuation, cost), dt)
+        for cost, dt in ((effort, h), (end, 0.0))
+    ]
+    first = np.array([0.0, 0, 0, 1, 0, 0, 0])
+    solver = crocoddyl.SolverFDDP(crocoddyl.ShootingProblem(first, [models[0]] * steps, models[1]))
+    solver.th_stop = 1e-12
+    s = np.linspace(0, 1, steps + 1)
+    turns = Rotation.from_rotvec(np.outer(3 * s**2 - 2 * s**3, TURN)).as_quat()
+    nodes = np.column_stack([turns, np.outer(6 * s * (1 - s) / T, TURN)])
+    began = time.perf_counter()
+    assert solver.solve(list(nodes), [np.zeros(3)] * steps, 500, False, 1e-9)
+    seconds = time.perf_counter() - began
+    x, u = np.array(solver.xs), np.array(solver.us)
+    R = Rotation.from_quat(x[:, :4]).as_matrix()
+    gap = (Rotation.from_quat(x[-1, :4]).inv() * Rotation.from_rotvec(TURN)).magnitude() / angle
+    return {
+        "cost": 0.5 * h * float(np.sum(u**2)), "iterations": int(solver.iter), "solver": seconds,
+        "violation": max(gap, float(np.max(np.abs(x[-1, 4:])))),
+        "orthogonal": float(np.max(np.abs(np.linalg.norm(x[:, :4], axis=1) ** 2 - 1))),
+        "momentum": _momentum(R, J * x[:, 4:], u, h),
+    }  # fmt: skip
+
+
+def _momentum(R: np.ndarray, mu: np.ndarray, u: np.ndarray, h: float) -> float:
+    """The largest |π_{k+1} − π_k − h R_k u_k| beside |π|, π = R μ."""
+    pi = np.einsum("kij,kj->ki", R, mu)
+    put_in = h * np.einsum("kij,kj->ki", R[:-1], u)
+    return float(np.max(np.abs(np.diff(pi, axis=0) - put_in)) / np.max(np.abs(pi)))
+
+
+def _solved(ca: Any, program: dict[str, Any], guess: np.ndarray, rotations: Any) -> tuple[dict[str, Any], np.ndarray]:
     own = {"print_level": 0, "tol": TOLERANCE, "constr_viol_tol": TOLERANCE, "sb": "yes"}
     solver = ca.nlpsol("hand", "ipopt", program, {"ipopt": own, "print_time": False})
     began = time.perf_counter()
@@ -149,11 +217,12 @@ def _solved(ca: Any, program: dict[str, Any], guess: np.ndarray, rotations: Any)
     seconds = time.perf_counter() - began
     stats = solver.stats()
     assert stats["success"]
-    R = rotations(found["x"].full().ravel()).reshape(-1, 3, 3)
+    w = found["x"].full().ravel()
+    R = rotations(w).reshape(-1, 3, 3)
     return {
         "cost": float(found["f"]), "iterations": stats["iter_count"], "solver": seconds,
         "violation": float(np.max(np.abs(found["g"].full()))), "orthogonal": _defect(R),
-    }  # fmt: skip
+    }, w  # fmt: skip
 
 
 def _defect(R: np.ndarray) -> float:

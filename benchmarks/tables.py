@@ -211,13 +211,24 @@ def _judging(found: dict[str, Any]) -> list[Table]:
 
 
 def _optimal(found: dict[str, Any]) -> list[Table]:
-    heads = ("", "ratio", "stated and solved", "solver alone", "iterations", "cost", "violation", "|RRᵀ − e|")
+    heads = (
+        "",
+        "ratio",
+        "stated and solved",
+        "solver alone",
+        "iterations",
+        "cost",
+        "violation",
+        "|RRᵀ − e|",
+        "momentum",
+    )
     tables = []
     for steps, part in found.items():
         rows = [
             (
                 name, f"{row['ratio']:.3g}", _time(row["seconds"]), _time(row["solver"]), str(row["iterations"]),
                 f"{row['cost']:.9f}", f"{row['violation']:.0e}", f"{row['orthogonal']:.0e}",
+                f"{row['momentum']:.0e}" if "momentum" in row else "",
             )
             for name, row in part.items()
         ]  # fmt: skip
