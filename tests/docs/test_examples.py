@@ -121,3 +121,14 @@ def test_a_policy_learns_to_hold_a_station(run_example):
     assert np.median(still[-1]) < 0.01 and np.median(drifting[-1]) < 0.05
     assert still.shape == (600, 64) and found["weights"].shape == (24, 8)
     assert Path("learned_station.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(60)
+def test_remus_crosses_a_jet_clear_of_the_column_and_with_less_energy_in_more_time(run_example):
+    found = run_example("remus_crossing", 80)["found"]
+    (time, most, _, q), (longer, least, _, deep) = found["least time"], found["least energy"]
+    assert time < 0.5 * longer and least < 0.5 * most
+    assert np.min(np.hypot(*(q[:, :2] - [52.0, -14.0]).T)) == pytest.approx(8.0, abs=0.1)
+    assert np.max(deep[:, 2]) == pytest.approx(12.0, abs=1e-3) and np.max(q[:, 2]) < 11.0
+    assert max(off for _, _, off, _ in found.values()) < 0.5
+    assert Path("remus_crossing.png").stat().st_size > 10_000
