@@ -19,6 +19,7 @@ import numpy as np
 
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, expanded, with_jacobian
 from coadjoint.control.quadratic import Stages
+from coadjoint.control.tangents import Directions, Tangents
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
 
@@ -27,11 +28,11 @@ FLOOR = 1e-9
 
 
 class Expansion(NamedTuple):
-    """The program about a plan, and the steps by which z follows."""
+    """The program about a plan, the steps by which z follows, and the directions in which x changes."""
 
     stages: Stages
     steps: Steps
-    next: np.ndarray
+    directions: Directions
 
 
 class Expanding:
@@ -41,6 +42,7 @@ class Expanding:
         problem, functions = transcription.problem, transcription.functions
         self.transcription, self.count, self.h = transcription, problem.count, problem.dt
         self.nx, self.nu = transcription.sizes[:2]
+        self.tangents = Tangents(transcription)
         self._linear = LinearSteps(transcription, self.count)
         cost, final = (expanded(transcription, name) for name in ("cost", "final_cost"))
         path, end = with_jacobian(functions.path, "path"), with_jacobian(functions.end, "end")
@@ -65,20 +67,22 @@ class Expanding:
         hessian = _pattern(function, "hessian", self.nx + self.nu)
         return bool(np.any(hessian[: self.nx, self.nx :]))
 
-    def steps(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, Steps]:
-        """Φ (N, nx) and the linear steps about a plan, with their gaps c."""
-        after, steps = self._linear(x[:-1], u, z, p, self.h)
-        return after, steps._replace(c=steps.c - x[1:])
+    def steps(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> Steps:
+        """The linear steps about a plan, with their gaps c."""
+        _, steps = self._linear(x[:-1], u, z, p, self.h)
+        return steps._replace(c=steps.c - x[1:])
 
     def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray) -> Expansion:
         """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN where none is known."""
-        after, steps = self.steps(x, u, z, p)
+        steps = self.steps(x, u, z, p)
         M = np.concatenate([steps.A, steps.B], axis=2)
         H, g, last_H, last_g = self._costs(x, u, p, M, steps.c)
         C, limits, last_C, last_limits = self._constraints(x, u, p)
         bounds = self.lower - u, self.upper - u
-        stages = Stages(H, g, M, steps.c, C, limits, bounds, last_H, last_g, last_C, last_limits)
-        return Expansion(self._scaled(self._with_rates(stages, u, before)), steps, after)
+        directions = self.tangents.directions(x, u, p, self.h)
+        whole = Stages(H, g, M, steps.c, C, limits, bounds, last_H, last_g, last_C, last_limits)
+        stages = self.tangents.reduced(whole, directions)
+        return Expansion(self._scaled(self._with_rates(stages, u, before)), steps, directions)
 
     def _costs(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
@@ -124,7 +128,7 @@ class Expanding:
 
     def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
         """With the input before as states more, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a rate."""
-        rated, n, nx, nu = self.rated, self.count, self.nx, self.nu
+        rated, n, nx, nu = self.rated, self.count, self.tangents.width, self.nu
         if not len(rated):
             return s
         more = len(rated)
@@ -165,7 +169,7 @@ class Expanding:
 
     def patterns(self) -> dict[str, np.ndarray]:
         """Which numbers of the program may differ from zero."""
-        nx, nu, more = self.nx, self.nu, len(self.rated)
+        nx, nu, more = self.tangents.width, self.nu, len(self.rated)
         rows, end = (
             sum(len(r.lower) for r in self.transcription.path),
             sum(len(r.lower) for r in self.transcription.end),

@@ -108,7 +108,7 @@ class Controller:
         self._expanding = expanding = Expanding(transcription)
         self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
         self._guess = limits_of(transcription, "guess")
-        nx = expanding.nx + len(expanding.rated)
+        nx = expanding.tangents.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
         self.system = problem.system
@@ -264,15 +264,19 @@ class Controller:
         if not (np.all(np.isfinite(stages.M)) and np.all(np.isfinite(stages.H)) and np.all(np.isfinite(stages.g))):
             self._plan = None
             return "a function of the problem, or a derivative, is not finite about the plan"
-        nx = self._expanding.nx
-        change = np.concatenate([first - plan.x[0], np.zeros(len(self._expanding.rated))])
-        solved = self._solve(stages, change)
+        tangents, change = self._expanding.tangents, first - plan.x[0]
+        y = np.concatenate([tangents.first(change, expansion.directions), np.zeros(len(self._expanding.rated))])
+        solved = self._solve(stages, y)
         if solved.failure or solved.violation > VIOLATED:
             return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
-        dx, du = solved.x[:, :nx], solved.u * self._expanding.scale
+        y, du = solved.x[:, : tangents.width], solved.u * self._expanding.scale
+        dx = tangents.linear(y, expansion.directions)
+        dx[0] = change
         dz = (steps.E @ dx[:-1, :, None] + steps.F @ du[:, :, None])[:, :, 0] + steps.e
         u = np.clip(plan.u + du, self._expanding.lower, self._expanding.upper)
-        self._plan = MotionPlan(plan.x + dx, u, plan.z - dz)
+        x = tangents.moved_by(plan.x, y, u, self._p, self.problem.dt)
+        x[0] = first
+        self._plan = MotionPlan(x, u, plan.z - dz)
         return ""
 
     def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> Answer:
