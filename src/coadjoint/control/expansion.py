@@ -189,11 +189,14 @@ def convex(H: np.ndarray, units: np.ndarray, definite: bool) -> np.ndarray:
 
     definite: whether none is negative, so that nothing has to be looked for.
     """
+    if definite:  # the largest number stands on the diagonal
+        diagonal, raised = np.arange(len(units)), H.copy()
+        size = max(float(np.max(H[:, diagonal, diagonal] * units**2, initial=0.0)), 1e-300)
+        raised[:, diagonal, diagonal] += FLOOR * size / units**2
+        return raised
     H = H * units * units[:, None]
     size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
     raised = H + FLOOR * size * np.eye(H.shape[-1])
-    if definite:
-        return raised / units / units[:, None]
     try:
         np.linalg.cholesky(raised)
         return raised / units / units[:, None]
