@@ -146,6 +146,25 @@ def test_prepared_before_the_state_or_with_it_the_answer_is_the_same():
     assert answers[1].preparation_seconds < answers[0].preparation_seconds
 
 
+def test_with_advected_directions_the_plan_stays_on_the_group_and_comes_to_the_optimum():
+    vehicle = paper_vehicle.system(forces=lambda motion, p: co.Force(torque=motion.inputs.torque))
+
+    def errors(motion, p):
+        return jnp.concatenate([4 * jnp.ravel(motion.g - jnp.eye(3)), motion.xi, motion.inputs.torque])
+
+    start = vehicle.state(g=co.attitude.zyx(0.2, 0.5, -0.4), q=[0, 0, 0], a0=[0, 0, 1])
+    problem = Problem(
+        vehicle, start, dt=0.2, steps=10, inputs={"torque": Input((3,), -4, 4)}, cost=co.control.squares(errors)
+    )
+    controller = problem.controller(iterations=25)
+    answer = controller(start)
+    assert answer.plan["torque"] == pytest.approx(problem.solve().inputs["torque"], abs=1e-6)
+    R = answer.nodes[:, [controller.names.index(f"g[{i}, {j}]") for i in range(3) for j in range(3)]].reshape(-1, 3, 3)
+    a = answer.nodes[:, [controller.names.index(f"a[{i}]") for i in range(3)]]
+    assert R.transpose(0, 2, 1) @ R == pytest.approx(np.broadcast_to(np.eye(3), R.shape), abs=1e-12)
+    assert a == pytest.approx(R[:, 2], abs=1e-12)  # Rᵀ a0
+
+
 def test_the_papers_vehicle_comes_to_a_pose_within_its_thrust():
     def cost(motion, p):
         between, here = motion.g - jnp.asarray(turn), motion.q - jnp.array([2.0, 0.0, 0.0])
