@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.control.expressions import casadi_expressions
+from coadjoint.control.functions import traced
+from coadjoint.control.library import casadi
+from coadjoint.control.stage import FiniteGraph, numbers_of
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.state import State
+
+GIVEN = ("t", "g", "n", "a", "xi", "nu", "mu", "pi", "internal")
+"""What of a measured state a step begins from."""
 
 
 class MeasuredState:
@@ -20,7 +27,7 @@ class MeasuredState:
 
     def __init__(self, transcription: Transcription):
         self._transcription, self._beginning = transcription, transcription.beginning
-        self._begin: Callable[..., Any] | None = None
+        self._begin: Any = None
         begun = transcription.beginning.state
         self._size = transcription.graph.numbers(begun).shape
         self._structure = jax.tree_util.tree_structure(begun.internal)
@@ -32,8 +39,9 @@ class MeasuredState:
         """
         self._require(state)
         if state.from_velocities or velocities:
-            state = self._with_momenta(state.replace(from_velocities=True), parameters)
-        found = self._transcription.graph.numbers(state)
+            found = self._with_momenta(state, parameters)
+        else:
+            found = self._transcription.graph.numbers(state)
         if found.shape != self._size:
             raise ArgumentError("Argument `state` has other shapes than the states of the problem's system.")
         x = found[self._transcription.live]
@@ -57,14 +65,32 @@ class MeasuredState:
                 "water differ."
             )
 
-    def _with_momenta(self, state: State, parameters: Any) -> State:
+    def _with_momenta(self, state: State, parameters: Any) -> np.ndarray:
+        """The numbers of the state as the method begins it from ξ and ν, with the model's momenta for them."""
+        given = {part: getattr(state, part) for part in GIVEN}
+        columns = [numbers_of(tree) for tree in (parameters, given)]
+        if self._begin is None:
+            self._begin = self._begun(parameters, given)
+        return self._begin(*columns).full().ravel()
+
+    def _begun(self, parameters: Any, given: dict[str, Any]) -> Any:
+        """(numbers of the parameters, numbers of what is given of a state) → numbers of the state that begins a step.
+
+        A function of CasADi, which answers in a few µs.
+        """
         system, method, h, begun = self._beginning
         plain = dict.fromkeys(("internal_mean", "internal_end", "internal_due"), None)
-        state = state.replace(inputs=begun.inputs, memory=None, ledger=None, **plain)
-        if self._begin is None:
+        template = begun.replace(memory=None, ledger=None, from_velocities=True, **plain)
 
-            def begin(parameters: Any, state: State) -> State:
-                return method.begin(replace_parameters(system, parameters), state, h)
+        def begin(parameters: Any, given: dict[str, Any]) -> list[Any]:
+            there = method.begin(replace_parameters(system, parameters), template.replace(**given), h)
+            return [jnp.ravel(jnp.asarray(leaf)) for leaf in self._transcription.graph.leaves(there)]
 
-            self._begin = tabulate(begin, parameters, state)
-        return self._begin(parameters, state)
+        ca, tracer = casadi(), Tracer(FiniteGraph())
+        trees = [tracer.symbols(f"{name} ", tree) for name, tree in (("p", parameters), ("given", given))]
+        columns = [ca.SX.sym(name, len(flat(tree))) for name, tree in zip("ps", trees, strict=True)]
+        known = {
+            node: column[i] for column, tree in zip(columns, trees, strict=True) for i, node in enumerate(flat(tree))
+        }
+        found = flat(traced(tracer, "The momenta of a state", begin, *trees))
+        return ca.Function("begin", columns, [ca.densify(ca.vertcat(*casadi_expressions(found, known)))])
