@@ -150,7 +150,7 @@ def test_a_bound_leaves_nothing_unknown_and_what_is_not_measured_is_told():
     assert tumbling(drag=(0.5, 1.0)).solve().deviations()["drag"] == 0.0
     _, _, _, rates = log(SEED)
     blind = tumbling(measured={"rates": Measured(lambda motion, p: motion.xi, rates, 0.03)})
-    with pytest.raises(co.OptimumError):
+    with pytest.raises(co.OptimumError, match="measurements do not tell"):
         blind.solve().deviations()  # no attitude: every start in g is as likely
 
 
@@ -174,6 +174,11 @@ def test_ill_posed_estimations_are_told():
     ]:
         with pytest.raises(co.ArgumentError, match=words):
             tumbling(**more).solve()
-    for values, deviation, words in [(rates, 0.0, "positive"), (3.0, 0.1, "NaN for gaps"), ("many", 0.1, "numbers")]:
+    for values, deviation, words in [
+        (rates, 0.0, "positive"),
+        (rates * 1j, 0.1, "numbers"),
+        (3.0, 0.1, "NaN for gaps"),
+        ("many", 0.1, "numbers"),
+    ]:
         with pytest.raises(co.ArgumentError, match=words):
             Measured(see, values, deviation)

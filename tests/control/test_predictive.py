@@ -258,7 +258,7 @@ WRONG = {
     "a period of nothing": ({}, {"period": 0.0}, "at least one"),
     "a period that is a text": ({}, {"period": "0.1 s"}, "`period` must be a whole number"),
     "a period beyond the horizon": ({}, {"period": 3.0}, "longer than the horizon of 1.5 s"),
-    "a horizon below a step": ({}, {"horizon": 0.05}, "duration"),
+    "a horizon below a step": ({}, {"horizon": 0.05}, "`horizon` must be a whole number of steps"),
     "a delay of no whole steps": ({}, {"delay": 0.01}, "`delay` must be a whole number of steps"),
     "a delay beyond the period": ({}, {"delay": 0.2}, "not be longer than the period"),
     "no iteration": ({}, {"iterations": 0}, "`iterations`"),

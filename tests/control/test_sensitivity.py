@@ -105,6 +105,10 @@ def test_what_has_no_derivative_is_told():
     for names, start, words in [
         (("jay",), (), "no parameter of the system"),
         ((), ("xi",), "parts of a state"),
+        ((), "xi", "parts of a state"),
+        ((), 3, "must be names"),
+        ((), ("q",), "no numbers"),
+        ((), ("pi",), "no numbers"),
         ((), (), "Nothing is named"),
         (("J",), ("mu",), "one after the other"),
     ]:
@@ -114,3 +118,48 @@ def test_what_has_no_derivative_is_told():
     reached = turn(limits={"lower": -largest, "upper": largest}).solve(tolerance=1e-11)
     with pytest.raises(co.OptimumError, match="only just reached"):
         reached.sensitivity("weight")
+
+
+def heavy(first=((1.0, 0, 0), (0, 1, 0), (0, 0, 1)), q=(0.2, -0.1, 0.3), dmu=0.0, **method):
+    """A body that is carried along, with weight along a₀: forces along it, and a place to reach."""
+    system = co.System(
+        co.SO3(),
+        lambda xi, n, nu, a, p: 0.5 * xi @ p.J @ xi + 0.5 * p.mass * nu @ nu + 0.3 * xi @ nu - 0.4 * n @ a - 0.5 * a[0],
+        additional=co.Defining(),
+        advected=co.Defining(),
+        parameters={"J": J, "mass": 1.5},
+        forces=lambda motion, p: co.Force(torque=motion.inputs.torque),
+    )
+    start = system.state(g=first, q=q, a0=[0.0, 0.6, 0.8], mu=np.array([0.2, 0.1, -0.3]) + dmu, pi=[0.1, 0.2, 0.0])
+    if method.get("method"):
+        start = system.state(g=first, q=q, a0=[0.0, 0.6, 0.8], xi=XI, qdot=[0.1, 0.2, 0.0])
+    return Problem(
+        system,
+        start,
+        dt=0.1,
+        steps=8,
+        inputs={"torque": Input((3,))},
+        cost=lambda m, p: 0.5 * m.inputs.torque @ m.inputs.torque + m.q @ m.q + m.xi @ m.xi,
+        **method,
+    )
+
+
+def test_by_a_start_whose_direction_in_the_world_and_place_stay_while_it_is_turned():
+    optimum = heavy().solve(tolerance=1e-11)
+    found = optimum.sensitivity(start=("g", "q", "mu"))
+    e = np.eye(3)[1]
+    changes = {
+        "start g": lambda s: heavy(first=Rotation.from_rotvec(s * e).as_matrix()),
+        "start q": lambda s: heavy(q=np.array([0.2, -0.1, 0.3]) + s * e),
+        "start mu": lambda s: heavy(dmu=s * e),
+    }
+    for name, changed in changes.items():
+        cost, torques = quotients(changed, optimum)
+        assert found.cost[name][1] == pytest.approx(cost, abs=2e-7), name
+        np.testing.assert_allclose(found.inputs["torque"][name][..., 1], torques, atol=5e-6)
+
+
+def test_a_start_whose_momenta_depend_on_the_step_has_no_derivative_by_parameters():
+    optimum = heavy(method=co.LeftRectangle(start="velocity")).solve()
+    with pytest.raises(co.ArgumentError, match='start="momentum"'):
+        optimum.sensitivity("mass")

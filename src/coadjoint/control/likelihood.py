@@ -8,7 +8,7 @@ from coadjoint.control import starts
 from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.program import nonlinear_program
 from coadjoint.control.transcription import Split, Transcription, transcribe
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, OptimumError
 
 
 def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
@@ -34,7 +34,13 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
     for column, variable in enumerate(chosen):
         if variable in place:
             right[place[variable], column] = 1.0
-    spread = found.solved(right)
+    try:
+        spread = found.solved(right)
+    except OptimumError:
+        raise OptimumError(
+            "The measurements do not tell all that is chosen, parameters, start and inputs: another motion is as "
+            "likely. Measure more, or give deviations in `free_start` and a cost of the inputs."
+        ) from None
     variance = [spread[place[v], c] if v in place else 0.0 for c, v in enumerate(chosen)]
     return _named(transcription, np.sqrt(np.maximum(variance, 0.0)))
 

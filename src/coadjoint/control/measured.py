@@ -75,11 +75,11 @@ class Measured:
                 f"`{name}` has values of the shape {self.values.shape[1:]}, but its function returns {shape}."
             )
         known = np.isfinite(self.values)
-        try:
-            weight = known / np.broadcast_to(self.deviation, shape)
-        except ValueError:
+        if self.deviation.shape not in ((), shape):
             raise ArgumentError(
-                f"`{name}` has a deviation of the shape {self.deviation.shape}, but its function returns {shape}."
-            ) from None
+                f"`{name}` has a deviation of the shape {self.deviation.shape}, but its function returns {shape}: give "
+                "one number, or one for each."
+            )
+        weight = known / np.broadcast_to(self.deviation, shape)
         count = len(self.values)
         return np.where(known, self.values, 0.0).reshape(count, -1).T, weight.reshape(count, -1).T

@@ -56,14 +56,16 @@ class Optimum:
     def sensitivity(self, *names: str, start: tuple[str, ...] = ()) -> Sensitivity:
         """The first derivatives of the optimum by its data, from the conditions that it satisfies.
 
-        names: of parameters θ of the system, weights of the cost among them; arrays count by each of their numbers.
-        start: parts of the start, of "g" (η in g exp(η)), "n", "mu", "pi", as the method begins; by default none.
+        names: of parameters θ of the system, weights of the cost among them, at the velocities of the start where it
+            was given by these; arrays count by each of their numbers.
+        start: parts of the start, of "g" (η in g exp(η), while q, a₀, μ and π stay), "q", "mu", "pi", as the method
+            begins with them; by default none.
 
         Raises ArgumentError for unknown names, OptimumError where the optimum has no derivative: where a bound is only
         just reached, or where it is not a strict one. Source: Fiacco (1983), Introduction to Sensitivity and
         Stability Analysis in Nonlinear Programming.
         """
-        return sensitivity(self.solution, self.run, names, start)
+        return sensitivity(self.solution, self.run, names, (start,) if isinstance(start, str) else start)
 
     def deviations(self) -> dict[str, np.ndarray]:
         """Standard deviations of the chosen parameters and of the start ("start g", in η of g exp(η), and so on).

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from coadjoint.control.optimum import Optimum
-from coadjoint.control.predictive import Controller, controller
+from coadjoint.control.predictive import Controller, controller, steps_of
 from coadjoint.control.solve import solve
 from coadjoint.control.statement import Statement
 from coadjoint.mechanics.state import State
@@ -106,5 +106,7 @@ class Problem(Statement):
         The start of the problem says only which system and internal state it is. Raises ArgumentError and
         LagrangianError for what cannot be a controller.
         """
-        problem = self if horizon is None else replace(self, duration=horizon, steps=None)
+        problem = self
+        if horizon is not None:
+            problem = replace(self, duration=None, steps=steps_of(horizon, self.dt, "horizon", 1))
         return controller(problem, period, delay, iterations, fallback, changing)

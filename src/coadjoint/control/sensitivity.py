@@ -17,7 +17,7 @@ from coadjoint.control.transcription import Split, Transcription, transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.run import Run
 
-OF_THE_START = ("g", "n", "mu", "pi")
+OF_THE_START = ("g", "q", "mu", "pi")
 """What of a start an optimum is differentiated by."""
 
 
@@ -58,7 +58,11 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
     return _named(transcription, data, values, moved, slope)
 
 
-def _require(problem: Statement, names: tuple[str, ...], start: tuple[str, ...]) -> None:
+def _require(problem: Statement, names: tuple[str, ...], start: Any) -> None:
+    if not isinstance(start, (tuple, list)):
+        raise ArgumentError(
+            f'Argument `start` must be names of parts of a state, such as ("g", "mu"), not {shown(start)}.'
+        )
     for name in names:
         if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
             raise ArgumentError(
@@ -79,8 +83,8 @@ def _require(problem: Statement, names: tuple[str, ...], start: tuple[str, ...])
         raise ArgumentError("Nothing is named by which the optimum is to be differentiated: parameters, or `start`.")
     if start and problem.start.from_velocities and (names or problem.parameters):
         raise ArgumentError(
-            "With parameters the motion begins with the velocities of the start, by whose momenta it has no derivative "
-            "then: ask for parameters and for the start one after the other."
+            "Derivatives by parameters are those at the start's velocities, and derivatives by the start those at its "
+            "momenta: ask for them one after the other."
         )
 
 
@@ -138,19 +142,26 @@ def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tu
 
 
 def _changes(transcription: Transcription, part: str) -> np.ndarray:
-    """(size, nx): how x_0 changes with a part of the start: g with η in g exp(η), others with their own numbers."""
+    """(size, nx): how x_0 changes with a part of the start: g with η in g exp(η), others with their own numbers.
+
+    q, a₀ and momenta stay what they are while g changes, n = g⁻¹q and a = g⁻¹a₀.
+    """
     state, system = transcription.beginning.state, transcription.beginning.system
-    if part in ("n", "pi") and not system.additional.flat:
-        raise ArgumentError(f"The start's {part} lies on a manifold, by whose points there is no derivative here.")
-    size = system.group.dim if part == "g" else np.size(getattr(state, part))
+    group, Q, V = system.places
+    if part in ("q", "pi") and not (Q.flat and Q.dim(group)):
+        what = "lies on a manifold" if Q.dim(group) else "has no numbers in this system"
+        raise ArgumentError(f"The optimum is asked for its derivative by the start's {part}, which {what}.")
+    size = Q.dim(group) if part in ("q", "pi") else group.dim
 
     def numbers(change: Any) -> Any:
-        if part == "g":
-            moved = system.group.compose(state.g, system.group.exp(change))
-        else:
-            before = jnp.asarray(getattr(state, part))
-            moved = before + change.reshape(before.shape)
-        leaves = transcription.graph.leaves(state.replace(**{part: moved}))
+        by = {name: change if name == part else 0.0 for name in OF_THE_START}
+        g = group.compose(state.g, group.exp(change)) if part == "g" else state.g
+        moved = {"g": g, "mu": state.mu + by["mu"], "pi": state.pi + by["pi"]}
+        if Q.dim(group):
+            moved["n"] = Q.act(group, group.inverse(g), Q.act(group, state.g, state.n) + by["q"])
+        if V.dim(group):
+            moved["a"] = V.act(group, group.inverse(g), V.act(group, state.g, state.a))
+        leaves = transcription.graph.leaves(state.replace(**moved))
         return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, float)) for leaf in leaves])
 
     return np.asarray(jax.jacfwd(numbers)(jnp.zeros(size))).T[:, transcription.live]

@@ -176,7 +176,8 @@ class Statement:
                 raise ArgumentError(f"The standard deviation of `{name}` in `free_start` must be positive.")
         if self.free_start and self.method.start == "velocity":
             raise ArgumentError('With `free_start` a method begins with momenta: use start="momentum".')
-        if not isinstance(self.measured, Mapping) or not all(isinstance(m, Measured) for m in self.measured.values()):
+        named = isinstance(self.measured, Mapping) and all(isinstance(name, str) for name in self.measured)
+        if not named or not all(isinstance(one, Measured) for one in self.measured.values()):
             raise ArgumentError("Argument `measured` must be a dictionary of name → co.control.Measured(function, …).")
         arguments = ["motion"] if self.system.parameters is None else ["motion", "p"]
         for name, one in self.measured.items():
@@ -203,6 +204,11 @@ class Statement:
                     'A method with start="velocity" begins with momenta that depend on h: with `free_duration` use '
                     'start="momentum".'
                 )
+        if self.parameters and self.method.start == "velocity" and self.start.from_velocities:
+            raise ArgumentError(
+                'A method with start="velocity" begins with momenta that depend on the parameters: with `parameters`, '
+                'or for derivatives by them, use start="momentum".'
+            )
         known = self.system.parameters
         for name, limits in self.parameters.items():
             if known is None or not hasattr(known, name):
