@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from coadjoint.control.controllable import steps_of
 from coadjoint.control.optimum import Optimum
-from coadjoint.control.predictive import Controller, controller, steps_of
+from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.solve import solve
 from coadjoint.control.statement import Statement
 from coadjoint.mechanics.state import State
