@@ -182,3 +182,21 @@ def test_ill_posed_estimations_are_told():
     ]:
         with pytest.raises(co.ArgumentError, match=words):
             Measured(see, values, deviation)
+
+
+def test_a_stationary_motion_that_is_no_minimum_has_no_deviations():
+    """(x² − 1)² is stationary at x = 0, where it is largest."""
+    system = cart()
+    found = Problem(
+        system,
+        system.state(g=[0.0]),
+        dt=H,
+        steps=2,
+        inputs={"push": Input((1,))},
+        cost=lambda motion, p: 0.5 * motion.inputs.push @ motion.inputs.push,
+        free_start={"g": math.inf},
+        measured={"square": Measured(lambda motion, p: motion.g[0] ** 2, np.ones(3), 0.5)},
+    ).solve()
+    assert found.iterations == 0
+    with pytest.raises(co.OptimumError, match="no minimum"):
+        found.deviations()

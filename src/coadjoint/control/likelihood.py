@@ -21,13 +21,7 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
     transcription = transcribe(problem)
     program = nonlinear_program(transcription)
     found = conditions(program, transcription, solved.w, solved.of_rows, solved.of_bounds)
-    steps, sizes = problem.count, transcription.sizes
-    of_parameters = transcription.joined(
-        Split(
-            np.zeros((steps + 1, sizes[0])), np.zeros((steps, sizes[1])), np.zeros((steps, sizes[2])),
-            np.ones(sizes[3]), 0.0,
-        )
-    )  # fmt: skip
+    of_parameters = transcription.joined(transcription.zeros()._replace(parameters=np.ones(transcription.sizes[3])))
     chosen = np.flatnonzero(of_parameters)
     place = {variable: row for row, variable in enumerate(found.free)}
     right = np.zeros((len(found.free) + found.slopes.shape[0], len(chosen)))
@@ -41,8 +35,13 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
             "The measurements do not tell all that is chosen, parameters, start and inputs: another motion is as "
             "likely. Measure more, or give deviations in `free_start` and a cost of the inputs."
         ) from None
-    variance = [spread[place[v], c] if v in place else 0.0 for c, v in enumerate(chosen)]
-    return _named(transcription, np.sqrt(np.maximum(variance, 0.0)))
+    variance = np.array([spread[place[v], c] if v in place else 0.0 for c, v in enumerate(chosen)])
+    if np.any(variance < 0.0):
+        raise OptimumError(
+            "The optimum is no minimum: the cost falls to one side of it, so that it has no standard deviations. "
+            "Another guess, or another start, leads to a minimum."
+        )
+    return _named(transcription, np.sqrt(variance))
 
 
 def _named(transcription: Transcription, numbers: np.ndarray) -> dict[str, np.ndarray]:

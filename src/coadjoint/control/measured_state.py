@@ -21,6 +21,8 @@ from coadjoint.mechanics.state import State
 GIVEN = ("t", "g", "n", "a", "xi", "nu", "mu", "pi", "internal")
 """What of a measured state a step begins from."""
 
+SHAPES = "Argument `state` has other shapes than the states of the problem's system."
+
 
 class MeasuredState:
     """x of a state, (nx,): what of its numbers the steps, costs and constraints depend on."""
@@ -43,7 +45,7 @@ class MeasuredState:
         else:
             found = self._transcription.graph.numbers(state)
         if found.shape != self._size:
-            raise ArgumentError("Argument `state` has other shapes than the states of the problem's system.")
+            raise ArgumentError(SHAPES)
         x = found[self._transcription.live]
         if not np.all(np.isfinite(x)):
             raise ArgumentError("Argument `state` must have finite numbers.")
@@ -70,7 +72,10 @@ class MeasuredState:
         given = {part: getattr(state, part) for part in GIVEN}
         columns = [numbers_of(tree) for tree in (parameters, given)]
         if self._begin is None:
-            self._begin = self._begun(parameters, given)
+            begun = self._beginning.state
+            self._begin = self._begun(parameters, {part: getattr(begun, part) for part in GIVEN})
+        if columns[1].size != self._begin.size1_in(1):
+            raise ArgumentError(SHAPES)
         return self._begin(*columns).full().ravel()
 
     def _begun(self, parameters: Any, given: dict[str, Any]) -> Any:

@@ -66,7 +66,7 @@ def _require(problem: Statement, names: tuple[str, ...], start: Any) -> None:
     for name in names:
         if problem.system.parameters is None or not hasattr(problem.system.parameters, str(name)):
             raise ArgumentError(
-                f"The optimum is asked for its derivative by {shown(name)}, no parameter of the system."
+                f"The optimum is asked for its derivative by {shown(name)}, which is no parameter of the system."
             )
         if name in problem.parameters:
             raise ArgumentError(
@@ -121,12 +121,12 @@ def _taken_over(
 
 def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tuple[str, ...]) -> dict[str, np.ndarray]:
     """θ → (n, size): how w moves with the data themselves, all else being held."""
-    size, sizes = len(transcription.joined(_zeros(transcription))), transcription.sizes
+    size, sizes = len(transcription.joined(transcription.zeros())), transcription.sizes
     found, first = {}, sizes[3] - len(transcription.eta) - sum(v.size for v in values.values())
     for name, value in values.items():
         columns = np.zeros((size, value.size))
         for i in range(value.size):
-            parts = _zeros(transcription)
+            parts = transcription.zeros()
             parts.parameters[first + i] = 1.0
             columns[:, i] = transcription.joined(parts)
         found[name], first = columns, first + value.size
@@ -134,7 +134,7 @@ def _data(transcription: Transcription, values: dict[str, np.ndarray], start: tu
         changes = _changes(transcription, part)
         columns = np.zeros((size, len(changes)))
         for i, change in enumerate(changes):
-            parts = _zeros(transcription)
+            parts = transcription.zeros()
             parts.x[0] = change
             columns[:, i] = transcription.joined(parts)
         found[f"start {part}"] = columns
@@ -165,12 +165,6 @@ def _changes(transcription: Transcription, part: str) -> np.ndarray:
         return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, float)) for leaf in leaves])
 
     return np.asarray(jax.jacfwd(numbers)(jnp.zeros(size))).T[:, transcription.live]
-
-
-def _zeros(transcription: Transcription) -> Split:
-    steps = transcription.problem.count
-    nx, nu, nz, count = transcription.sizes
-    return Split(np.zeros((steps + 1, nx)), np.zeros((steps, nu)), np.zeros((steps, nz)), np.zeros(count), 0.0)
 
 
 def _derivatives(

@@ -108,6 +108,12 @@ class Transcription:
         h = float(rest[count]) if self.problem.free_duration is not None else self.problem.dt
         return Split(np.vstack([rows[:, :nx], last]), rows[:, nx : nx + nu], rows[:, nx + nu :], rest[:count], h)
 
+    def zeros(self) -> Split:
+        """Variables that are all zero, h too."""
+        nx, nu, nz, count = self.sizes
+        steps = self.problem.count
+        return Split(np.zeros((steps + 1, nx)), np.zeros((steps, nu)), np.zeros((steps, nz)), np.zeros(count), 0.0)
+
     def joined(self, parts: Split) -> np.ndarray:
         """The variables (n,) in their order."""
         rows = np.concatenate([parts.x[:-1], parts.u, parts.z], axis=1)
