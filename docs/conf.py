@@ -1,0 +1,31 @@
+"""The documentation site: `python -m sphinx -c docs . build/site`, with warnings as errors in `.ci/run`.
+
+The pages are those of the repository, in their places, so that a link between them leads to the same page on GitHub and
+in the site.
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_site"))
+
+import coadjoint
+
+project = "coadjoint"
+author = "The coadjoint developers"
+version = release = coadjoint.__version__
+
+extensions = ["myst_parser", "pages"]
+root_doc = "docs/index"
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "docs/*.md", "docs/**/*.md"]
+nitpicky = True
+
+myst_heading_anchors = 4
+
+html_theme = "furo"
+html_title = f"coadjoint {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_search_summary = False  # they are fetched, which browsers refuse from a disk
+html_theme_options = {"navigation_with_keys": True}
