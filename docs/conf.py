@@ -15,17 +15,27 @@ project = "coadjoint"
 author = "The coadjoint developers"
 version = release = coadjoint.__version__
 
-extensions = ["myst_parser", "pages"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "pages", "docstrings", "formulas", "names"]
 root_doc = "docs/index"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "docs/*.md", "docs/**/*.md"]
 nitpicky = True
 
 myst_heading_anchors = 4
 
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings say shapes and units
+autodoc_preserve_defaults = True
+autodoc_inherit_docstrings = False
+add_module_names = False
+toc_object_entries_show_parents = "hide"
+maximum_signature_line_length = 90
+
 html_theme = "furo"
 html_title = f"coadjoint {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_extra_path = ["_extra"]  # index.html beside docs/ leads to the first page
 html_copy_source = False
+html_show_copyright = False
 html_show_search_summary = False  # they are fetched, which browsers refuse from a disk
 html_theme_options = {"navigation_with_keys": True}

@@ -12,16 +12,19 @@ from pathlib import Path, PurePosixPath
 
 from sphinx.application import Sphinx
 
-LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#\s]+\.md)(?:#[^)]*)?\)")
+LINK = re.compile(r"\[([^\]]*)\]\((?!https?:|mailto:)([^)#\s]+\.md)(?:#[^)]*)?\)")
 CAPTION = re.compile(r"^\*\*([^*\n]+)\*\*", re.MULTILINE)
 SCRIPT = re.compile(r"^\[(examples/\w+\.(\w+))\]\(\.\./\1\)$", re.MULTILINE)
 INDEX, EXAMPLES = "docs/index", "docs/examples"
 
 
-def linked(text: str, folder: PurePosixPath) -> list[str]:
-    """The pages that a text links to, by their names in Sphinx, in order and once each."""
-    found = [normal(folder / target).removesuffix(".md") for target in LINK.findall(text)]
-    return list(dict.fromkeys(found))
+def linked(text: str, folder: PurePosixPath) -> dict[str, str]:
+    """The pages that a text links to, by their names in Sphinx, in order, each with the words of its first link."""
+    found: dict[str, str] = {}
+    for words, target in LINK.findall(text):
+        words = words[:1].upper() + words[1:]
+        found.setdefault(normal(folder / target).removesuffix(".md"), re.sub(r"[`*]", "", words))
+    return found
 
 
 def normal(path: PurePosixPath) -> str:
@@ -41,10 +44,10 @@ def chapters(text: str) -> list[tuple[str, str]]:
     return [(caption.strip(), body) for caption, body in zip(pieces[1::2], pieces[2::2], strict=True)]
 
 
-def listing(caption: str, names: list[str]) -> str:
+def listing(caption: str, pages: dict[str, str]) -> str:
     """A table of contents that only the side bar shows."""
     lines = ["", "```{toctree}", ":hidden:", *([f":caption: {caption}"] if caption else []), ""]
-    return "\n".join([*lines, *(f"/{name}" for name in names), "```", ""])
+    return "\n".join([*lines, *(f"{words} </{name}>" for name, words in pages.items()), "```", ""])
 
 
 def with_contents(app: Sphinx, name: str, source: list[str]) -> None:
@@ -53,12 +56,14 @@ def with_contents(app: Sphinx, name: str, source: list[str]) -> None:
     if name == INDEX:
         known: set[str] = {INDEX}
         for caption, body in chapters(text):
-            under = [n for n in linked(body, page.parent) if n not in known and is_page(app, n) and top(n)]
+            pages = linked(body, page.parent)
+            under = {n: words for n, words in pages.items() if n not in known and is_page(app, n) and top(n)}
             known.update(under)
             source[0] += listing(caption, under) if under else ""
     else:
         folder = str(page) + "/" if page.name != "index" else str(page.parent) + "/"
-        under = [n for n in linked(text, page.parent) if n.startswith(folder) and n != name and is_page(app, n)]
+        pages = linked(text, page.parent)
+        under = {n: words for n, words in pages.items() if n.startswith(folder) and n != name and is_page(app, n)}
         source[0] += listing("", under) if under else ""
 
 

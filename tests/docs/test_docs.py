@@ -11,6 +11,7 @@ from typing import get_args
 import matplotlib
 import matplotlib.pyplot
 import pytest
+from markdown_it import MarkdownIt
 
 from coadjoint.cli.main import Command
 from coadjoint.runs import run_file
@@ -68,6 +69,7 @@ def test_the_index_leads_to_every_page() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
     linked = {target for target, _ in LINK.findall(index) if target.endswith(".md")}
+    pages |= {f"{page.parent.name}/index.md" for page in (ROOT / "docs").glob("*/index.md")}
     assert {target for target in linked if not target.startswith("../")} == pages
 
 
@@ -109,3 +111,13 @@ def test_the_page_of_commands_names_every_command_and_every_key_of_a_run_file() 
     missing = [name for name in commands if f"    coadjoint {name} " not in page]
     missing += [key for key in keys if f"`{key}`" not in page]
     assert not missing, f"docs/commands.md says nothing of {missing}."
+
+
+def test_no_page_has_text_slanted_by_the_sign_of_an_index() -> None:
+    """Ad*_g … Ad*_{h} without backslashes is shown as Ad*, and then all up to the second sign slanted."""
+    slanted = []
+    for page in PAGES:
+        lines = MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8"))
+        marks = [one.markup for line in lines for one in line.children or () if one.type == "em_open"]
+        slanted += [page.name] if "_" in marks else []
+    assert not slanted, f"Write \\*\\_ for *_ in {slanted}."

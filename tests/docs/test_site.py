@@ -5,15 +5,24 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+import coadjoint as co
 
 ROOT = Path(__file__).parents[2]
 needs_sphinx = pytest.mark.skipif(
     any(find_spec(name) is None for name in ("sphinx", "myst_parser", "furo")), reason="needs coadjoint[docs]"
 )
+sys.path.insert(0, str(ROOT / "docs" / "_site"))
+if find_spec("sphinx") is not None:
+    import docstrings
+    import formulas
+    import names
 
 
 def build(pages: Path, out: Path) -> subprocess.CompletedProcess:
@@ -49,3 +58,54 @@ def test_the_page_of_examples_shows_every_example() -> None:
     page = (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
     shown = re.findall(r"^\[examples/([\w.]+)\]\(\.\./examples/\1\)$", page, re.MULTILINE)
     assert sorted(shown) == sorted(path.name for path in (ROOT / "examples").iterdir() if path.is_file())
+
+
+@needs_sphinx
+def test_the_reference_has_every_public_name_once() -> None:
+    packages = [co, co.control, co.identification, co.models, co.stability, co.theory, co.vehicles]
+    packages += [getattr(co.vehicles, name) for name in co.vehicles.__all__]
+    packages = [one for one in packages if isinstance(one, ModuleType) and hasattr(one, "__all__")]
+    public = {f"{one.__name__}.{name}": getattr(one, name) for one in packages for name in one.__all__}
+    public = {name: value for name, value in public.items() if not isinstance(value, ModuleType)}
+    found = names.documented(ROOT / "docs" / "api")
+    described = Counter(id(value) for value in found.values())
+    missing = [name for name, value in public.items() if id(value) not in described]
+    assert len(public) > 250 and not missing, f"docs/api says nothing of {missing}."
+    assert max(described.values()) == 1
+
+
+@needs_sphinx
+def test_a_docstring_becomes_text_lists_programs_and_equations() -> None:
+    text = """Λ* = hℓ of `co.System`s, a|b.
+
+        run = co.simulate(top, …)
+
+        min Σ_k h/2 L(x_k)   subject to
+          r = 0
+
+    size: m, at least 1. form: a function.
+
+    Arguments:
+        a, b: numbers. c: another,
+            on two lines.
+    """
+    found = docstrings.restructured(docstrings.dedent("    " + text), frozenset({"size", "form", "a", "b", "c"}))
+    assert found.startswith("Λ\\* = hℓ of ``co.System``\\ s, a\\|b.")
+    assert ".. code-block:: python\n    :force:\n\n    run = co.simulate(top, …)" in found
+    assert ".. parsed-literal::\n    :class: equation\n\n    min Σ\\_k h/2 L(x\\_k)" in found
+    assert "``size``\n    m, at least 1.\n``form``\n    a function." in found
+    assert "``a``, ``b``\n    numbers.\n``c``\n    another, on two lines." in found
+
+
+@needs_sphinx
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("μ_{k+1} = Ad*_F μ_k", "μ<k+1> = Ad*<F> μ<k>"),
+        ("T*_nQ, D^R_FΛ, ∂_ξℓ", "T*<n>Q, D<R><F>Λ, ∂<ξ>ℓ"),
+        ("save_every, p_dot and x_y_z", "save_every, p_dot and x_y_z"),
+        ("e^{ad_ξ}, O(h^{p+1})", "e<ad_ξ>, O(h<p+1>)"),
+    ],
+)
+def test_what_stands_after_the_sign_of_an_index_is_lowered(text: str, found: str) -> None:
+    assert "".join(f"<{piece}>" if sign else piece for sign, piece in formulas.pieces(text)) == found
