@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from coadjoint.control.exported import ExportedStep as ExportedStep
     from coadjoint.control.exported import step_function as step_function
     from coadjoint.control.functions import casadi_function as casadi_function
+    from coadjoint.control.inputs_between import Profile as Profile
     from coadjoint.control.measured import Measured as Measured
     from coadjoint.control.optimum import Optimum as Optimum
     from coadjoint.control.predictive import Answer as Answer

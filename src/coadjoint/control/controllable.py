@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.control.inputs_between import Profile
 from coadjoint.control.statement import Statement
 from coadjoint.errors import ArgumentError, shown
 
@@ -45,5 +46,9 @@ def require_controllable(problem: Statement) -> None:
         raise ArgumentError("A controller chooses inputs alone: leave out `parameters`; `changing` names those to set.")
     if problem.free_start or problem.measured:
         raise ArgumentError("A controller begins at the state that it is given: leave out `free_start` and `measured`.")
+    if any(getattr(value, "course", "") == "linear" or isinstance(value, Profile) for value in problem.inputs.values()):
+        raise ArgumentError(
+            "A controller chooses inputs that are held over each step: leave out linear ones and profiles."
+        )
     if not any(hasattr(value, "guess") for value in problem.inputs.values()):
         raise ArgumentError("A controller needs at least one co.control.Input(…) in `inputs`.")

@@ -48,8 +48,9 @@ def step_function(
     system, start, dt, method, inputs: as in `co.control.Problem`. parameters: names of those that are arguments p; the
     others are numbers.
 
-    x holds g whole, as matrices, and what of n, a, μ, π and the internal state a step depends on. Raises ArgumentError
-    and LagrangianError, the latter with the operation that CasADi does not have.
+    u of a linear input holds its numbers at the beginning of the step, then those at its end; p holds θ of profiles
+    before the parameters. x holds g whole, as matrices, and what of n, a, μ, π and the internal state a step depends
+    on. Raises ArgumentError and LagrangianError, the latter with the operation that CasADi does not have.
     """
     method = Midpoint() if method is None else method
     require_kinds(system, start, method)

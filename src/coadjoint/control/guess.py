@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from coadjoint.control.ends import end_state
+from coadjoint.control.inputs_between import guesses
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.statement import End
 from coadjoint.control.transcription import Split, Transcription
@@ -42,9 +43,9 @@ def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray
     elif not isinstance(guess, str):
         raise ArgumentError(f"Argument `guess` must be a run, a name or None, but is {shown(guess)}.")
     elif guess == "interpolate":
-        states, inputs = _interpolated(transcription), None
+        states, inputs = _interpolated(transcription), {}
     elif guess == "simulate":
-        states, inputs = _simulated(transcription), None
+        states, inputs = _simulated(transcription), {}
     else:
         raise ArgumentError(
             f'Argument `guess` must be a run, "interpolate", "simulate" or None, but is {shown(guess)}.'
@@ -52,25 +53,24 @@ def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray
     return _variables(transcription, states, inputs)
 
 
-def _variables(transcription: Transcription, states: State, inputs: np.ndarray | None) -> np.ndarray:
+def _variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:
     problem, graph = transcription.problem, transcription.graph
     _, nu, nz, _ = transcription.sizes
     x = graph.numbers(states)[:, transcription.live]
     x[0] = graph.numbers(transcription.beginning.state)[transcription.live]
-    if inputs is None:
-        guesses = [np.ravel(given.guess) for _, given in transcription.inputs]
-        inputs = np.tile(np.concatenate(guesses) if guesses else np.zeros(0), (problem.count, 1))
-    limits = [np.zeros(nu), np.zeros(nu)]
-    for side, name in enumerate(("lower", "upper")):
-        of = [np.ravel(getattr(given, name)) for _, given in transcription.inputs]
-        limits[side] = np.concatenate(of) if of else limits[side]
+    u = np.zeros((problem.count, nu))
+    for name, given, begin, end in transcription.columns:
+        nodes = np.broadcast_to(np.ravel(given.guess), (problem.count + 1, given.guess.size))
+        nodes = np.clip(known_inputs.get(name, nodes), np.ravel(given.lower), np.ravel(given.upper))
+        u[:, end], u[:, begin] = nodes[1:], nodes[:-1]
     z = _unknowns(transcription, jax.tree.map(lambda leaf: np.asarray(leaf)[:-1], states))
     known = transcription.beginning.system.parameters
     parameters = [numbers_of(getattr(known, name)) for name in problem.parameters]
-    numbers = np.concatenate([*parameters, np.zeros(len(transcription.eta))])
+    theta = [np.clip(one.guess, one.lower, one.upper).ravel() for one in transcription.profiles.values()]
+    numbers = np.concatenate([*theta, *parameters, np.zeros(len(transcription.eta))])
     h = problem.dt if problem.free_duration is None else float(np.clip(problem.length, *problem.free_duration))
     h = h if problem.free_duration is None else h / problem.count
-    return transcription.joined(Split(x, np.clip(inputs, *limits), z.reshape(problem.count, nz), numbers, h))
+    return transcription.joined(Split(x, u, z.reshape(problem.count, nz), numbers, h))
 
 
 def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
@@ -93,26 +93,30 @@ def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
     return np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
 
 
-def _of_run(transcription: Transcription, run: Run) -> tuple[State, np.ndarray | None]:
+def _of_run(transcription: Transcription, run: Run) -> tuple[State, dict[str, np.ndarray]]:
+    """The states of a run, and its inputs at all nodes, (N + 1, size), by their names."""
     records, problem = run.records, transcription.problem
     if np.size(records.t) != problem.count + 1 or records.places != problem.system.places:
         raise ArgumentError(
             f"Argument `guess` must be a run of this system with {problem.count} steps, every node saved, but has "
             f"{np.size(records.t)} records."
         )
-    held = records.inputs
-    if held is None or set(held) != {name for name, _ in transcription.inputs}:
-        return records, None
-    columns = [np.asarray(getattr(held, name)).reshape(problem.count + 1, -1) for name, _ in transcription.inputs]
-    return records, np.concatenate(columns, axis=1)[:-1]
+    if run.system.inputs is None or run.system.inputs.names is None:
+        return records, {}
+    values = evaluate(jax.vmap(run.system.inputs_at), records.t, records.inputs).asdict()
+    found = {}
+    for name, given in transcription.inputs:
+        if name in values and np.shape(values[name])[1:] == given.shape:
+            found[name] = np.reshape(values[name], (problem.count + 1, -1))
+    return records, found
 
 
 def _simulated(transcription: Transcription) -> State:
     problem = transcription.problem
-    inputs = {name: getattr(value, "guess", value) for name, value in problem.inputs.items()} or None
     try:
         run = simulate(
-            problem.system, problem.start, dt=problem.dt, steps=problem.count, method=problem.method, inputs=inputs,
+            problem.system, problem.start, dt=problem.dt, steps=problem.count, method=problem.method,
+            inputs=guesses(problem.inputs),
             monitors=False, accuracy=False, progress=False,
         )  # fmt: skip
     except StepError as error:

@@ -16,9 +16,9 @@ def deviations(solved: SolvedProgram) -> dict[str, np.ndarray]:
     problem = solved.problem
     if not problem.measured:
         raise ArgumentError("Standard deviations need what was measured: give the problem `measured`.")
-    if not problem.parameters and not problem.free_start:
-        raise ArgumentError("Standard deviations are those of `parameters` and `free_start`, of which there are none.")
     transcription = transcribe(problem)
+    if not transcription.sizes[3]:
+        raise ArgumentError("Standard deviations are those of `parameters` and `free_start`, of which there are none.")
     program = nonlinear_program(transcription)
     found = conditions(program, transcription, solved.w, solved.of_rows, solved.of_bounds)
     of_parameters = transcription.joined(transcription.zeros()._replace(parameters=np.ones(transcription.sizes[3])))
@@ -48,7 +48,9 @@ def _named(transcription: Transcription, numbers: np.ndarray) -> dict[str, np.nd
     problem = transcription.problem
     blank = np.zeros(0)
     parts = Split(blank, blank, blank, numbers, 0.0)
-    found, begin = dict(transcription.chosen(parts)), 0
+    theta = transcription.taken(parts._replace(u=np.zeros((1, transcription.sizes[1]))))
+    profiles = {name: theta[name] for name in transcription.profiles}
+    found, begin = profiles | transcription.chosen(parts), 0
     eta = transcription.moved_by(parts)
     for name, size in starts.sizes(problem).items():
         found[f"start {name}"], begin = eta[begin : begin + size], begin + size

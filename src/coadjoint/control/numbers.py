@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.spaces.numbers import float64
 
 
 def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
@@ -18,3 +20,24 @@ def number(value: Any, name: str, nan: bool = False) -> np.ndarray:
     if np.iscomplexobj(value) or (np.any(np.isnan(found)) and not nan):
         raise ArgumentError(f"Argument `{name}` must be numbers, but is {shown(value)}.")
     return found
+
+
+def spread(value: Any, shape: tuple[int, ...], name: str, what: str = "an input") -> np.ndarray:
+    """A number as an array of this shape; raises ArgumentError for other shapes."""
+    found = number(value, name)
+    if name == "guess":
+        float64(found, f"Argument `guess` of {what}")
+    try:
+        return np.broadcast_to(found, shape).copy()
+    except ValueError:
+        raise ArgumentError(f"Argument `{name}` of {what} must be a number or have the shape {shape}.") from None
+
+
+def require_between(lower: np.ndarray, upper: np.ndarray, what: str) -> None:
+    """Raise ArgumentError where nothing lies between two bounds."""
+    try:
+        above = np.any(lower > upper)
+    except ValueError:
+        raise ArgumentError(f"The bounds of {what} have shapes {lower.shape} and {upper.shape}.") from None
+    if above or np.any(lower == math.inf) or np.any(upper == -math.inf):
+        raise ArgumentError(f"Nothing lies between the bounds of {what}, {lower.tolist()} and {upper.tolist()}.")

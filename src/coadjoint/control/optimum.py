@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from coadjoint.control import starts
 from coadjoint.control.conditions import SolvedProgram
+from coadjoint.control.inputs_between import at_end, flown_inputs
 from coadjoint.control.library import casadi
 from coadjoint.control.likelihood import deviations
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
-from coadjoint.control.statement import Input
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import OptimumError, StepError
-from coadjoint.mechanics.signals import Held
-from coadjoint.mechanics.state import NodeMotion
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
@@ -30,7 +27,8 @@ class Optimum:
     """What `Problem.solve` returns; printed, it is a card, with the certificate of the run below.
 
     run: the motion, flown again by `co.simulate` with the optimum's inputs. inputs: name → (N, *shape), held over each
-    step. cost: the least value found. duration: s. parameters: name → value, of those that were chosen.
+    step; (N + 1, *shape) at the nodes of linear ones; θ of a profile. cost: the least value found. duration: s.
+    parameters: name → value, of those that were chosen.
     residuals: of what was measured, name → (K, …), (function − y)/σ, NaN where nothing was. costates: (N, nx), the
     multipliers of x_{k+1} = Φ, in the order of `names`. violation: how far the solver left the constraints.
     difference: the largest |x − x of the run| of any number of the state. iterations, and seconds of building, solving:
@@ -108,17 +106,14 @@ def flown(
 ) -> Optimum:  # fmt: skip
     """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
     problem, parts = transcription.problem, transcription.split(numbers["x"])
-    commands = transcription.commands(parts.u)
+    commands = transcription.taken(parts)
     chosen = transcription.chosen(parts)
     system = problem.system.replace(**chosen) if chosen else problem.system
     start = starts.moved(problem, system, transcription.moved_by(parts))
-    given = {
-        name: _held(commands[name], float(problem.start.t), parts.h) if isinstance(value, Input) else value
-        for name, value in problem.inputs.items()
-    }
+    inputs = flown_inputs(problem.inputs, commands, float(problem.start.t), parts.h)
     try:
         run = simulate(
-            system, start, dt=parts.h, steps=problem.count, method=problem.method, inputs=given or None,
+            system, start, dt=parts.h, steps=problem.count, method=problem.method, inputs=inputs,
             progress=False,
         )  # fmt: skip
     except StepError as error:
@@ -142,7 +137,7 @@ def flown(
 
 def _residuals(transcription: Transcription, parts: Split) -> dict[str, np.ndarray]:
     """(function − y)/σ by names, (K, …)."""
-    u = np.vstack([parts.u, parts.u[-1:]])
+    u = np.vstack([parts.u, parts.u[-1:, at_end(transcription.inputs)]])
     found = {}
     for name, (nodes, values, weights) in transcription.data.items():
         each = [casadi().DM(rows[nodes].T) for rows in (parts.x, u)]
@@ -151,13 +146,3 @@ def _residuals(transcription: Transcription, parts: Split) -> dict[str, np.ndarr
         standard = np.where(weights > 0, (seen - values) * weights, np.nan)
         found[name] = standard.T.reshape(np.shape(transcription.problem.measured[name].values))
     return found
-
-
-def _held(values: np.ndarray, begin: float, h: float) -> Any:
-    """values[k] over the step k, as a function of the motion, which a run takes once a step, at its node."""
-    signal = Held(begin + h * np.arange(len(values)), values)
-
-    def command(motion: NodeMotion) -> Any:
-        return signal(motion.t + 0.5 * h)
-
-    return command

@@ -38,7 +38,8 @@ class Problem(Statement):
         start: the state at t = t₀.
         dt: h, s. duration, steps: of the motion, as in `co.simulate`.
         method: any with fixed steps, compositions too; by default `co.Midpoint()`.
-        inputs: name → `co.control.Input`; other values are signals and functions of the motion, as in `co.simulate`.
+        inputs: name → `co.control.Input` or `co.control.Profile`; other values are signals and functions of the motion,
+            as in `co.simulate`.
         cost: L(motion [, p]), a number a second, of the `co.NodeMotion`; by default none.
         final_cost: M(motion [, p]), a number, of the last node; by default none.
         path: name → `co.control.Bounds`, at every node; by default none.

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.control import starts
+from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Rows, Split, Transcription
@@ -67,26 +68,27 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
     parts = [ca.vec(ca.vertcat(residual, following - advanced))]
     zeros = np.zeros(nz + nx)
     blocks = [Block(Rows("the equations of motion", zeros, zeros), steps)]
-    f = functions.final(last, u[:, -1], p, h)
+    after = u[at_end(transcription.inputs), :]
+    f = functions.final(last, after[:, -1], p, h)
     if problem.cost is not None:
         cost = functions.cost.map(steps)
-        f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, u, *each)))
-    f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, u[:, -1]), p, h)
+        f += 0.5 * h * (ca.sum2(cost(x, u, *each)) + ca.sum2(cost(following, after, *each)))
+    f += _misfit(transcription, ca.horzcat(x, last), ca.horzcat(u, after[:, -1]), p, h)
     if transcription.path:
-        at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, u[:, -1], p, h))
+        at_nodes = ca.horzcat(functions.path.map(steps)(x, u, *each), functions.path(last, after[:, -1], p, h))
         begin = 0
         for of_path in transcription.path:
             parts.append(ca.vec(at_nodes[begin : begin + len(of_path.lower), :]))
             blocks.append(Block(of_path, steps + 1))
             begin += len(of_path.lower)
-    for name, place, rate in _rates(transcription):
-        parts.append(ca.vec((u[place, 1:] - u[place, :-1]) / h))
-        blocks.append(Block(Rows(f"the rate of input `{name}`", -rate, rate), steps - 1))
+    for rows_of, values, nodes in _of_inputs(transcription, u, h):
+        parts.append(ca.vec(values))
+        blocks.append(Block(rows_of, nodes))
     if transcription.start:
         parts.append(functions.start(x[:, 0], u[:, 0], p, h))
         blocks += [Block(rows, 1) for rows in transcription.start]
     if transcription.end:
-        parts.append(functions.end(last, u[:, -1], p, h))
+        parts.append(functions.end(last, after[:, -1], p, h))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription))
 
@@ -105,14 +107,19 @@ def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any
     return found
 
 
-def _rates(transcription: Transcription) -> list[tuple[str, slice, np.ndarray]]:
-    """The inputs that may not change at any rate, with their places in u and the largest rate, (size,)."""
-    found, begin = [], 0
-    for name, given in transcription.inputs:
-        size = int(np.prod(given.shape))
-        if np.any(np.isfinite(given.rate)) and transcription.problem.count > 1:
-            found.append((name, slice(begin, begin + size), np.ravel(given.rate)))
-        begin += size
+def _of_inputs(transcription: Transcription, u: Any, h: Any) -> list[tuple[Rows, Any, int]]:
+    """That linear inputs go on where they were, and the largest rates: rows, their values, and at how many nodes."""
+    found, steps = [], transcription.problem.count
+    for name, given, begin, end in transcription.columns:
+        rate, zeros = np.ravel(given.rate), np.zeros(given.rate.size)
+        limited, linear = np.any(np.isfinite(rate)), begin != end
+        if linear and steps > 1:
+            found.append((Rows(f"the course of input `{name}`", zeros, zeros), u[begin, 1:] - u[end, :-1], steps - 1))
+        of_rate = Rows(f"the rate of input `{name}`", -rate, rate)
+        if limited and linear:
+            found.append((of_rate, (u[end, :] - u[begin, :]) / h, steps))
+        elif limited and steps > 1:
+            found.append((of_rate, (u[begin, 1:] - u[begin, :-1]) / h, steps - 1))
     return found
 
 
@@ -129,12 +136,12 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
     for side, unbounded in (("lower", -np.inf), ("upper", np.inf)):
         x, u = np.full((steps + 1, nx), unbounded), np.full((steps, nu), unbounded)
         x[0] = np.where(momenta, unbounded, start)
-        limits = [np.ravel(getattr(given, side)) for _, given in transcription.inputs]
-        if limits:
-            u[:] = np.concatenate(limits)
+        for _, given, begin, end in transcription.columns:
+            u[:, begin] = u[:, end] = np.ravel(getattr(given, side))
         z = np.full((steps, nz), unbounded)
         of_parameters = [_spread(transcription, name, side == "upper") for name in problem.parameters]
-        parameters = np.concatenate([*of_parameters, np.full(len(transcription.eta), unbounded)])
+        of_profiles = [np.ravel(getattr(profile, side)) for profile in transcription.profiles.values()]
+        parameters = np.concatenate([*of_profiles, *of_parameters, np.full(len(transcription.eta), unbounded)])
         duration = (problem.free_duration or (0.0, 0.0))[side == "upper"]
         found.append(transcription.joined(Split(x, u, z, parameters, duration / steps)))
     return found[0], found[1]

@@ -185,7 +185,7 @@ def _named(
     moved: np.ndarray, slope: np.ndarray,
 ) -> Sensitivity:  # fmt: skip
     cost, duration, states = {}, {}, {}
-    inputs: dict[str, dict[str, np.ndarray]] = {name: {} for name, _ in transcription.inputs}
+    inputs: dict[str, dict[str, np.ndarray]] = {name: {} for name in transcription.taken(transcription.zeros())}
     chosen: dict[str, dict[str, np.ndarray]] = {
         name: {} for name in transcription.problem.parameters if name not in values
     }
@@ -204,7 +204,7 @@ def _named(
         duration[name] = last(times)
         states[name] = last([one.x for one in each])
         for own in inputs:
-            inputs[own][name] = last([transcription.commands(one.u)[own] for one in each])
+            inputs[own][name] = last([transcription.taken(one)[own] for one in each])
         for own in chosen:
             chosen[own][name] = last([transcription.chosen(one)[own] for one in each])
     names = [transcription.graph.names()[i] for i in transcription.live]

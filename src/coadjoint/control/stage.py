@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.control.functions import traced
+from coadjoint.control.inputs_between import symbolic
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.expressions.expression import Expr, Graph, reachable
 from coadjoint.kernels.packing import pack
@@ -45,7 +46,10 @@ class Begun(NamedTuple):
 
 
 class Symbols(NamedTuple):
-    """The expressions of one step that are free: those of a state with its commands, of z, parameters and h."""
+    """The expressions of one step that are free: those of a state with its commands, of z, parameters and h.
+
+    The numbers of profiles stand before the parameters of the system.
+    """
 
     state: list[Expr]
     commands: list[Expr]
@@ -153,7 +157,7 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
     holds = system.internal is not None or (system.inputs is not None and system.inputs.holds)
     constants = Constants(parameters, {}, RENEWED if holds else None)
     symbols = {part: tracer.symbols(f"{part} ", getattr(state, part)) for part in VARIED}
-    symbols["inputs"], commands = _commands(tracer, system, state)
+    symbols["inputs"], commands, profiles = _commands(tracer, system, state, symbols["t"], h)
     rest = {"t_rest": np.zeros(()), "xi": np.zeros_like(state.xi), "nu": np.zeros_like(state.nu)}
     begun = state.replace(**symbols, **rest)
     if state.internal_due is not None:
@@ -172,22 +176,25 @@ def step_graph(beginning: Begun, free: tuple[str, ...] = ()) -> StepGraph:
             residual += flat(traced(tracer, "The step", stage.residual, constants, node, at, z))
             node = traced(tracer, "The step", stage.advance, constants, node, at, z, np.ones(()))
             node = node.replace(t_rest=np.zeros(()))
-    found = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, free_symbols, h)
+    found = Symbols(flat(StepGraph._symbolic(begun)), commands, unknowns, [*profiles, *free_symbols], h)
     begun = begun.replace(inputs=held)
     return StepGraph(tracer, beginning, found, constants, begun, node, residual)
 
 
-def _commands(tracer: Tracer, system: System, state: State) -> tuple[Any, list[Expr]]:
-    """What is held over the step, with symbols for the commands, and these symbols; functions are evaluated there."""
+def _commands(tracer: Tracer, system: System, state: State, t: Any, h: Expr) -> tuple[Any, list[Expr], list[Expr]]:
+    """What is held over the step, with symbols for what is chosen, and these symbols, of the step and of all steps;
+    functions are evaluated there."""
     inputs = system.inputs
     if inputs is None or inputs.names is None or state.inputs is None:
-        return state.inputs, []
-    held, found = state.inputs.asdict(), []
+        return state.inputs, [], []
+    held, of_step, of_all = state.inputs.asdict(), [], []
     for name, source in zip(inputs.names, inputs.sources, strict=True):
         if isinstance(source, Command):
-            held[name] = tracer.symbols(f"inputs {name} ", held[name])
-            found += flat(held[name])
-    return type(state.inputs)(**held), found
+            one = symbolic(tracer, name, source, held[name], t, h)
+            held[name] = one.held
+            of_step += one.of_step
+            of_all += one.of_all
+    return type(state.inputs)(**held), of_step, of_all
 
 
 def _parameters(tracer: Tracer, system: System, free: tuple[str, ...]) -> tuple[list[Expr], Any]:

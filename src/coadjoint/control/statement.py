@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.control.inputs_between import COURSES, Profile
 from coadjoint.control.measured import Measured
-from coadjoint.control.numbers import number
+from coadjoint.control.numbers import number, require_between, spread
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import State
@@ -18,15 +19,15 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.arguments import grid, require_kinds
-from coadjoint.spaces.numbers import float64
 
 
 @dataclass(frozen=True)
 class Input:
-    """A command u_k that is held over each step, which the optimum chooses.
+    """A command u_k of each step, which the optimum chooses.
 
     shape: () for a number, (m,) for a vector; by default (). lower, upper: bounds, numbers or of this shape, by default
     none. rate: the largest |u_{k+1} − u_k|/h, by default none. guess: where the solver begins, by default 0.
+    course: "held", u_k from node k to the next (the default), or "linear", from u_k at node k to u_{k+1} at the next.
 
     Raises ArgumentError for bounds that are no numbers, or that nothing fits.
     """
@@ -36,15 +37,20 @@ class Input:
     upper: Any = math.inf
     rate: Any = math.inf
     guess: Any = 0.0
+    course: str = "held"
 
     def __post_init__(self):
+        if self.course not in COURSES:
+            raise ArgumentError(
+                f'Argument `course` of an input must be "held" or "linear", but is {shown(self.course)}.'
+            )
         shape = (self.shape,) if isinstance(self.shape, int) else self.shape
         if not isinstance(shape, tuple) or not all(type(n) is int and n > 0 for n in shape) or len(shape) > 1:
             raise ArgumentError(f"Argument `shape` of an input must be () or (m,), but is {shown(self.shape)}.")
         object.__setattr__(self, "shape", shape)
         for name in ("lower", "upper", "rate", "guess"):
-            object.__setattr__(self, name, _spread(getattr(self, name), shape, name))
-        _require_between(self.lower, self.upper, "an input")
+            object.__setattr__(self, name, spread(getattr(self, name), shape, name))
+        require_between(self.lower, self.upper, "an input")
         if np.any(self.rate <= 0):
             raise ArgumentError("Argument `rate` of an input must be positive: the largest change in a second.")
 
@@ -54,7 +60,7 @@ class Bounds:
     """lower ≤ function(motion [, p]) ≤ upper at every node, of a number or a vector.
 
     function: of the `co.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs` the
-    commands of the step that starts there (at the last node, of the step that ended).
+    inputs at the start of the step that begins there (at the last node, at the end of the step before).
     lower, upper: numbers or vectors; by default none.
     """
 
@@ -67,7 +73,7 @@ class Bounds:
             raise ArgumentError(f"co.control.Bounds takes a function of the motion, but got {shown(self.function)}.")
         for name in ("lower", "upper"):
             object.__setattr__(self, name, number(getattr(self, name), name))
-        _require_between(self.lower, self.upper, "a constraint")
+        require_between(self.lower, self.upper, "a constraint")
         if np.all(np.isinf(self.lower)) and np.all(np.isinf(self.upper)):
             raise ArgumentError("co.control.Bounds needs `lower` or `upper`.")
 
@@ -157,11 +163,11 @@ class Statement:
     def _require_inputs(self) -> None:
         if not isinstance(self.inputs, Mapping) or not all(isinstance(name, str) for name in self.inputs):
             raise ArgumentError("Argument `inputs` must be a dictionary of name → co.control.Input(…).")
-        chosen = any(isinstance(value, Input) for value in self.inputs.values()) or self.parameters
+        chosen = any(isinstance(value, (Input, Profile)) for value in self.inputs.values()) or self.parameters
         if not chosen and not self.free_start:
             raise ArgumentError(
-                "There is nothing to choose: give `inputs` with at least one co.control.Input(…), `parameters` or "
-                "`free_start`."
+                "There is nothing to choose: give `inputs` with at least one co.control.Input(…) or "
+                "co.control.Profile(…), `parameters` or `free_start`."
             )
 
     def _require_estimated(self) -> None:
@@ -215,23 +221,4 @@ class Statement:
                 raise ArgumentError(f"Argument `parameters` names `{name}`, which is no parameter of the system.")
             if not isinstance(limits, tuple) or len(limits) != 2:
                 raise ArgumentError(f"Argument `parameters` must be name → (lower, upper), but `{name}` is {limits!r}.")
-            _require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")
-
-
-def _spread(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
-    found = number(value, name)
-    if name == "guess":
-        float64(found, "Argument `guess` of an input")
-    try:
-        return np.broadcast_to(found, shape).copy()
-    except ValueError:
-        raise ArgumentError(f"Argument `{name}` of an input must be a number or have the shape {shape}.") from None
-
-
-def _require_between(lower: np.ndarray, upper: np.ndarray, what: str) -> None:
-    try:
-        above = np.any(lower > upper)
-    except ValueError:
-        raise ArgumentError(f"The bounds of {what} have shapes {lower.shape} and {upper.shape}.") from None
-    if above or np.any(lower == math.inf) or np.any(upper == -math.inf):
-        raise ArgumentError(f"Nothing lies between the bounds of {what}, {lower.tolist()} and {upper.tolist()}.")
+            require_between(number(limits[0], name), number(limits[1], name), f"parameter `{name}`")

@@ -18,13 +18,14 @@ import numpy as np
 from coadjoint.control import starts
 from coadjoint.control.ends import ends
 from coadjoint.control.expressions import casadi_expressions
+from coadjoint.control.inputs_between import Columns, Profile, columns, first, source
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import Begun, StepGraph, step_graph
 from coadjoint.control.statement import Input, Statement
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.tracer import flat
-from coadjoint.mechanics.inputs import Command, inputs_from
+from coadjoint.mechanics.inputs import inputs_from
 from coadjoint.mechanics.over_step import require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -43,7 +44,7 @@ class Rows(NamedTuple):
 
 
 class Split(NamedTuple):
-    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), parameters and η (np,) and h, s."""
+    """The variables by their kind: x (N + 1, nx), u (N, nu), z (N, nz), θ, parameters and η (np,) and h, s."""
 
     x: np.ndarray
     u: np.ndarray
@@ -96,8 +97,18 @@ class Transcription:
 
     @property
     def inputs(self) -> list[tuple[str, Input]]:
-        """The inputs that are chosen, in the order of u."""
+        """The inputs that are chosen at every step, in the order of u."""
         return [(name, value) for name, value in self.problem.inputs.items() if isinstance(value, Input)]
+
+    @property
+    def columns(self) -> list[Columns]:
+        """Where they stand in u."""
+        return columns(self.inputs)
+
+    @property
+    def profiles(self) -> dict[str, Profile]:
+        """The inputs whose numbers θ are chosen, in the order in which these stand before the parameters."""
+        return {name: value for name, value in self.problem.inputs.items() if isinstance(value, Profile)}
 
     def split(self, w: np.ndarray) -> Split:
         """The variables (n,) by their kind."""
@@ -121,12 +132,19 @@ class Transcription:
         return np.concatenate([rows.reshape(-1), parts.x[-1], parts.parameters, h])
 
     def commands(self, u: np.ndarray) -> dict[str, np.ndarray]:
-        """Rows of u (N, nu) by the names of the inputs, (N, *shape) each."""
-        found, begin = {}, 0
-        for name, given in self.inputs:
-            size = int(np.prod(given.shape))
-            found[name] = u[:, begin : begin + size].reshape(len(u), *given.shape)
-            begin += size
+        """Rows of u (N, nu) by the names of the inputs, (N, *shape) each, (N + 1, *shape) of linear ones."""
+        found = {}
+        for name, given, begin, end in self.columns:
+            rows = u[:, begin] if begin == end else np.concatenate([u[:, begin], u[-1:, end]])
+            found[name] = rows.reshape(len(rows), *given.shape)
+        return found
+
+    def taken(self, parts: Split) -> dict[str, np.ndarray]:
+        """What was chosen of every input: its commands, or θ of a profile."""
+        found, begin = self.commands(parts.u), 0
+        for name, given in self.profiles.items():
+            found[name] = parts.parameters[begin : begin + given.size].reshape(given.guess.shape)
+            begin += given.size
         return found
 
     def moved_by(self, parts: Split) -> np.ndarray:
@@ -135,7 +153,7 @@ class Transcription:
 
     def chosen(self, parts: Split) -> dict[str, np.ndarray]:
         """The parameters that are chosen, by their names."""
-        found, begin = {}, 0
+        found, begin = {}, sum(profile.size for profile in self.profiles.values())
         known: Any = self.problem.system.parameters
         for name in self.problem.parameters:
             shape = np.shape(getattr(known, name))
@@ -181,8 +199,11 @@ def _data(problem: Statement, name: str, shape: tuple[int, ...]) -> tuple[np.nda
 
 def begun(system: System, start: State, h: float, method: Method, inputs: Mapping[str, Any]) -> Begun:
     """The system with its commands, and the state that its method starts from; raises what `co.simulate` raises."""
-    named = {name: Command(v.shape) if isinstance(v, Input) else v for name, v in inputs.items()}
-    guesses = {name: v.guess for name, v in inputs.items() if isinstance(v, Input)}
+    named, t = {name: source(value) for name, value in inputs.items()}, float(start.t)
+    for name, value in inputs.items():
+        if isinstance(value, Profile):
+            value.require(name, t)
+    guesses = {name: first(v, t) for name, v in inputs.items() if isinstance(v, (Input, Profile))}
     start = start.replace(inputs=Named(**guesses)) if guesses else start
     system, start = with_inputs(system, start, inputs_from(named or None), method.start == "velocity")
     require_internal(system, start, h)

@@ -23,6 +23,13 @@ class Command:
     shape: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Between(Command):
+    """An input u(t) = function(t, c) within a step, with numbers c that are set before it."""
+
+    function: Callable[[Any, Any], Any]
+
+
 Source = Signal | Callable[[NodeMotion], Any] | float | np.ndarray
 Given = Source | Mapping[str, Source]
 
@@ -59,7 +66,14 @@ class Inputs:
             return self.sources[0](t) if isinstance(self.sources[0], Signal) else held
         pairs = zip(self.names, self.sources, strict=True)
         given = {} if held is None else held.asdict()
-        return Named(**{name: source(t) if isinstance(source, Signal) else given.get(name) for name, source in pairs})
+        return Named(**{name: _now(source, t, given.get(name)) for name, source in pairs})
+
+
+def _now(source: Any, t: Array, held: Any) -> Any:
+    """One input at time t of a step over which `held` is held; None where that is not known yet."""
+    if isinstance(source, Signal):
+        return source(t)
+    return source.function(t, held) if isinstance(source, Between) and held is not None else held
 
 
 def inputs_from(given: Any) -> Inputs | None:
