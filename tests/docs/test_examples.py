@@ -132,3 +132,16 @@ def test_remus_crosses_a_jet_clear_of_the_column_and_with_less_energy_in_more_ti
     assert np.max(deep[:, 2]) == pytest.approx(12.0, abs=1e-3) and np.max(q[:, 2]) < 11.0
     assert max(off for _, _, off, _ in found.values()) < 0.5
     assert Path("remus_crossing.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(30)
+def test_predictive_control_of_remus_keeps_nearer_to_a_path_than_the_shipped_controllers_in_the_same_time(run_example):
+    found = run_example("remus_path", 60)
+    ours, shipped = (found["found"][name] for name in ("predictive", "shipped"))
+    assert all(answer.status == "solved" for answer in found["answers"])
+    assert ours[0] == pytest.approx(shipped[0], abs=0.1)  # s
+    assert ours[1] < shipped[1] and ours[2] < 1.5  # J, m
+    assert ours[3] < 0.6 * shipped[3] < 0.3  # m
+    rudder = np.array([float(answer.command["rudder"]) for answer in found["answers"]])
+    assert np.max(np.abs(rudder)) <= np.radians(15) and np.max(np.abs(np.diff(rudder))) <= 0.25 + 1e-6  # 1 rad/s
+    assert Path("remus_path.png").stat().st_size > 10_000
