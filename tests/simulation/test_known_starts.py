@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import types
 
 import jax.numpy as jnp
@@ -232,3 +233,15 @@ def test_a_function_that_is_not_pure_is_refused_however_often_it_is_tried():
     for _ in range(3):
         with pytest.raises(CoadjointError, match="pure"):
             ended(system, start)
+
+
+@pytest.mark.parametrize("forces", [None, by_closure(0.1)])
+def test_only_where_all_functions_are_the_librarys_own_are_they_not_read_to_see_that_they_are_pure(forces):
+    craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
+    system = craft.system if forces is None else co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, forces=forces)
+    start = craft.start(speed=1.5) if forces is None else system.state(xi=np.ones(3))
+    own = known.read(system, start, [], (), (), co.Midpoint(), 0.05).own
+    assert own == (forces is None)
+    random = np.random.default_rng(0)
+    with reading.functions_known(own), contextlib.nullcontext() if own else pytest.raises(CoadjointError, match="pure"):
+        reading.require_float64(lambda x: random.uniform() * x, "It", (np.ones(2),))

@@ -104,8 +104,10 @@ def _check_forces(system: System, start: State) -> None:
     if traced(system.parameters, start):
         return
     with in_words("The forces"):
-        once = jax.jit(lambda *given: at(*given))  # a function of its own: what JAX has traced before may have changed
-        values, slopes = evaluate(lambda *given: (once(*given), jax.jacfwd(once)(*given)), velocities, start.t)
+        along = jax.tree.map(np.ones_like, velocities)  # infinite or not a number, if one of the derivatives is
+        values, slopes = evaluate(
+            lambda velocities, t: jax.jvp(lambda given: at(given, t), (velocities,), (along,)), velocities, start.t
+        )
     for name, value, slope in zip(what, values, slopes, strict=True):
         if _finite(value) and not _finite(slope):
             raise LagrangianError(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -13,6 +11,7 @@ import jax.numpy as jnp
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System, added
+from coadjoint.mechanics.traced_once import traced_once
 
 
 class Point(NamedTuple):
@@ -48,25 +47,9 @@ class Node(NamedTuple):
     power: Array
 
 
-_shared: ContextVar[Callable[..., Node] | None] = ContextVar("shared", default=None)
-
-
-@contextmanager
-def nodes_traced_once() -> Iterator[None]:
-    """Inside, JAX traces the evaluation at a node once, for all that a program asks; functions must not change."""
-    token = _shared.set(jax.jit(lambda *given: _node(*given)))
-    try:
-        yield
-    finally:
-        _shared.reset(token)
-
-
+@traced_once
 def node(system: System, state: State, point: Point) -> Node:
     """Evaluate ℓ, its gradients and the forces once at `point`; inputs and internal state are those over its step."""
-    return (_shared.get() or _node)(system, state, point)
-
-
-def _node(system: System, state: State, point: Point) -> Node:
     group, Q, V = system.places
     xi, n, nu, a, t = point
 

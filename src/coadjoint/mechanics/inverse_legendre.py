@@ -18,6 +18,7 @@ from coadjoint.mechanics.momentum_sizes import Sizes, above, alone, largest, rel
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import traced_once
 
 TRIPS = 192
 """Newton's iterations where ℓ is not quadratic in the velocities, divided by the square of their number, 2 to 12:
@@ -55,6 +56,11 @@ def velocities(system: System, state: State) -> Velocities:
     leaves the smallest residual. Two plain iterations end it. They alone are differentiated: from the solution the
     first gives its first derivatives, and both together its first three.
     """
+    return _velocities(system, state.at_place)
+
+
+@traced_once
+def _velocities(system: System, state: State) -> Velocities:
     if system.hamiltonian is not None:
         return _by_hamiltonian(system, state)
     problem = _Problem(system, state)

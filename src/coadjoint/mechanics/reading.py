@@ -1,13 +1,15 @@
 """How a user's function is read: traced by JAX, twice, with whatever goes wrong inside it as one sentence.
 
 What is compiled is the function as it was read once. So it must be pure: what it does may depend on its arguments and
-on constants, and not on random numbers, clocks or values that it changes itself.
+on constants, and not on random numbers, clocks or values that it changes itself. Functions of the library are so, and
+are not read to see it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import jax
@@ -28,6 +30,17 @@ _KEPT = (
     "{} keeps a value of an earlier call, which is over: let it compute everything from its arguments, or make tables "
     "with NumPy."
 )
+_known: ContextVar[bool] = ContextVar("known", default=False)
+
+
+@contextmanager
+def functions_known(known: bool) -> Iterator[None]:
+    """Inside, where `known`, all functions are the library's own as its files have them: pure, and in float64."""
+    token = _known.set(known)
+    try:
+        yield
+    finally:
+        _known.reset(token)
 
 
 @contextmanager
@@ -74,6 +87,8 @@ def _read(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -
 
 def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
     """Raise LagrangianError unless the function is pure, returns one float64 number and holds no float32."""
+    if _known.get():
+        return
     jaxpr, result = _read(function, what, arguments)
     if not hasattr(result, "shape") or result.shape != ():
         raise LagrangianError(f"{what} must return one number, but returns {_shown(result)}; use @ or jnp.sum.")
@@ -94,6 +109,8 @@ def _shown(result: Any) -> str:
 
 def require_float64(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
     """Raise LagrangianError where the function is not pure, or holds or returns float32 numbers."""
+    if _known.get():
+        return
     _require_float64(function, what, arguments, trace(function, what, arguments))
 
 

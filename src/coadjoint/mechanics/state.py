@@ -99,6 +99,12 @@ class State:
         return self.with_course(internal, None, None, None)
 
     @property
+    def at_place(self) -> State:
+        """What ℓ and ℋ read at the node itself, with momenta and velocities: a copy without g and all else."""
+        alone = {"g": None, "memory": None, "ledger": None, "t_rest": None, "from_velocities": False}
+        return replace(self.holding(self.internal), **alone, origin=Origin())
+
+    @property
     def over_step(self) -> Any:
         """The internal state that forces, ℓ, ℋ and Λ read over the step from here."""
         return self.internal if self.internal_mean is None else self.internal_mean

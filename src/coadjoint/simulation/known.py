@@ -47,11 +47,15 @@ class Known(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The digest of all functions as they were read, the key of what was found for it, and its name on disk, if any."""
+    """The digest of all functions as they were read, the key of what was found for it, and its name on disk, if any.
+
+    own: whether all functions are the library's own, and none was read.
+    """
 
     version: str
     key: tuple[Any, ...]
     name: str | None
+    own: bool
 
 
 _known: OrderedDict[tuple[Any, ...], Known] = OrderedDict()
@@ -70,7 +74,8 @@ def read(
     try:
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
         own, here = identity(parts(system), events, observed), library()
-        if own is not None and own.whole and here is not None:
+        whole = own is not None and own.whole and here is not None
+        if whole:
             seen = f"{here} {own.digest}"
             key = (structure, seen, digest(numbers), *more)
         else:
@@ -82,7 +87,7 @@ def read(
             name = kept.name("start", own.digest, seen, plain, numbers, *more)
     except Exception:
         return None
-    return Reading(seen, key, name)
+    return Reading(seen, key, name, whole)
 
 
 def found(reading: Reading | None) -> Known | None:

@@ -13,13 +13,14 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.discrete import nodes_traced_once
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
 from coadjoint.mechanics.over_step import internal_warnings, require_internal
 from coadjoint.mechanics.quantities import value
+from coadjoint.mechanics.reading import functions_known
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import tracing_once
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
@@ -67,12 +68,13 @@ def prepare(
     reading = known.read(system, start, functions, watched, observed, method, h)
     begun = known.found(reading)
     if begun is None:
-        begun = _checked(system, start, method, h, monitors, noether, watched, reading)
+        with functions_known(reading is not None and reading.own):
+            begun = _checked(system, start, method, h, monitors, noether, watched, reading)
         known.remember(reading, begun)
     state, warnings, program, watching = begun
     warnings = internal_warnings(system, h) + warnings
     constants = _constants(system, watching)
-    with nodes_traced_once(), as_read(program.version):
+    with tracing_once(), as_read(program.version):
         chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}

@@ -15,7 +15,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.roots import brent
+from coadjoint.roots import brent, broyden
 from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.model.craft import Craft
 
@@ -51,7 +51,7 @@ class Level:
 
     def surge(self, speed: float, commands: Any = None) -> float:
         """The first row of `push` going straight ahead, N; actuators are at rest by default."""
-        return float(self._push(speed * np.eye(6)[0], self.rest if commands is None else commands)[0])
+        return float(self.rates(speed * np.eye(6)[0], self.rest if commands is None else commands)[0])
 
     @cached_property
     def mass(self) -> np.ndarray:
@@ -65,8 +65,19 @@ class Level:
         return evaluate(jax.jacfwd(momenta), np.zeros(6))
 
     @cached_property
-    def _push(self) -> Any:
+    def rates(self) -> Any:
+        """`push` on numbers."""
         return tabulate(self.push, np.zeros(6), self.rest)
+
+    def slopes(self, motion: np.ndarray, commands: np.ndarray) -> np.ndarray:
+        """∂`push`/∂(motion, commands), (6, 6 + commands)."""
+
+        def along(at: Any, direction: Any) -> Any:
+            return jax.jvp(self.push, at, direction)[1]
+
+        at = motion, commands
+        one = tabulate(along, at, at)
+        return np.transpose([one(at, (e[:6], e[6:])) for e in np.eye(6 + len(commands))])
 
     def _at(self, motion: Any, commands: Any) -> State:
         found, begin = {}, 0
@@ -113,7 +124,8 @@ def under_way(vehicle: Any, speed: float) -> UnderWay:
     level, parts = Level(vehicle), vehicle.commanded
     trim = propulsion_at(level, speed)
     ahead = speed * np.eye(6)[0]
-    damping, effects = evaluate(jax.jacfwd(level.push, argnums=(0, 1)), ahead, trim)
+    slopes = level.slopes(ahead, trim)
+    damping, effects = slopes[:, :6], slopes[:, 6:]
     names = np.array([part.name for part in parts for _ in range(size(part))])
     acting = {name for name, column in zip(names, effects.T, strict=True) if np.any(column != 0)}
     kept = np.array([name in acting for name in names], dtype=bool)
@@ -130,26 +142,21 @@ def steady(motion: UnderWay, across: int, row: int, shares: np.ndarray, most: fl
     across, row: 1 and 5 for yaw, 2 and 4 for pitch. shares: of the commands in δ. Slip and δ balance force and torque.
     Where δ < 0 the turn is unstable, and UNSTABLE of the fastest rate is given.
     """
-    level = motion.level
+    level, rows = motion.level, [across, row]
 
-    def balance(x: Array, rate: Array) -> Array:
-        nu = jnp.zeros(6).at[0].set(motion.speed).at[across].set(x[0]).at[row].set(rate)
-        commands = jnp.asarray(level.rest).at[np.flatnonzero(motion.acting)].set(motion.trim + shares * x[1])
-        found = level.push(nu, commands)
-        return jnp.stack([found[across], found[row]])
+    def balance(x: np.ndarray, rate: float) -> np.ndarray:
+        nu, commands = motion.speed * np.eye(6)[0], level.rest.copy()
+        nu[rows] = x[0], rate
+        commands[motion.acting] = motion.trim + shares * x[1]
+        return level.rates(nu, commands)[rows]
 
-    x = np.zeros(2)
-    both = tabulate(lambda x, rate: (balance(x, rate), jax.jacfwd(balance)(x, rate)), x, np.float64(0))
-    turns = [(0.0, 0.0)]
+    x, turns = np.zeros(2), [(0.0, 0.0)]
+    slope = np.column_stack([motion.damping[rows, across], motion.effects[rows] @ shares])
     for rate in np.geomspace(0.01, 1.0, 14):
-        for _ in range(8):
-            value, slope = both(x, np.float64(rate))
-            change = np.linalg.solve(slope, -value)
-            x = x + change
-            if np.abs(change).max() < 1e-6:
-                break
-        else:
+        found = broyden(lambda x, rate=rate: balance(x, rate), x, slope, xtol=1e-9, most=8)
+        if found is None:
             break
+        x, slope = found
         if abs(x[1]) > most or abs(x[0]) > motion.speed:
             break
         turns.append((float(rate), float(x[1])))

@@ -1,0 +1,43 @@
+"""Functions that JAX traces once for all that a program asks of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import jax
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_traced: ContextVar[dict[Callable[..., Any], Callable[..., Any]] | None] = ContextVar("traced", default=None)
+
+
+@contextmanager
+def tracing_once() -> Iterator[None]:
+    """Inside, functions that are marked `traced_once` are traced once for each kind of arguments.
+
+    What the functions of a system do must not change meanwhile.
+    """
+    token = _traced.set({})
+    try:
+        yield
+    finally:
+        _traced.reset(token)
+
+
+def traced_once(function: Callable[P, R]) -> Callable[P, R]:
+    """A pure function of PyTrees of arrays that is traced once for each kind of arguments inside `tracing_once`."""
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        traced = _traced.get()
+        if traced is None:
+            return function(*args, **kwargs)
+        if function not in traced:
+            traced[function] = jax.jit(lambda *given, **named: function(*given, **named))
+        return traced[function](*args, **kwargs)
+
+    return call
