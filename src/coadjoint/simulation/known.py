@@ -75,7 +75,7 @@ def read(
         numbers, structure = jax.tree_util.tree_flatten((system.parameters, start))
         own, here = identity(parts(system), events, observed), library()
         whole = own is not None and own.whole and here is not None
-        if whole:
+        if own is not None and whole:
             seen = f"{here} {own.digest}"
             key = (structure, seen, digest(numbers), *more)
         else:
