@@ -17,6 +17,7 @@ from coadjoint.cli.stability import Stability
 from coadjoint.cli.stopping import status, stoppable, word
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
+from coadjoint.cli.viewing import View
 from coadjoint.errors import CoadjointError, StepError
 from coadjoint.interrupts import heeded
 
@@ -27,6 +28,7 @@ Command = (
     | Annotated[commands.Run, tyro.conf.subcommand("run")]
     | Annotated[commands.Resume, tyro.conf.subcommand("resume")]
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
+    | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]

@@ -1,47 +1,36 @@
-"""A page that plays tracks in space: one file, with their positions inside, that needs nothing else."""
+"""A page that plays a scene in space: one file, with everything inside, that needs no network."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from functools import cache
+from html import escape
 from importlib.resources import files
-from typing import NamedTuple
 
-import numpy as np
+from coadjoint.plotting.scene import Scene, plain
 
-POINTS = 6000
-"""The most positions on a page, of all tracks together."""
-_PLACE = "/*RUNS*/[]"
-
-
-class Track(NamedTuple):
-    """What a page plays of one body.
-
-    label, colour: of its curve. time: (nodes,) s. place: (nodes, 3) m, north, east, down. forward, starboard:
-    (nodes, 3), directions in space. speed: (nodes,) m/s. wanted: the depth that was asked for, (nodes,) m, if any was.
-    """
-
-    label: str
-    colour: str
-    time: np.ndarray
-    place: np.ndarray
-    forward: np.ndarray
-    starboard: np.ndarray
-    speed: np.ndarray
-    wanted: np.ndarray | None = None
+POINTS = 8000
+"""The most nodes on a page, of all members together."""
+_SCRIPTS = ("three.min.js", "plan.js", "scene.js", "player.js")
 
 
-_DIGITS = {"time": 3, "place": 3, "forward": 4, "starboard": 4, "speed": 3, "wanted": 2}
-
-
-def page(tracks: Sequence[Track], points: np.ndarray) -> str:
-    """The HTML of a player for these tracks and for way points (k, 3), m."""
-    template = files(str(__package__)).joinpath("player.html").read_text(encoding="utf-8")
-    runs = [{name: _rounded(name, value) for name, value in track._asdict().items()} for track in tracks]
-    data = json.dumps({"runs": runs, "points": np.round(points, 2).tolist()}, allow_nan=False)
+def page(scene: Scene) -> str:
+    """The HTML of a player of this scene, about 0.6 MB and the scene's numbers."""
     # "<" cannot end the script from inside a text.
-    return template.replace(_PLACE, data.replace("<", "\\u003c"))
+    data = json.dumps(plain(scene), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    before, between, after = _frame()
+    return f"{before.replace('/*TITLE*/', escape(scene.title))}{data}{between}{after}"
 
 
-def _rounded(name: str, value: np.ndarray | str | None) -> list[float] | str | None:
-    return np.round(value, _DIGITS[name]).tolist() if isinstance(value, np.ndarray) else value
+@cache
+def _frame() -> tuple[str, str, str]:
+    """The page before its scene, between that and its scripts, and its scripts to the end."""
+    html, _, end = _text("player.html").partition("<script>/*SCRIPT*/</script>")
+    before, _, between = html.partition("/*SCENE*/")
+    licence = f"/*! three.js, https://threejs.org\n\n{_text('three.LICENSE')}*/\n"
+    scripts = [(licence if name.startswith("three") else "") + _text(name) for name in _SCRIPTS]
+    return before, between, "\n".join(f"<script>\n{text}</script>" for text in scripts) + end
+
+
+def _text(name: str) -> str:
+    return files("coadjoint.plotting").joinpath("page", name).read_text(encoding="utf-8")

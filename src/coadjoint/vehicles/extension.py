@@ -6,6 +6,7 @@ Read by `coadjoint.extensions`; nothing is imported before it is used.
 from __future__ import annotations
 
 from coadjoint.models.entry import MOVING, CatalogueEntry
+from coadjoint.plotting.staged import Staged
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
 from coadjoint.vehicles.files.bodies import body_numbers
 
@@ -72,6 +73,9 @@ _ENTRIES = (
 )
 MODELS = {entry.name: entry for entry in _ENTRIES}
 """To `coadjoint.models.catalogue`."""
+
+SCENES = {"vehicle": Staged("coadjoint.vehicles.figures.scenes:scene", "coadjoint.vehicles.figures.fitting:of_vehicle")}
+"""To the player."""
 
 FORMATS = {".csv": "coadjoint.vehicles.logs.saving:log_text"}
 """To `run.save`."""

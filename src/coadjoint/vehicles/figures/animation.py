@@ -1,4 +1,4 @@
-"""Animations of vehicles: a GIF of track and depth, or a page with a rotatable track in space."""
+"""Animations of vehicles: a GIF of track and depth, or a page with a scene in space."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from matplotlib.transforms import Affine2D
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.player import POINTS, page
+from coadjoint.plotting.player import page
+from coadjoint.plotting.staged import scene
 from coadjoint.plotting.style import COLOURS, canvas, style
 from coadjoint.plotting.whole_file import whole_file, write_text
 from coadjoint.vehicles.figures.navigation import draw_depth, draw_track
-from coadjoint.vehicles.figures.tracks import track
 from coadjoint.vehicles.logs.records import VehicleRecords
 
 FRAMES, PER_SECOND = 150, 15
 """Of a GIF: ten seconds."""
 _DOTS = 100
 _MOST = 8
-"""The most vehicles that an animation shows."""
+"""The most vehicles in a GIF."""
 
 
 def animation(runs: Sequence[Entry], path: str | os.PathLike[str], frames: int = FRAMES) -> Path:
@@ -36,13 +36,12 @@ def animation(runs: Sequence[Entry], path: str | os.PathLike[str], frames: int =
         raise ArgumentError(f"An animation's file must end in .gif or .html, but is {target.name}.")
     if not isinstance(frames, int) or not 2 <= frames <= 1000:
         raise ArgumentError(f"Argument `frames` must be a whole number from 2 to 1000, but is {frames!r}.")
+    if target.suffix.lower() == ".html":
+        return write_text(target, page(scene(runs)))
     shown = list(runs[:_MOST])
     for run in shown:
         if len(run.time) < 2:
             raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")
-    if target.suffix.lower() == ".html":
-        tracks = [track(run, POINTS // len(shown), alone=len(shown) == 1) for run in shown]
-        return write_text(target, page(tracks, VehicleRecords(shown[0].dataset).way_points))
     return _gif(shown, target, frames)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -14,6 +15,8 @@ from coadjoint.runs.initial import initial_values
 from coadjoint.runs.setup import Setup
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import split_name
+from coadjoint.vehicles.figures.scenes import BOTTOM, GEOMETRY
+from coadjoint.vehicles.figures.shapes import geometry
 from coadjoint.vehicles.logs.headers import inside
 from coadjoint.vehicles.missions import legs
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
@@ -58,6 +61,8 @@ def set_up(file: MissionFile) -> Setup:
     arrived = legs.arrival(craft.controller) if len(points) else None
     told = {"vehicle_length": float(vehicle.length or 1.0)}
     told |= {"way_points": points.ravel().tolist()} if len(points) else {}
+    told |= {GEOMETRY: json.dumps(geometry(vehicle))}
+    told |= {} if (bottom := legs.bottom(file)) is None else {BOTTOM: bottom}
     return Setup(system, start, inputs or None, legs.until(file, arrived), told, doubts)
 
 

@@ -240,6 +240,12 @@ def _one(given: dict[str, Any], key: str) -> Any:
     return found
 
 
+def bottom(file: MissionFile) -> float | None:
+    """The depth of the bottom, m; None where the mission knows of none."""
+    given = _plain(file)
+    return float(_one(given, "bottom")) if "bottom" in given else None
+
+
 def until(file: MissionFile, arrived: Any = None) -> Any:
     """The event that ends the mission before its time, None where nothing does; raises ArgumentError.
 

@@ -1,0 +1,65 @@
+"""`coadjoint view DIR`: a page that shows runs move in space, written and opened."""
+
+from __future__ import annotations
+
+import json as json_text
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from coadjoint.cli import terminal
+
+
+@dataclass(frozen=True)
+class View:
+    """Show runs move in space: one page for the browser, with everything inside, which needs no network."""
+
+    sources: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders that `run` wrote, or files of runs; several come into one scene."""
+    out: Path | None = None
+    """The page to write, by default `view.html` beside the first run."""
+    no_open: bool = False
+    """Write the page, and do not open it."""
+    json: bool = False
+    """Print the file's name as JSON, and nothing else; nothing is opened."""
+
+    def __call__(self) -> int:
+        from coadjoint.cli.stored import recordings
+        from coadjoint.errors import ArgumentError
+        from coadjoint.plotting.entries import entries
+        from coadjoint.plotting.player import page
+        from coadjoint.plotting.staged import scene
+        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.report.folder import make
+
+        if not self.sources:
+            raise ArgumentError("Which run? Give the folder that `coadjoint run` wrote, as in `coadjoint view dive`.")
+        found = {source: recordings(source) for source in self.sources}
+        labels = [name if len(self.sources) == 1 else source.stem for source, runs in found.items() for name in runs]
+        runs = [run for held in found.values() for run in held.values()]
+        shown = scene(entries(runs, labels if len(runs) > 1 else None))
+        first = self.sources[0]
+        target = self.out or (first if first.is_dir() else first.parent) / "view.html"
+        make(target.parent)
+        write_text(target, page(shown))
+        if self.json:
+            print(json_text.dumps(str(target)))
+        else:
+            terminal.line(f"Written: {target}.")
+        if not self.no_open and not self.json and not opened(target):
+            terminal.line(f"No browser was found on this machine: open {target} in one; it needs no network.")
+        return 0
+
+
+def opened(file: Path) -> bool:
+    """Show a file in the browser of the desktop, and whether there is one."""
+    import webbrowser
+
+    screen = sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
+    try:
+        return screen and webbrowser.open(file.resolve().as_uri())
+    except webbrowser.Error:
+        return False
