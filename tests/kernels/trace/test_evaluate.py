@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.linalg
 from functions import LANGUAGE
 
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
@@ -77,3 +78,26 @@ def test_triangular_systems_are_solved_over_all_leading_axes(left_side, lower, t
     if transpose_a:
         triangle = np.swapaxes(triangle, -1, -2)
     np.testing.assert_allclose(triangle @ x if left_side else x @ triangle, b, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (20, 20), (3, 5), (5, 3), (0, 0)])
+def test_a_matrix_is_factorised_as_by_lapack_with_its_pivots(shape, without_xla):
+    a = np.random.default_rng(SEED).normal(size=shape)
+    factors, pivots, order = evaluate(jax.lax.linalg.lu, a)
+    expected, swaps, _ = scipy.linalg.lapack.dgetrf(a) if a.size else (a, pivots, None)
+    np.testing.assert_allclose(factors, expected, rtol=1e-11, atol=1e-12)
+    assert np.array_equal(pivots, swaps)
+    size = len(pivots)
+    lower, upper = np.tril(factors, -1)[:, :size] + np.eye(shape[0], size), np.triu(factors)[:size]
+    np.testing.assert_allclose(lower @ upper, a[order], atol=1e-12)
+
+
+def test_several_matrices_are_factorised_one_by_one_and_a_singular_one_has_a_zero_on_its_diagonal(without_xla):
+    a = np.random.default_rng(SEED).normal(size=(2, 4, 4))
+    a[1, 3] = a[1, 0]
+    factors, pivots, order = evaluate(jax.lax.linalg.lu, a)
+    for i in range(2):
+        for found, alone in zip((factors[i], pivots[i], order[i]), evaluate(jax.lax.linalg.lu, a[i]), strict=True):
+            assert np.array_equal(found, alone)
+    assert abs(factors[1, 3, 3]) < 1e-15
+    assert not np.any(np.isfinite(evaluate(jnp.linalg.solve, np.array([[1.0, 2.0], [2.0, 4.0]]), np.ones(2))))

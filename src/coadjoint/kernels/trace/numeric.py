@@ -95,17 +95,20 @@ def _polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
 
 
 def _lu(p: Any, a: Array) -> list[Array]:
+    """P a = L U with partial pivoting, as LAPACK's getrf: L and U in one, pivots, P. SciPy takes long to load."""
     if a.ndim > 2:
         parts = [_lu(p, b) for b in a]
         return [np.stack(part) for part in zip(*parts, strict=True)]
-    import scipy.linalg  # a tenth of what a set-up takes
-
-    # LAPACK itself: SciPy's lu_factor warns of a singular matrix, which here, as by XLA, gives infinities.
-    (factorise,) = scipy.linalg.get_lapack_funcs(("getrf",), (a,))
-    factors, pivots = factorise(a)[:2] if a.size else (a, np.zeros(0, dtype=int))
-    order = np.arange(a.shape[0])
-    for i, j in enumerate(pivots):
-        order[[i, j]] = order[[j, i]]
+    factors, order = np.array(a), np.arange(a.shape[0])
+    pivots = np.zeros(min(a.shape), dtype=np.int32)
+    for k in range(pivots.size):
+        pivots[k] = chosen = k + int(np.argmax(np.abs(factors[k:, k])))
+        if factors[chosen, k] == 0:  # a singular matrix, which here, as by XLA, gives infinities
+            continue
+        swapped = [k, chosen], [chosen, k]
+        factors[swapped[0]], order[swapped[0]] = factors[swapped[1]], order[swapped[1]]
+        below = factors[k + 1 :, k] = factors[k + 1 :, k] / factors[k, k]
+        factors[k + 1 :, k + 1 :] -= np.outer(below, factors[k, k + 1 :])
     return [factors, pivots, order]
 
 
