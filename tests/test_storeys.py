@@ -39,6 +39,7 @@ STOREYS = (
         "report",
         "audit",
         "runs",
+        "sweeps",
     ),
     *("vehicles", "cli", "__main__"),
 )

@@ -117,6 +117,9 @@ if TYPE_CHECKING:
     from coadjoint.spaces import Sphere as Sphere
     from coadjoint.spaces import Submanifold as Submanifold
     from coadjoint.spaces import Trivial as Trivial
+    from coadjoint.sweeps.call import sweep as sweep
+    from coadjoint.sweeps.results import SweepResults as SweepResults
+    from coadjoint.sweeps.results import load_sweep as load_sweep
     from coadjoint.theory.discrete_mechanical_connection import (
         discrete_mechanical_connection as discrete_mechanical_connection,
     )

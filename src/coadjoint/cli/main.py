@@ -15,6 +15,7 @@ from coadjoint.cli.identify import Identify
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
 from coadjoint.cli.stopping import status, stoppable, word
+from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.cli.viewing import View
@@ -37,6 +38,7 @@ Command = (
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Stability, tyro.conf.subcommand("stability")]
     | Annotated[Identify, tyro.conf.subcommand("identify")]
+    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Serve, tyro.conf.subcommand("serve")]
 )
 

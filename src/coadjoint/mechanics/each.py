@@ -23,6 +23,12 @@ class Each:
     def __repr__(self) -> str:
         return f"each({len(self)} values)"
 
+    def __mul__(self, factor: float) -> Each:
+        """The values in another unit, as `3.0 * …` of one number."""
+        return Each(jax.tree.map(lambda leaf: leaf * factor, self.values))
+
+    __rmul__ = __mul__
+
     def member(self, index: int) -> Any:
         """The value of one member."""
         return jax.tree.map(lambda leaf: leaf[index], self.values)

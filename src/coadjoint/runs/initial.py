@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+import numpy as np
+
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si
@@ -39,5 +41,15 @@ def initial_values(given: Mapping[str, Any], known: Collection[str]) -> dict[str
     if angles:
         if "euler_zyx" in found:
             raise ArgumentError(f"[initial] gives both `euler_zyx` and `{next(iter(angles))}`: leave one out.")
-        found["euler_zyx"] = [angles.get(name, 0.0) for name in _ANGLES]
+        found["euler_zyx"] = together([angles.get(name, 0.0) for name in _ANGLES])
     return found
+
+
+def together(values: list[Any]) -> Any:
+    """Numbers as one vector; with `co.each` among them, one for each member."""
+    many = {len(value): value for value in values if hasattr(value, "member")}
+    if not many:
+        return values
+    ((count, some),) = many.items()
+    columns = [value.values if hasattr(value, "member") else [value] * count for value in values]
+    return type(some)(np.stack([np.asarray(column, dtype=float) for column in columns], axis=-1))

@@ -96,9 +96,13 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
         _apply(table, change)
     if changes:
         text = f"# {source.name} with {', '.join(changes)}\n\n{to_toml(table)}"
+    return replace(of_table(table, source, text), places=kept_inputs(source))
+
+
+def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
+    """The run in a table, of a system or of another kind; raises ArgumentError for what does not belong there."""
     readers = [reader for section, reader in KINDS.items() if section in table]
-    made = located(readers[0])(table, source, text) if readers else from_table(table, source, text)
-    return replace(made, places=kept_inputs(source))
+    return located(readers[0])(table, source, text) if readers else from_table(table, source, text)
 
 
 def _require_run(table: dict[str, Any], source: Path) -> None:
@@ -206,12 +210,20 @@ def _apply(table: dict[str, Any], change: str) -> None:
         parsed = read_table(f"value = {value}", "")["value"]
     except FileError:
         parsed = value
+    put(table, keys, parsed if value.strip() else None, "A change with --set", change)
+
+
+def put(table: dict[str, Any], keys: Sequence[str], value: Any, what: str, change: str) -> None:
+    """Put a value in the place of the same key, in another unit too; None leaves the key out.
+
+    Raises ArgumentError, which begins with `what` and shows the `change`, for a key of what is no section.
+    """
     inner = table
     for key in keys[:-1]:
         inner = inner.setdefault(key, {})
         if not isinstance(inner, dict):
-            raise ArgumentError(f"A change with --set must name a key of a section, but `{key}` of {change!r} is none.")
+            raise ArgumentError(f"{what} must name a key of a section, but `{key}` of {change!r} is none.")
     for key in [key for key in inner if without_unit(key) == without_unit(keys[-1])]:
         del inner[key]
-    if value.strip():
-        inner[keys[-1]] = parsed
+    if value is not None:
+        inner[keys[-1]] = value

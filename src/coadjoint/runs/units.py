@@ -68,5 +68,5 @@ def _require_numbers(what: str, value: Any) -> None:
     if isinstance(value, list):
         for inner in value:
             _require_numbers(what, inner)
-    elif isinstance(value, bool) or not isinstance(value, (int, float)):
+    elif isinstance(value, (bool, str)) or not hasattr(value, "__rmul__"):  # co.each can be multiplied, too
         raise ArgumentError(f"{what} must hold numbers, because its name ends in a unit, but holds {value!r}.")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
 from threading import Event
 from typing import Any
 
@@ -27,8 +30,25 @@ def lanes() -> int:
     return 4 if features.get("avx") else 2
 
 
+_MOST: ContextVar[int | None] = ContextVar("most cores", default=None)
+
+
+@contextmanager
+def at_most(threads: int) -> Iterator[None]:
+    """While this lasts, ensembles run on so many threads at most; no result depends on it."""
+    token = _MOST.set(threads)
+    try:
+        yield
+    finally:
+        _MOST.reset(token)
+
+
 def cores() -> int:
-    """How many cores this process may use."""
+    """How many cores this process may use, or `at_most` says."""
+    return min(_available(), _MOST.get() or _available())
+
+
+def _available() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.each import Each, count_members
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.setup import Setup
 from coadjoint.runs.units import in_si, unknown
@@ -41,14 +42,17 @@ def set_up(file: MissionFile) -> Setup:
     vehicle, doubts = _vehicle(file)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
-    place = border.space_vector(vector(begun.get("position", (0.0, 0.0, 0.0)), "position"), begun["axes"])
+    place = begun.get("position", (0.0, 0.0, 0.0))
+    if isinstance(place, Each) and not len(legs.way_points(file)):
+        place = place.member(0)  # Only way points ask for it.
+    place = border.space_vector(vector(place, "position"), begun["axes"])
     controller = legs.following(file, _controller(file, vehicle), place)
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
     craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)))
     kinds = measures(craft)
     craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
-    if file.parameters:
+    if file.parameters and count_members(craft.parameters.asdict()) is None:
         doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]
     start = craft.start(**begun)
     require_room(file, start)
@@ -147,7 +151,8 @@ def _actuators(given: Any, units: Mapping[str, str]) -> dict[str, np.ndarray]:
         if name in found:
             raise ArgumentError(f"[initial] actuators give `{name}` twice: once as `{key}`, once in another unit.")
         try:
-            found[name] = (inside(unit)[1] if unit else 1.0) * np.asarray(value, dtype=float)
+            number = value if isinstance(value, Each) else np.asarray(value, dtype=float)
+            found[name] = (inside(unit)[1] if unit else 1.0) * number
         except (TypeError, ValueError):
             raise ArgumentError(f"[initial] actuators must hold numbers, but {key} is {value!r}.") from None
     return found

@@ -1,0 +1,97 @@
+"""`coadjoint sweep FILE`: many runs of one file, here or on a cluster."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from coadjoint.cli import terminal
+
+if TYPE_CHECKING:
+    from coadjoint.sweeps.results import SweepResults
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Run a sweep file, or what is missing of it: `coadjoint sweep masses.toml --out masses`."""
+
+    file: tyro.conf.Positional[Path]
+    """The sweep file, with sections sweep, vary and results."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Output folder, by default named like the file; one that holds this sweep is finished, or told as it is."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None
+    """A scheduler of dask.distributed, as tcp://HOST:8786; by default processes of this machine."""
+    workers: int | None = None
+    """How many processes of this machine, by default one for each core."""
+    check: bool = False
+    """Tell what `sweep` would run, and refuse what it would refuse; nothing is run."""
+    json: bool = False
+    """Print the summary as JSON, and nothing else."""
+    overwrite: bool = False
+    """Begin a sweep that the folder holds again."""
+
+    def __call__(self) -> int:
+        from coadjoint.sweeps.file import read_sweep
+        from coadjoint.sweeps.sweep import execute, probed
+
+        sweep = read_sweep(self.file)
+        folder = self.out or Path(self.file.stem)
+        if self.check:
+            found = probed(sweep)
+            told = {"valid": True, "members": sweep.members, "tasks": sweep.tasks, "members_of_a_task": sweep.size}
+            told |= {"steps": found["steps"], "variables": found["chosen"], "together": found["quick"]}
+            print(json_text.dumps(told)) if self.json else _check(self.file, folder, told)
+            return 0
+        made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, False if self.json else None)
+        print(json_text.dumps(made.summary, indent=2, ensure_ascii=False)) if self.json else show(made)
+        return 0
+
+
+def _check(file: Path, folder: Path, told: dict[str, Any]) -> None:
+    terminal.line(
+        f"{file} is a sweep of {told['members']:,} members, {told['steps']:,} steps each, in {told['tasks']:,} tasks "
+        f"of {told['members_of_a_task']:,}; its results would go to {folder}/."
+    )
+    if not told["together"]:
+        terminal.line(
+            "Warning: what varies cannot stand for all members at once, so that members with other numbers are set up "
+            "one after another, which takes longer than their steps."
+        )
+
+
+def show(made: SweepResults) -> None:
+    """The summary, and the statistics of where members ended."""
+    told = made.summary
+    failures = ", ".join(f"{count:,} {cause}" for cause, count in told["failures"].items()) or "none"
+    rows = [
+        ("sweep", f"{told['members']:,} × {told['system']}, {told['method']}, dt = {told['dt']:g} s"),
+        ("numbers", f"{', '.join(told['numbers'])} ({told['sampling']})"),
+        ("tasks", f"{told['tasks']:,} of {told['members_of_a_task']:,} members"),
+        ("failed", failures),
+        ("events", f"{told['events']:,}"),
+        ("time", f"{told['seconds']:.3g} s, of all tasks {told['task_seconds']:.3g} s"),
+    ]
+    terminal.fields(rows)
+    terminal.line("")
+    finals = [str(name) for name in made.statistics.data_vars if str(name).startswith("final_")]
+    labels = [str(label) for label in made.statistics.statistic.values]
+    terminal.table(("result", *labels), [row for name in finals for row in _rows(made.statistics[name])])
+    for sentence, count in told["warnings"].items():
+        terminal.line(f"Warning, of tasks with {count:,} members: {sentence}")
+    for member, sentence in list(told["refusals"].items())[:3]:
+        terminal.line(f"Member {member} was refused: {sentence}")
+    terminal.line(f"Results: {made.folder}/")
+
+
+def _rows(values: Any) -> list[tuple[str, ...]]:
+    flat = values.values.reshape(values.sizes["statistic"], -1)
+    parts = [str(part) for part in values["angle"].values] if "angle" in values.dims else None
+    names = parts or [str(place) for place in range(flat.shape[1])]
+    return [
+        (f"{values.name}[{name}]" if flat.shape[1] > 1 else values.name, *(f"{value:.4g}" for value in column))
+        for name, column in zip(names, flat.T, strict=True)
+    ]

@@ -1,0 +1,253 @@
+"""Sweep files: which run, what varies, and what is kept of it."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.runs.run_file import of_table, put
+from coadjoint.runs.sections import section
+from coadjoint.runs.toml_text import to_toml
+from coadjoint.runs.units import unknown
+from coadjoint.sweeps.numbers import DIGEST, DRAWN, SAMPLINGS, Design, Varied, design, digest, read
+from coadjoint.texts import read_table, text_of
+
+if TYPE_CHECKING:
+    from coadjoint.runs.runnable import Runnable
+
+KEEP = ("statistics", "members", "trajectories")
+"""What a sweep keeps: statistics alone, results of every member, or all saved nodes of every member too."""
+RUN = "run_file"
+"""The section of a sweep's own configuration that holds the run file."""
+QUICK = ("parameters", "initial")
+"""Sections in which a value for each member may stand, so that all members step together."""
+MOST_TASKS = 10_000
+"""A scheduler is slow with millions of tasks, and quick with these."""
+STEPS = 2e7
+"""The steps of all members of a task, if nothing else is said: ten seconds of a vehicle in native code, or some."""
+LANES = 64
+"""Members of a task are a multiple of this, so that no lane of native code idles."""
+NODES = 60
+"""About so many nodes of a run are looked at, if nothing else is said."""
+
+
+@dataclass(frozen=True)
+class SweepSection:
+    """Which run is swept, and how its members are chosen."""
+
+    run: str = ""
+    sampling: str = "grid"
+    members: int | None = None
+    seed: int = 0
+    task: int | None = None
+
+    def __post_init__(self):
+        if self.sampling not in SAMPLINGS:
+            raise ArgumentError(unknown(f"sampling {self.sampling!r}", "Section [sweep]", self.sampling, SAMPLINGS))
+        if self.sampling in DRAWN and (self.members is None or self.members < 1):
+            raise ArgumentError(
+                f"[sweep] members, how many are drawn, must be at least 1 for sampling = {self.sampling!r}, but is "
+                f"{self.members if self.members is not None else 'not given'}."
+            )
+        if self.sampling not in DRAWN and self.members is not None:
+            raise ArgumentError(f"[sweep] members follow from what varies in a {self.sampling}: leave them out.")
+        if self.seed < 0:
+            raise ArgumentError(f"[sweep] seed must be 0 or more, but is {self.seed}.")
+        if self.task is not None and self.task < 1:
+            raise ArgumentError(f"[sweep] task, the members of a task, must be at least 1, but is {self.task}.")
+
+
+@dataclass(frozen=True)
+class ResultsSection:
+    """What is kept of the members: of which variables, and of which nodes."""
+
+    keep: str = "members"
+    variables: list[str] = field(default_factory=list)
+    save_every: int | None = None
+    quantiles: tuple[float, ...] = (0.05, 0.5, 0.95)
+    courses: bool = False
+
+    def __post_init__(self):
+        if self.keep not in KEEP:
+            raise ArgumentError(unknown(f"keep {self.keep!r}", "Section [results]", self.keep, KEEP))
+        if self.save_every is not None and self.save_every < 1:
+            raise ArgumentError(f"[results] save_every must be at least 1, but is {self.save_every}.")
+        if not all(0 < q < 1 for q in self.quantiles):
+            raise ArgumentError(f"[results] quantiles must lie between 0 and 1, but are {list(self.quantiles)}.")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep, read and checked. base: the table of its run file; places: where files are that this names."""
+
+    sweep: SweepSection
+    results: ResultsSection
+    varied: tuple[Varied, ...]
+    base: Mapping[str, Any]
+    path: Path = Path("sweep.toml")
+    places: Mapping[str, Path] = field(default_factory=dict)
+
+    @cached_property
+    def text(self) -> str:
+        """The whole sweep as TOML, its run file within it: what a folder of results is known by."""
+        vary: dict[str, Any] = {}
+        for one in self.varied:
+            inner = vary
+            for key in one.keys[:-1]:
+                inner = inner.setdefault(key, {})
+            inner[one.keys[-1]] = _written(one.template)
+        own = {key: value for key, value in vars(self.sweep).items() if value is not None}
+        kept = {key: value for key, value in vars(self.results).items() if value is not None}
+        return to_toml({"sweep": own, "results": kept, "vary": vary, RUN: dict(self.base)})
+
+    @cached_property
+    def design(self) -> tuple[Design, int]:
+        """The numbers of all members by name, and how many members there are; raises ArgumentError."""
+        numbers = [number for one in self.varied for number in one.numbers]
+        return design(numbers, self.sweep.sampling, self.sweep.members, self.sweep.seed)
+
+    @property
+    def members(self) -> int:
+        """How many runs it has."""
+        return self.design[1]
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of the numbers of all members."""
+        return digest(self.design[0])
+
+    @cached_property
+    def size(self) -> int:
+        """The members of a task, a shard of the store."""
+        steps = self.steps
+        wished = self.sweep.task or max(int(STEPS / steps) // LANES, 1) * LANES
+        least = -(-self.members // MOST_TASKS)
+        if self.sweep.task is not None and wished < least:
+            raise ArgumentError(
+                f"[sweep] task = {wished} would make {-(-self.members // wished):,} tasks, but a scheduler is quick "
+                f"with {MOST_TASKS:,} at most: give {least} or more, or leave it out."
+            )
+        return min(max(wished, -(-least // LANES) * LANES if self.sweep.task is None else least), self.members)
+
+    @property
+    def tasks(self) -> int:
+        """How many there are."""
+        return -(-self.members // self.size)
+
+    def span(self, task: int) -> slice:
+        """The members of a task."""
+        return slice(task * self.size, min((task + 1) * self.size, self.members))
+
+    @cached_property
+    def steps(self) -> int:
+        """The steps of its first member."""
+        grid = self.run(self.rows(slice(0, 1)), quick=False).run
+        return grid.steps or max(round((grid.duration or 0.0) / grid.dt), 1)
+
+    @property
+    def save_every(self) -> int:
+        """Every how many steps a node is looked at."""
+        return self.results.save_every or max(self.steps // NODES, 1)
+
+    def rows(self, span: slice) -> Design:
+        """The numbers of some members."""
+        return {name: values[span] for name, values in self.design[0].items()}
+
+    def run(self, rows: Mapping[str, np.ndarray], quick: bool, seeds: Any = None) -> Runnable:
+        """The run of the members with these numbers, in which those that are not `quick` are all the same.
+
+        quick: whether those of the sections QUICK stand there with a value for each member.
+        """
+        table = copy.deepcopy(dict(self.base))
+        count = len(next(iter(rows.values()))) if rows else 0
+        for one in self.varied:
+            together = quick and one.keys[0] in QUICK
+            value = _each(one.values(rows, count)) if together else one.value({n: v[0] for n, v in rows.items()})
+            put(table, one.keys, value, "What [vary] varies", ".".join(one.keys))
+        return replace(of_table(table, self.path, ""), places=self.places)
+
+    @property
+    def slow(self) -> list[Varied]:
+        """What no two values of can step together."""
+        return [one for one in self.varied if one.keys[0] not in QUICK]
+
+
+def _each(values: np.ndarray) -> Any:
+    from coadjoint.mechanics.each import each
+
+    return each(values)
+
+
+def _written(template: Any) -> Any:
+    """What varies as a file has it; of many values a digest, which tells whether they are the same."""
+    if isinstance(template, list):
+        return [_written(inner) for inner in template]
+    if not hasattr(template, "between"):
+        return template
+    if template.values is not None:
+        values = np.ascontiguousarray(template.values)
+        many = values.size > 1000
+        return {"values": f"{DIGEST}{hashlib.sha256(values.tobytes()).hexdigest()}" if many else values.tolist()}
+    if template.normal is not None:
+        return {"mean": template.normal[0], "deviation": template.normal[1]}
+    found = {"from": template.between[0], "to": template.between[1]}
+    found |= {} if template.count is None else {"count": template.count}
+    return found if template.even else {**found, "scale": "log"}
+
+
+def of_tables(table: Mapping[str, Any], base: Mapping[str, Any], path: Path, places: Mapping[str, Path]) -> Sweep:
+    """The sweep in a table of sections over the run in another one; raises ArgumentError."""
+    known = ("sweep", "vary", "results")
+    for name, given in table.items():
+        if name not in known:
+            raise ArgumentError(unknown(f"section [{name}]", "A sweep file", name, known))
+        if not isinstance(given, Mapping):
+            raise ArgumentError(f"[{name}] must be a section of a sweep file, but is {given!r}.")
+    own = section(SweepSection, "sweep", table.get("sweep", {}))
+    results = section(ResultsSection, "results", table.get("results", {}))
+    varied = tuple(read(table.get("vary", {})))
+    if not varied:
+        raise ArgumentError("A sweep needs a section [vary], such as [vary.parameters], which says what varies.")
+    if base.get("perturb") or base.get("run", {}).get("members", 1) != 1:
+        raise ArgumentError(
+            "The run of a sweep must be of one member: leave [perturb] and [run] members out, and say in [vary] what "
+            "varies, as in mass = { mean = …, deviation = … }."
+        )
+    return Sweep(own, results, varied, base, path, places)
+
+
+def read_sweep(path: Path) -> Sweep:
+    """The sweep in a TOML file; raises FileError and ArgumentError."""
+    table = table_of(path, "sweep file")
+    if "sweep" not in table:
+        raise ArgumentError(
+            f"The file {path} is no sweep file, which has a section [sweep]: `coadjoint run {path}` runs a run file."
+        )
+    name = table["sweep"].get("run") if isinstance(table["sweep"], Mapping) else None
+    if not isinstance(name, str) or not name:
+        raise ArgumentError(f"[sweep] of {path} needs `run`, the name of a run or mission file beside it.")
+    source = path.parent / name
+    base = table_of(source, "run file")
+    return of_tables(table, base, path, of_table(base, source, "").inputs)
+
+
+def table_of(path: Path, word: str) -> dict[str, Any]:
+    """The table in a TOML file; raises FileError."""
+    try:
+        return read_table(text_of(path), path)
+    except FileNotFoundError as error:
+        raise FileError(f"There is no {word} {path}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"The file {path} is not a text in UTF-8.") from error
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"The {word} {path} cannot be read: {error.strerror or error}.") from error

@@ -1,0 +1,163 @@
+"""What is kept of members while they step: a sink that forgets records when it has looked at them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replaced
+from coadjoint.mechanics.internal_rule import InternalRule
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.runs.units import unknown
+from coadjoint.simulation.dataset import Variables, derived, reported, variables
+from coadjoint.simulation.driver import Memory
+from coadjoint.sweeps.sketch import Sketch
+
+USUAL = ("q", "euler_angles", "xi", "nu")
+"""The variables of which results are kept, if nothing else is said."""
+ANGLES = "euler_angles"
+KINDS = {"final": "at the end", "least": "least", "largest": "largest", "mean": "mean"}
+"""Results of a variable, over the saved nodes of a member."""
+COURSE_CENTROIDS = 64
+"""How many centroids a shard keeps of each number at each node."""
+BLOCK_BYTES = 64 << 20
+"""What the nodes of all members that are looked at together may take."""
+
+
+class Observer:
+    """The chosen variables of records, (members, …) each; traced once for every number of members."""
+
+    def __init__(self, system: System, chosen: Sequence[str]):
+        self.system, self.chosen = system, tuple(chosen)
+        self._plain = replaced(system, internal=None, inputs=None)
+        self._made: dict[int, Any] = {}
+        self._reports = False
+
+    def __call__(self, records: State) -> Variables:
+        count = len(records.t)
+        if count not in self._made:
+            self._reports = not set(self.chosen) <= {*self._without(records, None)}
+            self._made[count] = tabulate(self._traced, records)
+        found = self._made[count](records)
+        named = self._without(records, found["derived"])
+        for name, values in (found["reported"] or {}).items():
+            named[name] = (("time", *(f"{name}_{axis}" for axis in range(values.ndim - 1))), values)
+        return {name: (named[name][0][1:], named[name][1]) for name in self.chosen}
+
+    def _without(self, records: State, found: Any) -> Variables:
+        return variables(self._plain, records, {}, None if found is None else lambda _: dict(found))
+
+    def _traced(self, records: State) -> dict[str, Any]:
+        found: dict[str, Any] = {"derived": derived(records), "reported": None}
+        if self._reports and isinstance(self.system.internal, InternalRule):
+            report = self.system.internal.report
+
+            def one(s: State) -> dict[str, Any]:
+                return report(self.system.motion_at(s, s.inputs), self.system.parameters)
+
+            found["reported"] = jax.vmap(one)(records)
+        return found
+
+
+def known(system: System, records: State) -> Variables:
+    """All variables of which results can be kept, of some records."""
+    return {**variables(replaced(system, internal=None, inputs=None), records, {}), **reported(system, records)}
+
+
+def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
+    """The variables of which results are kept; raises ArgumentError for one that a run does not have."""
+    for name in chosen:
+        if name not in there:
+            raise ArgumentError(unknown(f"variable `{name}`", "[results] variables: a run", name, list(there)))
+    return list(chosen) or [name for name in USUAL if name in there] or list(there)[:1]
+
+
+class Reduction(Memory):
+    """A sink that keeps of every member the final, least, largest and mean value of each variable.
+
+    courses: whether the spread over members at every node is kept, too; whole: whether all values at every node are.
+    Every node is taken up by itself, so that no bit depends on how nodes come in chunks.
+    """
+
+    def __init__(self, observer: Observer, states: State, courses: bool, whole: bool):
+        super().__init__()
+        self.observer, self.courses, self.whole = observer, courses, whole
+        self.last: Any = None
+        self.values: dict[str, dict[str, np.ndarray]] = {}
+        self.nodes: dict[str, list[Any]] = {}
+        self.rows: dict[str, list[np.ndarray]] = {}
+        self.taken = np.zeros(len(states.t))
+        size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(states))
+        self._length = max(int(BLOCK_BYTES // size), 1)
+
+    @property
+    def length(self) -> int:
+        return self._length
+
+    def append(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> None:
+        """Take up the nodes at these steps, one after another."""
+        self.steps.append(np.asarray(steps))
+        self.monitors = self.monitors or [{}]
+        for place in range(len(steps)):
+            self.take(jax.tree.map(lambda rows, place=place: rows[place], records))
+
+    def take(self, records: State) -> None:
+        """Take up one node of all members; NaN are those that failed, or have ended."""
+        good = np.isfinite(records.t)
+        found = self.observer(records)
+        for name, (_, values) in found.items():
+            self._member_values(name, values, good)
+            if self.courses or self.whole:
+                values = np.where(_as(good, values), self.values[name]["final"], np.nan)
+            if self.courses:
+                self.nodes.setdefault(name, []).append(Sketch.of(values[good], COURSE_CENTROIDS))
+            if self.whole:
+                self.rows.setdefault(name, []).append(values)
+        self.taken = self.taken + good
+
+    def _member_values(self, name: str, values: np.ndarray, good: np.ndarray) -> None:
+        """Angles go on over turns."""
+        if name not in self.values:
+            blank = np.full(values.shape, np.nan)
+            self.values[name] = dict.fromkeys(("final", "least", "largest"), blank)
+            self.values[name]["mean"] = np.zeros(values.shape)
+        held, here = self.values[name], _as(good, values)
+        if name == ANGLES:
+            before = np.where(np.isfinite(held["final"]), held["final"], values)
+            values = values + 2 * np.pi * np.round((before - values) / (2 * np.pi))
+        held["final"] = np.where(here, values, held["final"])
+        held["least"] = np.fmin(held["least"], np.where(here, values, np.nan))
+        held["largest"] = np.fmax(held["largest"], np.where(here, values, np.nan))
+        held["mean"] = held["mean"] + np.where(here, values, 0.0)
+
+    def end(self, members: Sequence[int], records: State) -> None:
+        """Take up where events ended members; their mean is over the nodes before."""
+        if not len(members):
+            return
+        taken, good = np.zeros(len(self.taken), bool), np.array(members)
+        taken[good] = True
+        for name, (_, values) in Observer(self.observer.system, self.observer.chosen)(records).items():
+            spread = np.full((len(taken), *values.shape[1:]), np.nan)
+            spread[good] = values
+            mean = self.values[name]["mean"]
+            self._member_values(name, spread, taken)
+            self.values[name]["mean"] = mean
+
+    def results(self, failed: np.ndarray) -> dict[str, np.ndarray]:
+        """`final_q` … by name, (members, …): NaN of members that failed."""
+        found = {}
+        for name, kinds in self.values.items():
+            for kind, values in kinds.items():
+                values = values / np.maximum(_as(self.taken, values), 1) if kind == "mean" else values
+                found[f"{kind}_{name}"] = np.where(_as(failed, values), np.nan, values)
+        return found
+
+
+def _as(flags: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return flags.reshape(-1, *(1 for _ in values.shape[1:]))

@@ -1,0 +1,209 @@
+"""`co.sweep`: from a sweep to a folder of results."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint import disk
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.log import logger
+from coadjoint.plotting.whole_file import write_text
+from coadjoint.report.folder import SUMMARY, Claim, claimed
+from coadjoint.report.summary import to_json, versions
+from coadjoint.simulation.dataset import meanings
+from coadjoint.simulation.progress import Progress
+from coadjoint.sweeps import cluster, store
+from coadjoint.sweeps.file import QUICK, Sweep
+from coadjoint.sweeps.reduction import KINDS, choose, known
+from coadjoint.sweeps.results import SweepResults, gathered, meant
+from coadjoint.sweeps.task import Task, ensemble
+
+_log = logger(__name__)
+
+
+def execute(
+    sweep: Sweep,
+    folder: Path,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    overwrite: bool = False,
+    progress: bool | None = None,
+) -> SweepResults:
+    """Run a sweep into a folder, or what is missing of it; a folder that holds it whole is returned, checked.
+
+    Raises FileError where the folder holds something else, is in use, or cannot be written; ArgumentError for numbers
+    that are none and for a scheduler's address that is none.
+    """
+    cluster.require()
+    if workers is not None and workers < 1:
+        raise ArgumentError(f"The number of workers must be at least 1, but is {workers}.")
+    _ = sweep.size
+    with claimed(folder, sweep.text, overwrite, sweep.places) as claim:
+        if claim.complete:
+            claim.tidy()
+            if damaged := next(claim.manifest.problems(), None):
+                raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the sweep again.")
+            return SweepResults(folder)
+        plan = _planned(sweep, folder)
+        began = time.perf_counter()
+        busy = _compute(sweep, folder, plan, scheduler, workers, progress)
+        spent = time.perf_counter() - began
+        claim.manifest.facts["sweep"] = {"digest": plan["digest"], "members": sweep.members}
+        _enter_members(claim)
+        claim.results(lambda stage: _write(sweep, folder, stage, plan, {"seconds": spent, **busy}))
+    return SweepResults(folder)
+
+
+def _planned(sweep: Sweep, folder: Path) -> dict[str, Any]:
+    """What all tasks go by: found out once, kept in the folder, the same when the sweep goes on."""
+    found = store.plan(folder)
+    if found is None:
+        disk.remove(folder / store.MEMBERS)
+        found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size, "versions": versions()}
+        if sweep.results.keep != "statistics":
+            attributes = {"system": found["system"], "digest": found["digest"]}
+            store.lay_out(folder, _layout(sweep, found), sweep.size, attributes)
+        store.write_plan(folder, found)
+    if found["digest"] != sweep.digest:
+        raise FileError(
+            f"The numbers that are drawn now are not those with which the sweep in {folder} began, as with another "
+            "version of SciPy: go on with that, or begin again with --overwrite."
+        )
+    if found["versions"] != versions():
+        differing = [f"{key} {value}" for key, value in found["versions"].items() if versions().get(key) != value]
+        raise FileError(
+            f"The sweep in {folder} began with {', '.join(differing)}: go on with that, for the same bits, or begin "
+            "again with --overwrite."
+        )
+    return found
+
+
+def probed(sweep: Sweep) -> dict[str, Any]:
+    """The variables of the first members, and whether parameters and starts of members may stand together."""
+    rows = sweep.rows(slice(0, 2))
+    count = len(next(iter(rows.values())))
+    alone = ensemble(sweep, {name: values[:1] for name, values in rows.items()}, 1, False, sweep.save_every)
+    quick = False
+    if any(one.keys[0] in QUICK for one in sweep.varied):
+        try:
+            together = ensemble(sweep, {n: v[:1] for n, v in rows.items()}, 1, True, sweep.save_every)
+            quick = _same(alone, together)
+        except CoadjointError:
+            pass
+    _log.info("%d members of %s in %d tasks of %d.", sweep.members, alone.system.name, sweep.tasks, sweep.size)
+    there = known(alone.system, alone.members.states)
+    chosen = choose(sweep.results.variables, there)
+    told = meanings(dict.fromkeys(chosen), alone.system)
+    dims = {name: list(there[name][0][1:]) for name in chosen}
+    shapes = {name: list(np.shape(there[name][1])[1:]) for name in chosen}
+    nodes = -(-alone.plan.steps // alone.plan.save_every) + 1
+    return {
+        "system": alone.system.name,
+        "method": alone.method.title,
+        "quick": quick,
+        "chosen": chosen,
+        "dims": dims,
+        "shapes": shapes,
+        "meanings": {name: told.get(name, {}) for name in chosen},
+        "nodes": nodes,
+        "dt": alone.plan.h,
+        "save_every": sweep.save_every,
+        "steps": alone.plan.steps,
+        "members": count,
+    }
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two ways to set members up give the same numbers."""
+    pairs = [(x.members.states, x.members.parameters) for x in (one, other)]
+    leaves = [jax.tree.leaves(pair) for pair in pairs]
+    if len(leaves[0]) != len(leaves[1]):
+        return False
+    return all(np.allclose(np.ravel(a), np.ravel(b), rtol=1e-12, atol=1e-14) for a, b in zip(*leaves, strict=True))
+
+
+def _layout(sweep: Sweep, plan: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays of the store: numbers, what happened, results, and nodes where they are kept."""
+    n, found = sweep.members, dict[str, Any]()
+    for name, values in sweep.design[0].items():
+        dims = (f"{name}_{axis}" for axis in range(values.ndim - 1))
+        found[name] = (("member", *dims), values.shape, "float64", {"swept": 1})
+    found["code"] = (("member",), (n,), "int64", {"long_name": "how its last step ended, 0 where it was good"})
+    found["steps_done"] = (("member",), (n,), "int64", {"long_name": "good steps"})
+    found["event_time"] = (("member",), (n,), "float64", {"units": "s", "long_name": "when an event ended it"})
+    for name in plan["chosen"]:
+        dims, shape = plan["dims"][name], plan["shapes"][name]
+        for kind in KINDS:
+            told = meant(f"{kind}_{name}", plan["meanings"][name])
+            found[f"{kind}_{name}"] = (("member", *dims), (n, *shape), "float64", told)
+        if sweep.results.keep == "trajectories":
+            whole = (n, plan["nodes"], *shape)
+            found[name] = (("member", "time", *dims), whole, "float64", plan["meanings"][name])
+    return found
+
+
+def _compute(
+    sweep: Sweep,
+    folder: Path,
+    plan: Mapping[str, Any],
+    scheduler: str | None,
+    workers: int | None,
+    progress: bool | None,
+) -> dict[str, Any]:
+    """All tasks that are missing; what they took."""
+    configuration = hashlib.sha256(sweep.text.encode()).hexdigest()
+    place = str(folder.resolve())
+
+    def made(number: int) -> Task:
+        span = sweep.span(number)
+        return Task(
+            place, configuration, number, span.start, sweep.rows(span), span.stop - span.start, plan["save_every"],
+            tuple(plan["chosen"]), plan["quick"], plan["versions"],
+        )  # fmt: skip
+
+    def missing() -> list[int]:
+        return sorted(set(range(sweep.tasks)) - store.done(folder))
+
+    began, taken, processes = time.perf_counter(), {"writing": 0.0}, set[float]()
+    first = missing()
+    with Progress(sweep.tasks, progress, f"{sweep.members:,} members", "tasks") as bar:
+        bar.advance(sweep.tasks - len(first), 0.0)
+
+        def done(number: int, spent: Mapping[str, float]) -> None:
+            taken["writing"] += spent["writing"]
+            processes.add(spent["process"])
+            bar.advance(1, time.perf_counter() - began)
+
+        cluster.run(made, missing, done, scheduler, workers)
+    return {"writing_seconds": taken["writing"], "computed_tasks": len(first), "processes": len(processes)}
+
+
+def _enter_members(claim: Claim) -> None:
+    """Take the files of the store into the manifest."""
+    for path in sorted((claim.folder / store.MEMBERS).rglob("*")):
+        if path.is_file():
+            claim.manifest.enter(path.relative_to(claim.folder).as_posix())
+
+
+def _write(sweep: Sweep, folder: Path, stage: Path, plan: dict[str, Any], spent: dict[str, Any]) -> None:
+    """Statistics, figures and the summary of a sweep whose tasks are all done."""
+    made, told = gathered(folder, sweep.tasks, sweep.results.quantiles, plan["dims"])
+    for name in map(str, made.data_vars):
+        of = name.partition("_")[2] if name.partition("_")[0] in KINDS else name
+        made[name].attrs.update(meant(name, plan["meanings"][of]))
+    made.to_netcdf(stage / store.STATISTICS, engine="h5netcdf")
+    summary = {
+        "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],
+        "save_every": plan["save_every"], "members": sweep.members, "tasks": sweep.tasks,
+        "members_of_a_task": sweep.size,
+        "sampling": sweep.sweep.sampling, "seed": sweep.sweep.seed, "numbers": list(sweep.design[0]), **told, **spent,
+        "versions": plan["versions"],
+    }  # fmt: skip
+    write_text(stage / SUMMARY, to_json(summary))

@@ -1,0 +1,251 @@
+"""One task of a sweep: some members stepped together, reduced, and written as one shard."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.kernels.collector import collector_off
+from coadjoint.kernels.run.ensemble import at_most
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.each import count_members
+from coadjoint.report.folder import RUN_FILE, kept_inputs
+from coadjoint.report.summary import versions
+from coadjoint.runs.methods import method
+from coadjoint.runs.setup import Setup
+from coadjoint.simulation.arguments import grid, require_kinds
+from coadjoint.simulation.carry_on import carry_on
+from coadjoint.simulation.preparing import prepare
+from coadjoint.sweeps.file import RUN, Sweep, of_tables
+from coadjoint.sweeps.reduction import Observer, Reduction
+from coadjoint.sweeps.sketch import Sketch, merged
+from coadjoint.texts import read_table
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.ensemble import Ensemble
+
+REFUSED = -2
+"""The code of a member that cannot be set up, such as one of a negative mass."""
+
+_ONE = Lock()
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some members of the sweep in a folder: all that a worker is told.
+
+    configuration: the SHA-256 of the sweep's text; rows: the numbers of these members; quick: whether parameters and
+    starts may stand for all members at once.
+    """
+
+    folder: str
+    configuration: str
+    number: int
+    first: int
+    rows: Mapping[str, np.ndarray]
+    count: int
+    save_every: int
+    chosen: tuple[str, ...]
+    quick: bool
+    versions: Mapping[str, str]
+
+
+@dataclass
+class Shard:
+    """What a task leaves: results of members by name, statistics, and what happened to those that failed."""
+
+    members: dict[str, np.ndarray]
+    sketches: dict[str, Sketch]
+    courses: dict[str, list[Sketch]]
+    times: np.ndarray
+    refusals: dict[int, str]
+    warnings: dict[str, int]
+    events: int = 0
+    kernel: float = 0.0
+    seconds: float = 0.0
+    nodes: dict[str, np.ndarray] | None = None
+
+
+@lru_cache(maxsize=4)
+def swept(folder: str, configuration: str) -> Sweep:
+    """The sweep that a folder holds; raises FileError where it is another."""
+    import hashlib
+
+    path = Path(folder) / RUN_FILE
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FileError(
+            f"A worker cannot read {path}: {error.strerror or error}; all workers need the folder of the sweep at the "
+            "same path, on a disk that they share."
+        ) from error
+    if hashlib.sha256(text.encode()).hexdigest() != configuration:
+        raise FileError(f"The folder {folder} holds another sweep by now: this task does not belong to it.")
+    table = read_table(text, path)
+    return of_tables({key: value for key, value in table.items() if key != RUN}, table[RUN], path, kept_inputs(path))
+
+
+def compute(task: Task, threads: int = 1) -> Shard:
+    """The shard of a task; tasks of one process run one after another, each on so many threads."""
+    began = time.perf_counter()
+    if dict(task.versions) != versions():
+        raise ArgumentError(
+            f"A worker has {_listed(versions())}, but the sweep began with {_listed(task.versions)}: results are the "
+            "same to the bit with the same versions only."
+        )
+    sweep = swept(task.folder, task.configuration)
+    with _ONE, at_most(threads), collector_off():
+        parts = [_part(sweep, task, places) for places in _groups(sweep, task)]
+        found = _joined(task, [piece for part in parts for piece in part])
+    found.seconds = time.perf_counter() - began
+    return found
+
+
+def _listed(found: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in found.items())
+
+
+def _groups(sweep: Sweep, task: Task) -> Iterator[np.ndarray]:
+    """The places of members of the task that step together: those whose slow numbers are the same."""
+    names = [number.name for one in sweep.varied if not task.quick or one in sweep.slow for number in one.numbers]
+    if not names:
+        yield np.arange(task.count)
+        return
+    table = np.concatenate([np.reshape(task.rows[name], (task.count, -1)) for name in names], axis=1)
+    _, inverse = np.unique(table, axis=0, return_inverse=True)
+    for group in range(int(inverse.max()) + 1):
+        yield np.flatnonzero(inverse.ravel() == group)
+
+
+@dataclass
+class _Piece:
+    """Members that were run together, or one that was refused."""
+
+    places: np.ndarray
+    run: Any = None
+    reduction: Any = None
+    refusal: str = ""
+
+
+def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
+    """Members run together; where some cannot be set up, those alone are left out, found by halves."""
+    rows = {name: values[places] for name, values in task.rows.items()}
+    try:
+        run = ensemble(sweep, rows, len(places), task.quick, task.save_every)
+    except FileError:
+        raise
+    except CoadjointError as error:
+        if len(places) == 1:
+            return [_Piece(places, refusal=str(error))]
+        half = len(places) // 2
+        return [*_part(sweep, task, places[:half]), *_part(sweep, task, places[half:])]
+    observer = Observer(run.system, task.chosen)
+    kept = sweep.results
+    reduction = Reduction(observer, run.members.states, kept.courses, kept.keep == "trajectories")
+    run.memory = reduction
+    carry_on(run, False, time.perf_counter())
+    if run.ended:
+        states = jax.tree.map(lambda *leaves: np.stack(leaves), *run.ended.values())
+        reduction.end([*run.ended], states)
+    return [_Piece(places, run, reduction)]
+
+
+def ensemble(sweep: Sweep, rows: Mapping[str, np.ndarray], count: int, quick: bool, save_every: int) -> Ensemble:
+    """Members with these numbers, ready to run; raises what a run of them would raise."""
+    file = sweep.run(rows, quick)
+    made: Setup = file.set_up()
+    made = _known(sweep, made) if quick and not sweep.slow else made
+    start = made.start
+    if count_members(made.system.parameters) is None and not np.ndim(start.t):
+        start = jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf)[None], count, axis=0), start)
+    chosen, section = method(file.method), file.run
+    require_kinds(made.system, start, chosen)
+    h, steps = grid(section.dt, section.duration, section.steps)
+    what = (made.system, start, chosen, h, steps, save_every, False, None)
+    return prepare(*what, made.inputs, "auto", made.until)
+
+
+_setups: dict[int, tuple[Sweep, Setup]] = {}
+"""The first set-up of the last sweep of this process."""
+
+
+def _known(sweep: Sweep, made: Setup) -> Setup:
+    """A set-up with the system of the first one, so that what is known of its functions is found again.
+
+    The numbers that differ stand in the parameters and the start alone.
+    """
+    before = _setups.get(id(sweep))
+    if before is None:
+        _setups.clear()
+        _setups[id(sweep)] = sweep, made
+        return made
+    system = replace_parameters(before[1].system, made.system.parameters)
+    return replace(before[1], system=system, start=made.start)
+
+
+def _joined(task: Task, pieces: list[_Piece]) -> Shard:
+    """All members of the task in their order."""
+    found: dict[str, np.ndarray] = {"code": np.full(task.count, REFUSED), "steps_done": np.zeros(task.count, int)}
+    found["event_time"] = np.full(task.count, np.nan)
+    run_pieces = [piece for piece in pieces if piece.run is not None]
+    for piece in run_pieces:
+        failed = piece.run.codes != 0
+        results = {**piece.reduction.results(failed), "code": piece.run.codes, "steps_done": piece.run.steps_done}
+        if piece.run.event is not None:
+            results["event_time"] = piece.run.event
+        for name, values in results.items():
+            if name not in found:
+                found[name] = np.full((task.count, *values.shape[1:]), np.nan)
+            found[name][piece.places] = values
+    good = found["code"] == 0
+    numbers = {
+        name: values for name, values in found.items() if name.split("_")[0] in ("final", "least", "largest", "mean")
+    }
+    shard = Shard(
+        found,
+        {name: Sketch.of(values[good]) for name, values in numbers.items()},
+        _courses(run_pieces),
+        run_pieces[0].run.plan.h * run_pieces[0].run.steps_saved if run_pieces else np.zeros(0),
+        {int(piece.places[0]) + task.first: piece.refusal for piece in pieces if piece.refusal},
+        {},
+        int(np.isfinite(found["event_time"]).sum()),
+        sum(piece.run.seconds for piece in run_pieces),
+    )
+    for piece in run_pieces:
+        for sentence in piece.run.warnings:
+            shard.warnings[sentence] = shard.warnings.get(sentence, 0) + len(piece.places)
+    if run_pieces and run_pieces[0].reduction.whole:
+        shard.nodes = _nodes(task, run_pieces)
+    return shard
+
+
+def _courses(pieces: list[_Piece]) -> dict[str, list[Sketch]]:
+    """The sketch over all members at every node."""
+    if not pieces:
+        return {}
+    names = pieces[0].reduction.nodes
+    return {
+        name: [merged(at_node) for at_node in zip(*(piece.reduction.nodes[name] for piece in pieces), strict=True)]
+        for name in names
+    }
+
+
+def _nodes(task: Task, pieces: list[_Piece]) -> dict[str, np.ndarray]:
+    """All values at every node, (members, nodes, …)."""
+    found: dict[str, np.ndarray] = {}
+    for piece in pieces:
+        for name, rows in piece.reduction.rows.items():
+            values = np.stack(rows, axis=1)
+            if name not in found:
+                found[name] = np.full((task.count, *values.shape[1:]), np.nan)
+            found[name][piece.places] = values
+    return found

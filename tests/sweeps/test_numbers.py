@@ -1,0 +1,66 @@
+"""What members get, and statistics that are merged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coadjoint.sweeps.numbers import Number, design, shares
+from coadjoint.sweeps.sketch import Sketch, merged
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
+def test_draws_fill_the_cube_and_repeat(sampling):
+    u = shares(sampling, 1000, 3, 7)
+    assert u.shape == (1000, 3) and np.all((u >= 0) & (u < 1))
+    assert np.array_equal(u, shares(sampling, 1000, 3, 7)) and not np.array_equal(u, shares(sampling, 1000, 3, 8))
+    counts = np.array([np.histogram(column, 10, (0, 1))[0] for column in u.T])
+    assert np.max(np.abs(counts - 100)) <= {"random": 35, "latin_hypercube": 0, "sobol": 4}[sampling]
+
+
+def test_a_member_that_is_drawn_at_random_is_the_same_among_more():
+    assert np.array_equal(shares("random", 10, 2, 3), shares("random", 9000, 2, 3)[:10])
+
+
+def test_numbers_have_the_distribution_that_they_state():
+    u = (np.arange(100_000) + 0.5) / 100_000
+    normal = Number("x", normal=(2.0, 0.5)).at(u)
+    assert normal.mean() == pytest.approx(2.0, abs=1e-9) and normal.std() == pytest.approx(0.5, rel=1e-4)
+    assert np.isfinite(Number("x", normal=(0.0, 1.0)).at(np.array([0.0, 1 - 2.0**-53]))).all()
+    log = Number("x", between=(1.0, 100.0), even=False).at(u)
+    assert np.median(log) == pytest.approx(10.0, rel=1e-4)
+    assert set(Number("x", values=np.array([1.0, 5.0])).at(u)) == {1.0, 5.0}
+
+
+def test_a_grid_has_all_combinations_and_its_ends_to_the_bit():
+    numbers = [Number("a", between=(0.1, 0.7), count=3), Number("b", values=np.array([1.0, 2.0]))]
+    found, count = design(numbers, "grid", None, 0)
+    assert count == 6 and len({*zip(found["a"].tolist(), found["b"].tolist(), strict=True)}) == 6
+    assert found["a"].min() == 0.1 and found["a"].max() == 0.7
+
+
+def test_merged_statistics_are_those_of_all():
+    random = np.random.default_rng(1)
+    values = random.gamma(2.0, size=(20_000, 2)) + np.array([0.0, 1e6])
+    parts = np.split(values, [100, 5000, 5001, 12_000])
+    found = merged([Sketch.of(part) for part in parts])
+    assert found.count == 20_000
+    np.testing.assert_allclose(found.mean, values.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(found.deviation, values.std(axis=0, ddof=1), rtol=1e-9)
+    assert np.array_equal(found.low, values.min(axis=0)) and np.array_equal(found.high, values.max(axis=0))
+    for q in (0.001, 0.05, 0.5, 0.95, 0.999):
+        rank = np.mean(values <= found.quantile(q), axis=0)
+        np.testing.assert_allclose(rank, q, atol=max(0.003 * np.sqrt(q * (1 - q)), 2e-4))
+
+
+def test_quantiles_of_few_members_are_exact():
+    values = np.random.default_rng(2).normal(size=(90, 3))
+    found = merged([Sketch.of(part) for part in np.array_split(values, 7)])
+    np.testing.assert_allclose(found.quantile(0.3), np.quantile(values, 0.3, axis=0), rtol=1e-12)
+
+
+def test_shards_without_members_change_nothing():
+    values = np.random.default_rng(3).normal(size=(10, 2))
+    whole, empty = Sketch.of(values), Sketch.of(values[:0])
+    assert merged([empty, whole, empty]).count == 10
+    assert np.isnan(merged([empty]).table([0.5])).all()

@@ -1,0 +1,206 @@
+"""Sweeps of a small run file by a worker of this process."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.runs.run_file import read
+from coadjoint.runs.running import simulate
+from coadjoint.sweeps.file import read_sweep
+from coadjoint.sweeps.store import MEMBERS, done
+from coadjoint.sweeps.sweep import execute
+
+distributed = pytest.importorskip("distributed", reason="sweeps need dask.distributed, the extra [cluster]")
+
+TOP = """
+[system]
+model = "simo_wong_top"
+[initial]
+euler_zyx_deg = [0, 10, 0]
+angular_velocity_rpm = [0, 0, 400]
+[run]
+dt = 0.001
+steps = 40
+"""
+SWEEP = """
+[sweep]
+run = "top.toml"
+task = 3
+[vary.parameters]
+mass = { from = 4.0, to = 6.0, count = 4 }
+[vary.initial]
+euler_zyx_deg = [0, { values = [5, 20] }, 0]
+[results]
+variables = ["xi", "euler_angles"]
+save_every = 10
+"""
+
+
+@pytest.fixture(scope="module")
+def address():
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def written(folder: Path, text: str = SWEEP) -> Path:
+    (folder / "top.toml").write_text(TOP)
+    file = folder / "sweep.toml"
+    file.write_text(text)
+    return file
+
+
+def bits(folder: Path) -> dict[str, bytes]:
+    """All files but those with times."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in files
+        if path.name not in ("summary.json", "manifest.json")
+    }
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory, address):
+    folder = tmp_path_factory.mktemp("sweep")
+    return execute(read_sweep(written(folder)), folder / "out", address, progress=False)
+
+
+def test_a_member_of_a_grid_is_the_run_with_its_numbers(swept):
+    found = swept.dataset
+    assert found.sizes["member"] == 8 and swept.failures == {} and swept.summary["tasks"] == 3
+    assert np.unique(found["parameters.mass"]).tolist() == np.linspace(4, 6, 4).tolist()
+    member = found.isel(member=5)
+    mass, angle = float(member["parameters.mass"]), float(member["initial.euler_zyx_deg[1]"])
+    file = read(
+        swept.folder.parent / "top.toml",
+        [f"parameters.mass={mass}", f"initial.euler_zyx_deg=[0, {angle}, 0]", "run.save_every=10"],
+    )
+    alone = simulate(file, file.set_up(), False).dataset
+    np.testing.assert_allclose(member.final_xi, alone.xi[-1], rtol=1e-11)
+    np.testing.assert_allclose(member.largest_euler_angles, alone.euler_angles.max("time"), rtol=1e-11)
+    np.testing.assert_allclose(member.mean_xi, alone.xi.mean("time"), rtol=1e-11)
+
+
+def test_statistics_are_those_of_the_members(swept):
+    values = swept.dataset.final_xi.values
+    table = swept.statistics.final_xi
+    np.testing.assert_allclose(table.sel(statistic="mean"), values.mean(axis=0), rtol=1e-13)
+    np.testing.assert_allclose(table.sel(statistic="std"), values.std(axis=0, ddof=1), rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(table.sel(statistic="50%"), np.quantile(values, 0.5, axis=0), rtol=1e-12)
+
+
+def test_a_sweep_that_was_killed_computes_what_is_missing_to_the_same_bits(swept, tmp_path, address, monkeypatch):
+    file = written(tmp_path)
+    sweep = read_sweep(file)
+    monkeypatch.setattr("coadjoint.sweeps.sweep._enter_members", lambda claim: 1 / 0)  # killed before its end
+    with pytest.raises(ZeroDivisionError):
+        execute(sweep, tmp_path / "out", address, progress=False)
+    monkeypatch.undo()
+    shard = tmp_path / "out" / "unfinished" / "shards" / "000001.npz"
+    shard.unlink()
+    for chunk in (tmp_path / "out" / MEMBERS).rglob("c.1*"):
+        chunk.write_bytes(b"half of")
+    assert done(tmp_path / "out") == {0, 2}
+    again = execute(sweep, tmp_path / "out", address, progress=False)
+    assert again.summary["computed_tasks"] == 1
+    assert bits(again.folder) == bits(swept.folder)
+
+
+def test_the_same_command_again_returns_what_is_finished(swept):
+    before = bits(swept.folder)
+    again = execute(read_sweep(swept.folder.parent / "sweep.toml"), swept.folder, "tcp://127.0.0.1:1", progress=False)
+    assert again.summary == swept.summary and bits(again.folder) == before
+
+
+def test_no_member_depends_on_those_of_its_task(swept, tmp_path, address):
+    other = execute(
+        read_sweep(written(tmp_path, SWEEP.replace("task = 3", "task = 8"))), tmp_path / "out", address, progress=False
+    )
+    for name, values in swept.dataset.items():
+        np.testing.assert_array_equal(other.dataset[name].values, values.values, err_msg=str(name))
+
+
+def test_numbers_of_the_grid_of_time_are_swept_too(tmp_path, address):
+    (tmp_path / "top.toml").write_text(TOP.replace("steps = 40", "duration = 0.04"))
+    found = co.sweep(
+        tmp_path / "top.toml",
+        {"run.dt": {"values": [0.001, 0.002]}, "parameters.mass": {"values": [4.0, 5.0]}},
+        store=tmp_path / "out",
+        sampling="grid",
+        variables=["xi"],
+        save_every=10,
+        scheduler=address,
+        progress=False,
+    )
+    assert found.dataset.steps_done.values.tolist() == [40, 40, 20, 20]
+
+
+def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path, address):
+    (tmp_path / "top.toml").write_text(TOP)
+    found = co.sweep(
+        tmp_path / "top.toml", mass=co.each([4.0, 5.0, -1.0, 6.0]), store=tmp_path / "out", scheduler=address,
+        variables=["xi"], progress=False,
+    )  # fmt: skip
+    assert found.failures == {"refused": 1}
+    assert "mass" in found.summary["refusals"]["2"]
+    assert np.isnan(found.dataset.final_xi.values).all(axis=1).tolist() == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ("mass = {", "mas = {", "did you mean `mass`"),
+        ("[vary.parameters]", "[vary.parametres]", "did you mean `parameters`"),
+        ("from = 4.0, to = 6.0", "from = 6.0, to = 4.0", "empty range"),
+        ("from = 4.0, to = 6.0, count = 4", "values = []", "list of finite numbers"),
+        ("count = 4", "cuont = 4", "did you mean `count`"),
+        (", count = 4", "", "has no values of a grid"),
+        ("task = 3", 'sampling = "sobbol"', "did you mean `sobol`"),
+        ("task = 3", 'sampling = "sobol"', "members, how many are drawn"),
+        ('"xi"', '"omega"', "has no variable `omega`"),
+        ('run = "top.toml"', 'run = "pot.toml"', "There is no run file"),
+    ],
+)
+def test_what_is_mistaken_is_told_in_a_sentence(tmp_path, address, before, after, sentence):
+    assert before in SWEEP
+    file = written(tmp_path, SWEEP.replace(before, after))
+    with pytest.raises((co.ArgumentError, co.FileError), match=sentence):
+        execute(read_sweep(file), tmp_path / "out", address, progress=False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_sweep_has_no_place_in_a_folder(swept, tmp_path):
+    other = read_sweep(written(tmp_path, SWEEP.replace("to = 6.0", "to = 7.0")))
+    with pytest.raises(co.FileError, match=r"vary\.parameters\.mass"):
+        execute(other, swept.folder, "tcp://127.0.0.1:1", progress=False)
+
+
+def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
+    from coadjoint.simulation.lock import Lock
+
+    shutil.copytree(swept.folder, tmp_path / "out")
+    lock = Lock(tmp_path / "out", ".lock")
+    try:
+        with pytest.raises(co.FileError, match="in use"):
+            execute(read_sweep(swept.folder.parent / "sweep.toml"), tmp_path / "out", "tcp://127.0.0.1:1")
+    finally:
+        lock.release()
+
+
+def test_an_address_that_is_none_is_told(tmp_path):
+    with pytest.raises(co.ArgumentError, match="tcp://HOST:8786"):
+        execute(read_sweep(written(tmp_path)), tmp_path / "out", "nowhere://x", progress=False)
+
+
+def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("coadjoint.sweeps.cluster.PATIENCE", 0.0)
+    monkeypatch.setattr("coadjoint.sweeps.cluster.ANSWER", 0.5)
+    with pytest.raises(co.FileError, match="does not answer"):
+        execute(read_sweep(written(tmp_path)), tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
