@@ -31,6 +31,8 @@ QUICK = ("parameters", "initial")
 """Sections in which a value for each member may stand, so that all members step together."""
 MOST_TASKS = 10_000
 """A scheduler is slow with millions of tasks, and quick with these."""
+FEW_TASKS = 16
+"""There are at least so many tasks, of LANES members or more, for several workers to share."""
 STEPS = 2e7
 """The steps of all members of a task, if nothing else is said: ten seconds of a vehicle in native code, or some."""
 LANES = 64
@@ -126,16 +128,17 @@ class Sweep:
 
     @cached_property
     def size(self) -> int:
-        """The members of a task, a shard of the store."""
-        steps = self.steps
-        wished = self.sweep.task or max(int(STEPS / steps) // LANES, 1) * LANES
+        """The members of a task, a shard of the store; the same whoever computes them."""
         least = -(-self.members // MOST_TASKS)
-        if self.sweep.task is not None and wished < least:
+        if self.sweep.task is None:
+            wished = min(max(int(STEPS / self.steps), LANES), -(-self.members // FEW_TASKS))
+            return min(-(-max(wished, least) // LANES) * LANES, self.members)
+        if self.sweep.task < least:
             raise ArgumentError(
-                f"[sweep] task = {wished} would make {-(-self.members // wished):,} tasks, but a scheduler is quick "
-                f"with {MOST_TASKS:,} at most: give {least} or more, or leave it out."
+                f"[sweep] task = {self.sweep.task} would make {-(-self.members // self.sweep.task):,} tasks, but a "
+                f"scheduler is quick with {MOST_TASKS:,} at most: give {least} or more, or leave it out."
             )
-        return min(max(wished, -(-least // LANES) * LANES if self.sweep.task is None else least), self.members)
+        return min(self.sweep.task, self.members)
 
     @property
     def tasks(self) -> int:
