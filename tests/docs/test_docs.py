@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import tomllib
 from dataclasses import fields
 from pathlib import Path
@@ -41,6 +43,17 @@ def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypat
     matplotlib.pyplot.close("all")
 
 
+@pytest.mark.budget(60)
+def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Path) -> None:
+    """In a process of its own, because it sets JAX to float64."""
+    for name in ("optimistix", "diffrax", "blackjax"):
+        pytest.importorskip(name)
+    text = (ROOT / "docs" / "recipes" / "other_libraries.md").read_text(encoding="utf-8")
+    program = "\n".join(re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def anchors(page: Path) -> set[str]:
     """What the headings of a page are called in links."""
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
@@ -70,7 +83,13 @@ def test_the_index_leads_to_every_page() -> None:
     pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
     linked = {target for target, _ in LINK.findall(index) if target.endswith(".md")}
     pages |= {f"{page.parent.name}/index.md" for page in (ROOT / "docs").glob("*/index.md")}
-    assert {target for target in linked if not target.startswith("../")} == pages
+    assert not pages - linked, f"docs/index.md has no link to {sorted(pages - linked)}."
+
+
+def test_the_page_of_recipes_leads_to_every_recipe() -> None:
+    folder = ROOT / "docs" / "recipes"
+    index = (folder / "index.md").read_text(encoding="utf-8")
+    assert {target for target, _ in LINK.findall(index)} == {page.name for page in folder.glob("*.md")} - {"index.md"}
 
 
 def test_every_file_that_contributing_names_exists() -> None:
