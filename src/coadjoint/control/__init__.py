@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from coadjoint.control.inputs_between import Profile as Profile
     from coadjoint.control.measured import Measured as Measured
     from coadjoint.control.optimum import Optimum as Optimum
+    from coadjoint.control.phased_optimum import PhasedOptimum as PhasedOptimum
+    from coadjoint.control.phases import Phases as Phases
     from coadjoint.control.predictive import Answer as Answer
     from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem

@@ -46,8 +46,12 @@ def end_state(problem: Statement) -> State:
 
 def start_values(problem: Statement) -> dict[str, Any]:
     """Where the motion starts, as arguments of `system.state`, without velocities."""
-    start = problem.start
-    group, Q, V = problem.system.places
+    return place_of(problem.system, problem.start)
+
+
+def place_of(system: System, start: State) -> dict[str, Any]:
+    """Where a state is, as arguments of `system.state`, without velocities."""
+    group, Q, V = system.places
     found: dict[str, Any] = {"g": start.g, "t": start.t}
     if Q.dim(group):
         found["q"] = start.q

@@ -28,7 +28,12 @@ TINY, ASIDE = 1e-6, -1e-3
 
 
 def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
-    """The variables (n,) where the solver begins.
+    """The variables (n,) where the solver begins."""
+    return variables(transcription, *guessed_motion(transcription, guess))
+
+
+def guessed_motion(transcription: Transcription, guess: Run | str | None) -> tuple[State, dict[str, np.ndarray]]:
+    """The states of all nodes where the solver begins, and what is known of the inputs there.
 
     guess: a run of the same number of steps, every node saved; "simulate", the motion with the inputs' guesses;
     "interpolate", along exp(s log g₀⁻¹g_N) on the group and a straight line in q, with s = 3τ² − 2τ³, so that it rests
@@ -39,21 +44,18 @@ def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray
         placed = isinstance(end, End) and (end.g is not None or end.q is not None)
         guess = "interpolate" if placed else "simulate"
     if isinstance(guess, Run):
-        states, inputs = _of_run(transcription, guess)
-    elif not isinstance(guess, str):
+        return _of_run(transcription, guess)
+    if not isinstance(guess, str):
         raise ArgumentError(f"Argument `guess` must be a run, a name or None, but is {shown(guess)}.")
-    elif guess == "interpolate":
-        states, inputs = _interpolated(transcription), {}
-    elif guess == "simulate":
-        states, inputs = _simulated(transcription), {}
-    else:
-        raise ArgumentError(
-            f'Argument `guess` must be a run, "interpolate", "simulate" or None, but is {shown(guess)}.'
-        )
-    return _variables(transcription, states, inputs)
+    if guess == "interpolate":
+        return _interpolated(transcription), {}
+    if guess == "simulate":
+        return _simulated(transcription), {}
+    raise ArgumentError(f'Argument `guess` must be a run, "interpolate", "simulate" or None, but is {shown(guess)}.')
 
 
-def _variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:
+def variables(transcription: Transcription, states: State, known_inputs: dict[str, np.ndarray]) -> np.ndarray:
+    """The variables (n,) of a motion; inputs that are not known there have their guesses."""
     problem, graph = transcription.problem, transcription.graph
     _, nu, nz, _ = transcription.sizes
     x = graph.numbers(states)[:, transcription.live]

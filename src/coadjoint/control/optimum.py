@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import OptimumError, StepError
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
@@ -100,17 +103,27 @@ class Optimum:
         return "\n".join(f"{name:<18}{text}" for name, text in rows) + f"\n\n{self.run}"
 
 
-def flown(
-    transcription: Transcription, program: NonlinearProgram, numbers: dict[str, np.ndarray], iterations: int,
-    seconds: tuple[float, float], solver: str,
-) -> Optimum:  # fmt: skip
-    """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
-    problem, parts = transcription.problem, transcription.split(numbers["x"])
-    commands = transcription.taken(parts)
-    chosen = transcription.chosen(parts)
-    system = problem.system.replace(**chosen) if chosen else problem.system
-    start = starts.moved(problem, system, transcription.moved_by(parts))
-    inputs = flown_inputs(problem.inputs, commands, float(problem.start.t), parts.h)
+class Flight(NamedTuple):
+    """The run of an optimum, and what the solver chose: of the inputs, and of the parameters."""
+
+    run: Run
+    inputs: dict[str, np.ndarray]
+    parameters: dict[str, np.ndarray]
+
+
+def chosen_system(transcription: Transcription, parts: Split) -> System:
+    """The system with the parameters that the solver chose."""
+    chosen, system = transcription.chosen(parts), transcription.problem.system
+    return system.replace(**chosen) if chosen else system
+
+
+def flight(transcription: Transcription, parts: Split, start: State | None = None) -> Flight:
+    """The motion with what the solver chose, by `co.simulate`, from its own start or another."""
+    problem = transcription.problem
+    commands, chosen = transcription.taken(parts), transcription.chosen(parts)
+    system = chosen_system(transcription, parts)
+    start = starts.moved(problem, system, transcription.moved_by(parts)) if start is None else start
+    inputs = flown_inputs(problem.inputs, commands, float(start.t), parts.h)
     try:
         run = simulate(
             system, start, dt=parts.h, steps=problem.count, method=problem.method, inputs=inputs,
@@ -120,17 +133,35 @@ def flown(
         raise OptimumError(
             f"The optimum cannot be flown: {error.sentence} Take a smaller dt, so that the steps stay in their chart."
         ) from error
+    return Flight(run, commands, chosen)
+
+
+def difference(transcription: Transcription, run: Run, parts: Split) -> float:
+    """The largest |x − x of the run| of any number of the state."""
     rows = transcription.graph.numbers(run.records)[:, transcription.live]
+    return float(np.max(np.abs(rows - parts.x), initial=0.0))
+
+
+def violation(program: NonlinearProgram, g: np.ndarray) -> float:
+    """How far the solver left the constraints."""
     lower, upper = program.limits
-    excess = np.maximum(np.maximum(lower - numbers["g"], numbers["g"] - upper), 0.0)
+    return float(np.max(np.maximum(np.maximum(lower - g, g - upper), 0.0), initial=0.0))
+
+
+def flown(
+    transcription: Transcription, program: NonlinearProgram, numbers: dict[str, np.ndarray], iterations: int,
+    seconds: tuple[float, float], solver: str,
+) -> Optimum:  # fmt: skip
+    """The optimum of what the solver found: x, f, g and the multipliers lam_g."""
+    problem, parts = transcription.problem, transcription.split(numbers["x"])
+    run, commands, chosen = flight(transcription, parts)
     nx, _, nz, _ = transcription.sizes
     equations = numbers["lam_g"][: problem.count * (nx + nz)].reshape(problem.count, -1)
-    difference = float(np.max(np.abs(rows - parts.x), initial=0.0))
     return Optimum(
         run, commands, float(numbers["f"][0]), parts.h * problem.count, chosen,
         _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
-        float(np.max(excess, initial=0.0)), difference, iterations, *seconds, solver,
+        violation(program, numbers["g"]), difference(transcription, run, parts), iterations, *seconds, solver,
         SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
     )  # fmt: skip
 

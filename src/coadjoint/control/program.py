@@ -135,7 +135,7 @@ def _bounds(transcription: Transcription) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for side, unbounded in (("lower", -np.inf), ("upper", np.inf)):
         x, u = np.full((steps + 1, nx), unbounded), np.full((steps, nu), unbounded)
-        x[0] = np.where(momenta, unbounded, start)
+        x[0] = unbounded if transcription.later else np.where(momenta, unbounded, start)
         for _, given, begin, end in transcription.columns:
             u[:, begin] = u[:, end] = np.ravel(getattr(given, side))
         z = np.full((steps, nz), unbounded)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from coadjoint.control.guess import guessed
 from coadjoint.control.library import casadi
@@ -48,23 +50,58 @@ def solve(
     options: Mapping[str, Any] | None,
 ) -> Optimum:
     """The optimum of a problem; the arguments are those of `Problem.solve`."""
+    settings = settings_of(solver, tolerance, max_iterations, verbose, options)
+    began = time.perf_counter()
+    transcription = transcribe(problem)
+    program = nonlinear_program(transcription)
+    function = solver_of(program, settings)
+    built = time.perf_counter() - began
+    found = found_by(function, program, guessed(transcription, guess), settings)
+    return flown(transcription, program, found.numbers, found.iterations, (built, found.seconds), found.words)
+
+
+class Settings(NamedTuple):
+    """A solver's name, its tolerance, and its options in CasADi's words."""
+
+    solver: str
+    tolerance: float
+    options: dict[str, Any]
+
+
+class FoundOptimum(NamedTuple):
+    """What a solver found: x, f, g and the multipliers lam_g, lam_x; iterations, seconds, and what the card says."""
+
+    numbers: dict[str, np.ndarray]
+    iterations: int
+    seconds: float
+    words: str
+
+
+def settings_of(
+    solver: str, tolerance: float, max_iterations: int, verbose: bool, options: Mapping[str, Any] | None
+) -> Settings:
+    """The arguments of `Problem.solve` that are the solver's, checked."""
     if solver not in SOLVERS:
         raise ArgumentError(f"Argument `solver` must be one of {', '.join(SOLVERS)}, but is {shown(solver)}.")
     if not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
         raise ArgumentError(f"Argument `tolerance` must be a small positive number, but is {shown(tolerance)}.")
-    began = time.perf_counter()
-    transcription = transcribe(problem)
-    program = nonlinear_program(transcription)
-    settings = _options(solver, tolerance, whole(max_iterations, "max_iterations"), verbose)
-    more = dict(options or {})
-    settings |= more | {solver: settings[solver] | dict(more.get(solver, {}))}
-    ca = casadi()
+    found, more = _options(solver, tolerance, whole(max_iterations, "max_iterations"), verbose), dict(options or {})
+    return Settings(solver, tolerance, found | more | {solver: found[solver] | dict(more.get(solver, {}))})
+
+
+def solver_of(program: NonlinearProgram, settings: Settings) -> Any:
+    """CasADi's function that solves a program."""
+    parts = {"x": program.w, "f": program.f, "g": program.g}
     try:
-        function = ca.nlpsol("optimum", solver, {"x": program.w, "f": program.f, "g": program.g}, settings)
+        return casadi().nlpsol("optimum", settings.solver, parts, settings.options)
     except RuntimeError as error:
-        raise ArgumentError(f"CasADi cannot set up {solver} for this problem: {str(error).splitlines()[-1]}") from None
-    built = time.perf_counter() - began
-    first = guessed(transcription, guess)
+        raise ArgumentError(
+            f"CasADi cannot set up {settings.solver} for this problem: {str(error).splitlines()[-1]}"
+        ) from None
+
+
+def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settings: Settings) -> FoundOptimum:
+    """The optimum from where the solver begins; raises OptimumError where there is none."""
     began = time.perf_counter()
     lower, upper = program.limits
     try:
@@ -73,12 +110,11 @@ def solve(
         if "KeyboardInterrupt" in f"{error} {error.__cause__!r}":
             raise Interrupted("Interrupted in the solver.") from None
         raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
-    seconds = time.perf_counter() - began
-    stats = function.stats()
-    _require_optimum(program, found, stats, tolerance)
+    seconds, stats, solver = time.perf_counter() - began, function.stats(), settings.solver
+    _require_optimum(program, found, stats, settings.tolerance)
     numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g", "lam_x")}
     words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
-    return flown(transcription, program, numbers, int(stats.get("iter_count", 0)), (built, seconds), words)
+    return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words)
 
 
 def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> dict[str, Any]:

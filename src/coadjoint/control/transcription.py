@@ -7,7 +7,7 @@ among them with all their entries, and stay on the group, as each is the last on
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, NamedTuple
@@ -75,7 +75,7 @@ class Transcription:
     """A problem as functions of CasADi.
 
     live: which numbers of the state are x. path, end: what their rows are. eta: how far the start is moved, if it is
-    free. data: name → nodes, values (m, K) and 1/σ of what was measured.
+    free. data: name → nodes, values (m, K) and 1/σ of what was measured. later: whether x_0 is where another ends.
     """
 
     problem: Statement
@@ -88,6 +88,7 @@ class Transcription:
     end: list[Rows]
     eta: list[Expr]
     data: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    later: bool = False
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
@@ -163,8 +164,13 @@ class Transcription:
         return found
 
 
-def transcribe(problem: Statement) -> Transcription:
-    """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated."""
+def transcribe(
+    problem: Statement, later: bool = False, wanted: Callable[[StepGraph], list[Expr]] | None = None
+) -> Transcription:
+    """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated.
+
+    later: whether its motion begins where another ends. wanted: what else shall depend on x alone.
+    """
     beginning = begun(problem.system, problem.start, problem.dt, problem.method, problem.inputs)
     graph = step_graph(beginning, tuple(problem.parameters))
     cost = _number(graph, problem.cost, "The cost")
@@ -177,18 +183,19 @@ def transcribe(problem: Statement) -> Transcription:
         name: graph.array_of_motion(m.function, f"What is measured as `{name}`") for name, m in problem.measured.items()
     }
     eta = flat(graph.tracer.symbols("start ", np.zeros(sum(starts.sizes(problem).values()))))
-    start = _start(graph, problem, eta)
+    start = [] if later else _start(graph, problem, eta)
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
     seen = {name: flat(array) for name, array in measured.items()}
     of_start = start if problem.free_start else []
-    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *chain.from_iterable(seen.values())])
+    more = wanted(graph) if wanted else []
+    live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *chain.from_iterable(seen.values()), *more])
     functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, seen)
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
     zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
     what = "the start" if problem.free_start else "the velocities of the start"
     begins = [Rows(what, np.zeros(len(start)), np.zeros(len(start)))] if start else []
     data = {name: _data(problem, name, np.shape(array)) for name, array in measured.items()}
-    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data)
+    return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, later)
 
 
 def _data(problem: Statement, name: str, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,0 +1,168 @@
+"""Where two phases meet: the state goes on, on the group, and the momenta or the velocities with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.control.ends import place_of
+from coadjoint.control.inputs_between import at_end
+from coadjoint.control.library import casadi
+from coadjoint.control.program import Block, NonlinearProgram, nonlinear_program
+from coadjoint.control.stage import StepGraph
+from coadjoint.control.transcription import Rows, Transcription, functions_of
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+
+KEPT = ("momentum", "velocity")
+"""What may go on where two phases meet."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The end of phase `before` is the beginning of phase `after`; keep: what goes on, momenta or velocities."""
+
+    before: str
+    after: str
+    keep: str
+
+    @property
+    def what(self) -> str:
+        """Its name in sentences."""
+        return f"the joint of `{self.before}` and `{self.after}`"
+
+    def velocities(self, graph: StepGraph) -> list[Expr]:
+        """ξ and ν of the momenta at a node, if these go on."""
+        return graph.at_node(_velocities, "The velocities") if self.keep == "velocity" else []
+
+    def places(self, after: Transcription) -> list[int]:
+        """Which numbers of the state are the same on both sides."""
+        names, keep = after.graph.names(), self.keep == "momentum"
+        return [i for i in after.live if keep or not names[i].startswith(("mu", "pi"))]
+
+    def linear(self, graph: StepGraph, after: Transcription) -> list[Expr]:
+        """The numbers of the phase before that the phase after needs."""
+        if graph.names() != after.graph.names():
+            raise ArgumentError(
+                f"Phases `{self.before}` and `{self.after}` have different internal states, so that one cannot begin "
+                "where the other ends: give both systems the same rule."
+            )
+        return [graph.symbols.state[i] for i in self.places(after)]
+
+    def rows(self, before: Transcription, after: Transcription, ends: Sides, begins: Sides) -> Any:
+        """What is zero at the joint, as CasADi's expression."""
+        ca, places = casadi(), self.places(after)
+        there, here = ({place: k for k, place in enumerate(one.live)} for one in (before, after))
+        gap = begins.x[[here[i] for i in places]] - ends.x[[there[i] for i in places]]
+        if self.keep == "momentum":
+            return gap
+        speeds = []
+        for one, side in ((before, ends), (after, begins)):
+            found = self.velocities(one.graph)
+            function = functions_of(one.graph, one.eta, one.live, found, [], [], [], [], {}).cost
+            speeds.append(function(side.x, side.u, side.p, side.h))
+        return ca.vertcat(gap, speeds[1] - speeds[0])
+
+
+def _velocities(system: System, state: State) -> Any:
+    return jnp.concatenate([state.xi, state.nu])
+
+
+class Sides(NamedTuple):
+    """A node of a phase: x, u, parameters and h."""
+
+    x: Any
+    u: Any
+    p: Any
+    h: Any
+
+
+class PhasedProgram(NamedTuple):
+    """The program of all phases, and that of each by its name."""
+
+    whole: NonlinearProgram
+    each: dict[str, NonlinearProgram]
+
+    def split(self, w: np.ndarray) -> dict[str, np.ndarray]:
+        """The variables of each phase."""
+        sizes = [program.w.numel() for program in self.each.values()]
+        return dict(zip(self.each, np.split(w, np.cumsum(sizes)[:-1]), strict=True))
+
+
+def phased_program(
+    parts: dict[str, Transcription],
+    joints: tuple[Joint, ...],
+    shared: tuple[str, ...],
+    total: tuple[float, float] | None,
+) -> PhasedProgram:
+    """The programs of all phases as one, with their joints, shared parameters and total duration."""
+    ca = casadi()
+    each = {name: nonlinear_program(transcription) for name, transcription in parts.items()}
+    sides = {name: _sides(parts[name], program.w) for name, program in each.items()}
+    g, blocks = [], []
+    for name, program in each.items():
+        g.append(program.g)
+        blocks += [Block(b.rows._replace(what=f"{b.rows.what} of phase `{name}`"), b.nodes) for b in program.blocks]
+
+    def zero(what: str, values: Any) -> None:
+        g.append(values)
+        blocks.append(Block(Rows(what, np.zeros(values.numel()), np.zeros(values.numel())), 1))
+
+    for joint in joints:
+        ends, begins = sides[joint.before][1], sides[joint.after][0]
+        zero(joint.what, joint.rows(parts[joint.before], parts[joint.after], ends, begins))
+    for name in shared:
+        own = [sides[one][0].p[_place(part, name)] for one, part in parts.items() if name in part.problem.parameters]
+        for other in own[1:]:
+            zero(f"the shared parameter `{name}`", other - own[0])
+    if total is not None:
+        g.append(sum(parts[name].problem.count * sides[name][0].h for name in parts))
+        blocks.append(Block(Rows("the total duration", np.array([total[0]]), np.array([total[1]])), 1))
+    lower, upper = zip(*(program.bounds for program in each.values()), strict=True)
+    w = ca.vertcat(*(program.w for program in each.values()))
+    f = sum(program.f for program in each.values())
+    return PhasedProgram(
+        NonlinearProgram(w, f, ca.vertcat(*g), blocks, (np.concatenate(lower), np.concatenate(upper))), each
+    )
+
+
+def _sides(transcription: Transcription, w: Any) -> tuple[Sides, Sides]:
+    """The first and the last node of a phase in its variables."""
+    nx, nu, nz, count = transcription.sizes
+    problem, block = transcription.problem, nx + nu + nz
+    end = problem.count * block
+    p = w[end + nx : end + nx + count]
+    h = w[-1] if problem.free_duration is not None else casadi().MX(problem.dt)
+    u = w[end - block + nx : end - nz]
+    first = Sides(w[:nx], w[nx : nx + nu], p, h)
+    return first, Sides(w[end : end + nx], u[at_end(transcription.inputs)], p, h)
+
+
+def _place(transcription: Transcription, name: str) -> slice:
+    """Where a parameter of the system stands among the parameters."""
+    begin = sum(profile.size for profile in transcription.profiles.values())
+    known: Any = transcription.problem.system.parameters
+    for one in transcription.problem.parameters:
+        size = int(np.prod(np.shape(getattr(known, one))))
+        if one == name:
+            return slice(begin, begin + size)
+        begin += size
+    raise AssertionError("a parameter that is not chosen")
+
+
+def carried(system: System, states: State, into: System, keep: str) -> State:
+    """The last of some states, as the start of a phase of another system."""
+    last = jax.tree.map(lambda leaf: np.asarray(leaf)[-1], states) if np.ndim(states.t) else states
+    last = evaluate(lambda state: at_node(system, state), last)
+    Q = system.additional.dim(system.group)
+    names = ("mu", "pi") if keep == "momentum" else ("xi", "qdot")
+    moving = {name: getattr(last, name) for name in names[: 1 + bool(Q)]}
+    return into.state(**place_of(system, last), **moving)

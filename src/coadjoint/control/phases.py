@@ -1,0 +1,221 @@
+"""Motions in phases, one after the other: each with its own system, steps, costs and constraints, their ends joined."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
+from typing import Any
+
+import numpy as np
+
+from coadjoint.control.guess import guessed_motion, variables
+from coadjoint.control.joints import KEPT, Joint, carried, phased_program
+from coadjoint.control.numbers import number
+from coadjoint.control.phased_optimum import PhasedOptimum, phases_flown
+from coadjoint.control.problem import Problem
+from coadjoint.control.solve import found_by, settings_of, solver_of
+from coadjoint.control.stage import StepGraph
+from coadjoint.control.transcription import Transcription, begun, transcribe
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.expressions.expression import Expr
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.simulation.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Phases:
+    """The motion of least cost in phases, each of which begins where the one before ends:
+
+        min Σ_j J_j   subject to the constraints of each,  (g, q, a₀, t, internal state) of its first node those of the
+        last node before,  and the momenta (μ, π) or the velocities (ξ, ν) there the same.
+
+        journey = co.control.Phases({"loaded": first, "empty": second}, keep="velocity").solve()
+
+    Arguments:
+        phases: name → `co.control.Problem`, in their order. The start of the first is the start; that of a later one
+            only says what its system and internal state are.
+        keep: "momentum" or "velocity", what goes on at a joint, or one of these for each joint: with other numbers of
+            ℓ, where a payload is dropped, velocities stay, and where a body changes its shape, momenta. By default
+            momenta, where all phases have the same system.
+        shared: names of `parameters` that are one number in all phases that choose them, by default none.
+        total_duration: (shortest, longest) of all phases together, s, by default free.
+
+    Raises ArgumentError for what cannot be phases.
+    """
+
+    phases: Mapping[str, Problem]
+    keep: Any = None
+    shared: tuple[str, ...] = ()
+    total_duration: tuple[float, float] | None = None
+    joints: tuple[Joint, ...] = field(init=False)
+
+    def __post_init__(self):
+        named = isinstance(self.phases, Mapping) and all(isinstance(name, str) for name in self.phases)
+        if not named or len(self.phases) < 2 or not all(isinstance(one, Problem) for one in self.phases.values()):
+            raise ArgumentError(
+                "Argument `phases` must be a dictionary of name → co.control.Problem(…), of two phases at least, but "
+                f"is {shown(self.phases)}."
+            )
+        self._require_one_after_the_other()
+        kept = self._kept()
+        pairs = zip(pairwise(self.phases), kept, strict=True)
+        object.__setattr__(self, "joints", tuple(Joint(*names, one) for names, one in pairs))
+        self._require_shared()
+        self._require_total()
+
+    def solve(
+        self,
+        guess: Mapping[str, Run | str] | str | None = None,
+        *,
+        solver: str = "ipopt",
+        tolerance: float = 1e-9,
+        max_iterations: int = 500,
+        verbose: bool = False,
+        options: Mapping[str, Any] | None = None,
+    ) -> PhasedOptimum:
+        """The optimum, each phase flown again by `co.simulate` from where the run before ended.
+
+        Arguments:
+            guess: where the solver begins: name of a phase → a run, "interpolate" or "simulate", as in `Problem.solve`,
+                one of these words for all phases, or None; a phase's guess begins where that of the one before ends.
+            solver, tolerance, max_iterations, verbose, options: as in `Problem.solve`.
+
+        Raises what `Problem.solve` raises.
+        """
+        settings = settings_of(solver, tolerance, max_iterations, verbose, options)
+        guesses = self._guesses(guess)
+        began = time.perf_counter()
+        parts = self._transcribed()
+        program = phased_program(parts, self.joints, self.shared, self.total_duration)
+        function = solver_of(program.whole, settings)
+        built = time.perf_counter() - began
+        first = self._first(parts, guesses)
+        found = found_by(function, program.whole, first, settings)
+        return phases_flown(parts, self.joints, program, found, built)
+
+    def _kept(self) -> list[str]:
+        problems, count = list(self.phases.values()), len(self.phases) - 1
+        if self.keep is None:
+            if any(one.system is not problems[0].system for one in problems):
+                raise ArgumentError(
+                    'The phases have different systems: say what goes on at the joints by keep="momentum" or '
+                    'keep="velocity".'
+                )
+            return ["momentum"] * count
+        kept = [self.keep] * count if isinstance(self.keep, str) else self.keep
+        if not isinstance(kept, (list, tuple)) or len(kept) != count or not all(one in KEPT for one in kept):
+            raise ArgumentError(
+                f'Argument `keep` must be "momentum" or "velocity", or one of these for each of the {count} joints, '
+                f"but is {shown(self.keep)}."
+            )
+        for name, kind in zip(list(self.phases)[1:], kept, strict=True):
+            if kind == "velocity" and not self.phases[name].system.additional.flat:
+                raise ArgumentError('A q on a manifold goes on with its momenta alone: use keep="momentum".')
+        return list(kept)
+
+    def _require_one_after_the_other(self) -> None:
+        (first, one), *rest = self.phases.items()
+        free = one.free_duration is not None
+        for name, other in rest:
+            if other.system.places != one.system.places:
+                raise ArgumentError(
+                    f"Phase `{name}` has another group or other spaces than phase `{first}`: all must have the same."
+                )
+            if other.free_start:
+                raise ArgumentError(
+                    f"Phase `{name}` begins where the one before ends: give `free_start` to the first phase alone."
+                )
+            if other.method.start == "velocity":
+                raise ArgumentError(
+                    f"Phase `{name}` begins with the momenta or velocities of the node where the one before ends: give "
+                    'its method start="momentum".'
+                )
+            if other.measured and free:
+                raise ArgumentError(
+                    f"Phase `{name}` was measured at times, but a phase before it has a free duration: fix that."
+                )
+            free = free or other.free_duration is not None
+
+    def _require_shared(self) -> None:
+        if not isinstance(self.shared, (tuple, list)):
+            raise ArgumentError(f'Argument `shared` must be names, such as ("mass",), but is {shown(self.shared)}.')
+        for name in self.shared:
+            if sum(name in one.parameters for one in self.phases.values()) < 2:
+                raise ArgumentError(
+                    f"Argument `shared` names {shown(name)}, but fewer than two phases have it in their `parameters`."
+                )
+
+    def _require_total(self) -> None:
+        given = self.total_duration
+        if given is None:
+            return
+        if not isinstance(given, (tuple, list)) or len(given) != 2:
+            raise ArgumentError(f"Argument `total_duration` must be (shortest, longest) in s, but is {shown(given)}.")
+        low, high = (float(number(x, "total_duration")) for x in given)
+        limits = [one.free_duration or (one.length, one.length) for one in self.phases.values()]
+        least, most = (sum(float(limit[side]) for limit in limits) for side in (0, 1))
+        if not 0 < low <= high < math.inf or high < least - 1e-12 or low > most + 1e-12:
+            raise ArgumentError(
+                f"Argument `total_duration` is ({low:g}, {high:g}) s, but the phases last {least:g} to {most:g} s "
+                "together."
+            )
+
+    def _guesses(self, guess: Any) -> dict[str, Any]:
+        if guess is None or isinstance(guess, str):
+            return dict.fromkeys(self.phases, guess)
+        if not isinstance(guess, Mapping) or not set(guess) <= set(self.phases):
+            names = ", ".join(f"`{name}`" for name in self.phases)
+            raise ArgumentError(
+                f"Argument `guess` must be a dictionary of phases, {names}, or a word for all, but is {shown(guess)}."
+            )
+        return {name: guess.get(name) for name in self.phases}
+
+    def _transcribed(self) -> dict[str, Transcription]:
+        """The functions of all phases; each has among its x what the next one needs of its end."""
+        found: dict[str, Transcription] = {}
+        begins = self._begins()
+        into = {joint.after: joint for joint in self.joints}
+        out = {joint.before: joint for joint in self.joints}
+        for name in reversed(list(self.phases)):
+            problem = self.phases[name]
+            if begins[name] != float(problem.start.t):
+                start = problem.start.replace(t=begins[name])
+                problem = replace(problem, duration=None, start=start)
+
+            def wanted(graph: StepGraph, name: str = name) -> list[Expr]:
+                roots = [joint.velocities(graph) for joint in (into.get(name), out.get(name)) if joint]
+                if name in out:
+                    roots.append(out[name].linear(graph, found[out[name].after]))
+                return list(chain.from_iterable(roots))
+
+            found[name] = transcribe(problem, name in into, wanted)
+        return {name: found[name] for name in self.phases}
+
+    def _begins(self) -> dict[str, float]:
+        """When each phase begins, s, if none before it has a free duration."""
+        t, found = float(next(iter(self.phases.values())).start.t), {}
+        for name, problem in self.phases.items():
+            found[name] = t
+            t += problem.length
+        return found
+
+    def _first(self, parts: dict[str, Transcription], guesses: dict[str, Any]) -> np.ndarray:
+        """The variables where the solver begins: each phase from where the one before ends."""
+        rows: list[np.ndarray] = []
+        before: tuple[System, State] | None = None
+        kept: dict[str, str] = {joint.after: joint.keep for joint in self.joints}
+        for name, transcription in parts.items():
+            problem = transcription.problem
+            if before is not None:
+                start = carried(*before, problem.system, kept[name])
+                problem = replace(problem, duration=None, start=start)
+                beginning = begun(problem.system, start, problem.dt, problem.method, problem.inputs)
+                transcription = replace(transcription, problem=problem, beginning=beginning)
+            states, inputs = guessed_motion(transcription, guesses[name])
+            rows.append(variables(transcription, states, inputs))
+            before = problem.system, states
+        return np.concatenate(rows)
