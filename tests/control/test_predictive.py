@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
-from coadjoint.control import Bounds, End, Input, Problem
+from coadjoint.control import Bounds, End, Input, Problem, quadratic
 from coadjoint.control.linearised import expanded
 from coadjoint.control.transcription import transcribe
 
@@ -302,3 +302,25 @@ def test_a_fallback_of_other_inputs_is_told():
     controller = turning(path=slow).controller(fallback=lambda state: {"force": 0.0})
     with pytest.raises(co.ArgumentError, match="`fallback` must return a dictionary of `torque`"):
         controller(BODY.state(xi=[3.0, 0.0, 0.0]))
+
+
+def test_a_program_that_the_quick_mode_does_not_solve_is_solved_by_the_other(monkeypatch):
+    answer = turning().controller()(BODY.state())
+    monkeypatch.setitem(quadratic.MODES, "near", quadratic.MODES["near"] | {"iter_max": 1})
+    controller = turning().controller()
+    again = controller(BODY.state())
+    assert again.status == "solved" and controller._solve._far is not None
+    assert again.plan["torque"] == pytest.approx(answer.plan["torque"], abs=1e-6)
+
+
+def test_a_program_about_the_same_plan_is_the_same_again():
+    """The last node's cost has curvature where that of the others has none, which must not add up from call to call."""
+    problem = turning(cost=lambda motion, p: motion.inputs.torque @ motion.inputs.torque, final_cost=away)
+    controller = problem.controller()
+    controller(problem.start)
+    again = controller(problem.start)
+    plan, expanding = controller._plan, controller._expanding
+    first, second = ([part.copy() for part in expanding(*plan, controller._p, np.zeros(3)).stages[:4]] for _ in "12")
+    assert again.status == "solved" and all(map(np.array_equal, first, second))
+    last_H = [expanding(*plan, controller._p, np.zeros(3)).stages.last_H.copy() for _ in "12"]
+    assert np.array_equal(*last_H)

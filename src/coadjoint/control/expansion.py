@@ -19,7 +19,7 @@ import numpy as np
 
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, expanded, with_jacobian
 from coadjoint.control.quadratic import Stages
-from coadjoint.control.tangents import Directions, Tangents
+from coadjoint.control.tangents import Tangents
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
 
@@ -28,11 +28,11 @@ FLOOR = 1e-9
 
 
 class Expansion(NamedTuple):
-    """The program about a plan, the steps by which z follows, and the directions in which x changes."""
+    """The program about a plan, its linear steps, and what turns a change of a node into directions."""
 
     stages: Stages
     steps: Steps
-    directions: Directions
+    inverses: np.ndarray
 
 
 class Expanding:
@@ -42,57 +42,53 @@ class Expanding:
         problem, functions = transcription.problem, transcription.functions
         self.transcription, self.count, self.h = transcription, problem.count, problem.dt
         self.nx, self.nu = transcription.sizes[:2]
+        self.lower, self.upper, self.rate = (limits_of(transcription, name) for name in ("lower", "upper", "rate"))
+        width = self.upper - self.lower
+        self.scale = np.where(np.isfinite(width) & (width > 0), width / 2, 1.0)
+        self.rated = np.flatnonzero(np.isfinite(self.rate))
         self.tangents = Tangents(transcription)
-        self._linear = LinearSteps(transcription, self.count)
-        cost, final = (expanded(transcription, name) for name in ("cost", "final_cost"))
-        path, end = with_jacobian(functions.path, "path"), with_jacobian(functions.end, "end")
+        columns, self.width = self.tangents.columns(self.scale), self.tangents.width
+        self._linear = LinearSteps(transcription, self.count, columns)
+        cost, final = (expanded(transcription, name, columns) for name in ("cost", "final_cost"))
+        path, end = (with_jacobian(getattr(functions, name), name, columns) for name in ("path", "end"))
         self._cost, self._final = Tables(cost, 2 * self.count), Tables(final, 1)
         self._path, self._end = Tables(path, self.count + 1), Tables(end, 1)
         self.coupled = self._coupled(cost) or self._coupled(final)
         costs = [given for given in (problem.cost, problem.final_cost) if given is not None]
         self._definite = all(hasattr(given, "residual") for given in costs)
-        self._path_reads_inputs = _reads(path, slice(self.nx, None))
-        if np.any(_reads(end, slice(self.nx, None))):
+        self._hessians = np.zeros((2 * self.count, self.width + self.nu, self.width + self.nu))
+        self._path_reads_inputs = _reads(path, slice(self.width, None))
+        if np.any(_reads(end, slice(self.width, None))):
             raise ArgumentError(
                 "A controller's `end` must be of the state alone: put what is asked of inputs in `path`."
             )
-        self.lower, self.upper, self.rate = (limits_of(transcription, name) for name in ("lower", "upper", "rate"))
-        width = self.upper - self.lower
-        self.scale = np.where(np.isfinite(width) & (width > 0), width / 2, 1.0)
-        self._units = np.concatenate([np.ones(self.nx), self.scale])
-        self.rated = np.flatnonzero(np.isfinite(self.rate))
 
     def _coupled(self, function) -> bool:
         """Whether a cost has a product of a state with an input, which is of two stages at the end of a step."""
-        hessian = _pattern(function, "hessian", self.nx + self.nu)
-        return bool(np.any(hessian[: self.nx, self.nx :]))
-
-    def steps(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> Steps:
-        """The linear steps about a plan, with their gaps c."""
-        _, steps = self._linear(x[:-1], u, z, p, self.h)
-        return steps._replace(c=steps.c - x[1:])
+        hessian = _pattern(function, "hessian", self.width + self.nu)
+        return bool(np.any(hessian[: self.width, self.width :]))
 
     def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, before: np.ndarray) -> Expansion:
         """The program about x (N + 1, nx), u (N, nu), z; before: the input until then, NaN where none is known."""
-        steps = self.steps(x, u, z, p)
-        M = np.concatenate([steps.A, steps.B], axis=2)
-        H, g, last_H, last_g = self._costs(x, u, p, M, steps.c)
+        inverses = self.tangents.inverses(x, u, p, self.h)
+        steps = self._linear(x[:-1], u, z, p, self.h)
+        M = self.tangents.rows(steps.M, inverses[1:])
+        c = self.tangents.rows((steps.c - x[1:])[:, :, None], inverses[1:])[:, :, 0]
+        H, g, last_H, last_g = self._costs(x, u, p, M, c)
         C, limits, last_C, last_limits = self._constraints(x, u, p)
-        bounds = self.lower - u, self.upper - u
-        directions = self.tangents.directions(x, u, p, self.h)
-        whole = Stages(H, g, M, steps.c, C, limits, bounds, last_H, last_g, last_C, last_limits)
-        stages = self.tangents.reduced(whole, directions)
-        return Expansion(self._scaled(self._with_rates(stages, u, before)), steps, directions)
+        bounds = (self.lower - u) / self.scale, (self.upper - u) / self.scale
+        stages = Stages(H, g, M, c, C, limits, bounds, last_H, last_g, last_C, last_limits)
+        return Expansion(self._with_rates(stages, u, before), steps, inverses)
 
     def _costs(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, M: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        n, nx, nu, half = self.count, self.nx, self.nu, 0.5 * self.h
+        n, nx, nu, half = self.count, self.width, self.nu, 0.5 * self.h
         _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, u]), p, self.h)
-        hessian = hessian.reshape(2 * n, nx + nu, nx + nu)
-        H, g, ahead, slope = half * hessian[:n], half * gradient[:n], half * hessian[n:], half * gradient[n:]
-        _, gradient, hessian = self._final(x[-1:], u[-1:], p, self.h)
-        ahead[-1] += hessian.reshape(nx + nu, nx + nu)
+        hessian = np.multiply(half, hessian.reshape(2 * n, nx + nu, nx + nu), out=self._hessians)
+        H, g, ahead, slope = hessian[:n], half * gradient[:n], hessian[n:], half * gradient[n:]
+        _, gradient, last = self._final(x[-1:], u[-1:], p, self.h)
+        ahead[-1] += last.reshape(nx + nu, nx + nu)
         slope[-1] += gradient[0]
         if self.coupled:
             T = np.concatenate([M, np.broadcast_to(np.eye(nu, nx + nu, nx), (n, nu, nx + nu))], axis=1)
@@ -107,11 +103,11 @@ class Expanding:
         return self._convex(H), g, self._convex(ahead[-1:, :nx, :nx])[0], slope[-1, :nx]
 
     def _convex(self, H: np.ndarray) -> np.ndarray:
-        return convex(H, self._units[: H.shape[-1]], self._definite)
+        return convex(H, self._definite)
 
     def _constraints(self, x: np.ndarray, u: np.ndarray, p: np.ndarray):
         """Those of the motion, less what no input can change at the first node, and what inputs do at the last."""
-        n, nx, m = self.count, self.nx, self.nx + self.nu
+        n, nx, m = self.count, self.width, self.width + self.nu
         values, jacobian = self._path(x, np.concatenate([u, u[-1:]]), p, self.h)
         rows = values.shape[1]
         jacobian = jacobian.reshape(n + 1, rows, m)
@@ -128,7 +124,7 @@ class Expanding:
 
     def _with_rates(self, s: Stages, u: np.ndarray, before: np.ndarray) -> Stages:
         """With the input before as states more, v_{k+1} = u_k, and |u_k − v_k| ≤ rate h, for inputs with a rate."""
-        rated, n, nx, nu = self.rated, self.count, self.tangents.width, self.nu
+        rated, n, nx, nu = self.rated, self.count, self.width, self.nu
         if not len(rated):
             return s
         more = len(rated)
@@ -144,8 +140,8 @@ class Expanding:
         M[:, :nx, grown] = s.M
         M[:, nx + np.arange(more), nx + more + rated] = 1.0
         C[:, : s.C.shape[1], grown] = s.C
-        C[:, s.C.shape[1] + np.arange(more), nx + more + rated] = 1.0
-        C[:, s.C.shape[1] + np.arange(more), nx + np.arange(more)] = -1.0
+        C[:, s.C.shape[1] + np.arange(more), nx + more + rated] = self.scale[rated]
+        C[:, s.C.shape[1] + np.arange(more), nx + np.arange(more)] = -self.scale[rated]
         change = np.vstack([u[0] - before, np.diff(u, axis=0)])[:, rated]
         most = self.rate[rated] * self.h
         low = np.where(np.isnan(change), -np.inf, -most - change)
@@ -157,19 +153,9 @@ class Expanding:
             last_g=np.pad(s.last_g, wide), last_C=np.pad(s.last_C, [(0, 0), *wide]),
         )  # fmt: skip
 
-    def _scaled(self, s: Stages) -> Stages:
-        """With inputs counted in half their width."""
-        units = np.concatenate([np.ones(s.M.shape[1] - len(self.rated)), self.scale[self.rated], self.scale])
-        nx = s.M.shape[1]
-        of_x = units[:nx]
-        return s._replace(
-            H=s.H * units * units[:, None], g=s.g * units, M=s.M * units / of_x[:, None], C=s.C * units,
-            u_limits=(s.u_limits[0] / self.scale, s.u_limits[1] / self.scale),
-        )  # fmt: skip
-
     def patterns(self) -> dict[str, np.ndarray]:
         """Which numbers of the program may differ from zero."""
-        nx, nu, more = self.tangents.width, self.nu, len(self.rated)
+        nx, nu, more = self.width, self.nu, len(self.rated)
         rows, end = (
             sum(len(r.lower) for r in self.transcription.path),
             sum(len(r.lower) for r in self.transcription.end),
@@ -184,26 +170,23 @@ def limits_of(transcription: Transcription, name: str) -> np.ndarray:
     return np.concatenate([np.ravel(getattr(given, name)) for _, given in transcription.inputs])
 
 
-def convex(H: np.ndarray, units: np.ndarray, definite: bool) -> np.ndarray:
-    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number, in units (m,).
+def convex(H: np.ndarray, definite: bool) -> np.ndarray:
+    """The nearest matrices (n, m, m) with eigenvalues above 1e-9 of the largest number.
 
-    definite: whether none is negative, so that nothing has to be looked for.
+    definite: whether none is negative, so that nothing has to be looked for; H itself is raised then.
     """
+    diagonal = np.arange(H.shape[-1])
     if definite:  # the largest number stands on the diagonal
-        diagonal, raised = np.arange(len(units)), H.copy()
-        size = max(float(np.max(H[:, diagonal, diagonal] * units**2, initial=0.0)), 1e-300)
-        raised[:, diagonal, diagonal] += FLOOR * size / units**2
-        return raised
-    H = H * units * units[:, None]
+        H[:, diagonal, diagonal] += FLOOR * max(float(np.max(H[:, diagonal, diagonal], initial=0.0)), 1e-300)
+        return H
     size = max(float(np.max(np.abs(H), initial=0.0)), 1e-300)
     raised = H + FLOOR * size * np.eye(H.shape[-1])
     try:
         np.linalg.cholesky(raised)
-        return raised / units / units[:, None]
+        return raised
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(H)
-        found = (vectors * np.maximum(values, FLOOR * size)[:, None, :]) @ vectors.transpose(0, 2, 1)
-        return found / units / units[:, None]
+        return (vectors * np.maximum(values, FLOOR * size)[:, None, :]) @ vectors.transpose(0, 2, 1)
 
 
 def _pattern(function, result: str, width: int) -> np.ndarray:

@@ -16,13 +16,14 @@ from coadjoint.control.transcription import Transcription, functions_of
 class Tables:
     """A function of CasADi of `count` rows of arguments at once, with results (count, rows) or (count, rows, columns).
 
-    results: names as CasADi's `factory` takes them, where "jac:next:x" is a Jacobian; by default the function's own.
+    What its results have in common is computed once (`cse`), which halves the operations of derivatives.
     """
 
-    def __init__(self, function: Any, count: int, results: list[str] | None = None):
+    def __init__(self, function: Any, count: int):
         names = function.name_in()
-        if results is not None:
-            function = function.factory(f"{function.name()}_tables", names, results)
+        symbols = [casadi().SX.sym(name, function.size1_in(k)) for k, name in enumerate(names)]
+        found = function.call(symbols, True, False)
+        function = casadi().Function(function.name(), symbols, found, names, function.name_out(), {"cse": True})
         self.names, self.count = names, count
         sparsities = [function.sparsity_out(k) for k in range(function.n_out())]
         mapped = function.map(count) if count > 1 else function
@@ -63,46 +64,40 @@ def _places(sparsity: Any) -> np.ndarray:
 
 
 class Steps(NamedTuple):
-    """δx_{k+1} = A δx_k + B δu_k + c of N steps, and δz_k = −(E δx_k + F δu_k + e)."""
+    """The steps of N stages linearised: δx_{k+1} = M w + c and δz_k = −(E w + e), of w = (y, v): directions, inputs."""
 
-    A: np.ndarray
-    B: np.ndarray
+    M: np.ndarray
     c: np.ndarray
     E: np.ndarray
-    F: np.ndarray
     e: np.ndarray
 
 
 class LinearSteps:
-    """The steps x_{k+1} = Φ(x, u, z), r(x, u, z) = 0, linearised, without z: r_z δz = −(r + r_x δx + r_u δu)."""
+    """The steps x_{k+1} = Φ(x, u, z), r(x, u, z) = 0, linearised, without z: r_z δz = −(r + r_w w).
 
-    def __init__(self, transcription: Transcription, count: int):
-        equations = transcription.functions.equations
-        jacobians = [f"jac:{of}:{by}" for of in ("residual", "next") for by in "xuz"]
-        self._tables = Tables(equations, count, ["residual", "next", *jacobians])
-        self._sizes, self._count = transcription.sizes, count
+    columns: ∂(x, u)/∂w as a function of CasADi, (x, u, p, h) → (nx + nu, m).
+    """
 
-    def __call__(
-        self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, h: float
-    ) -> tuple[np.ndarray, Steps]:
-        """Φ at N nodes (N, nx), and the linear steps, whose c holds Φ alone: take off the next node."""
-        nx, nu, nz, _ = self._sizes
-        found = self._tables(x, u, z, p, h)
-        r, after, (rx, ru, rz, ax, au, az) = found[0], found[1], (self._matrix(k, found) for k in range(2, 8))
-        if not nz:
-            none = np.zeros((self._count, 0, 1))
-            return after, Steps(ax, au, after, none.repeat(nx, 2), none.repeat(nu, 2), none[..., 0])
-        together = np.concatenate([rx, ru, r[:, :, None]], axis=2)
-        eliminated = np.linalg.solve(rz, together)
+    def __init__(self, transcription: Transcription, count: int, columns: Any):
+        ca, equations = casadi(), transcription.functions.equations
+        x, u, z, p, h = symbols = [ca.SX.sym(key, equations.size1_in(k)) for k, key in enumerate("xuzph")]
+        r, after = equations(*symbols)
+        both, W = ca.vertcat(x, u), columns(x, u, p, h)
+        results = [ca.densify(r), ca.densify(after), ca.jacobian(r, both) @ W, ca.jacobian(r, z)]
+        results += [ca.jacobian(after, both) @ W, ca.jacobian(after, z)]
+        self._tables = Tables(ca.Function("linear_steps", symbols, results, list("xuzph"), list("abcdef")), count)
+        self._shapes = [(count, *result.shape) for result in results]
+
+    def __call__(self, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray, h: float) -> Steps:
+        """The linear steps about N nodes (N, nx), whose c holds Φ alone: take off the next node."""
+        results = zip(self._tables(x, u, z, p, h), self._shapes, strict=True)
+        r, after, rw, rz, aw, az = (found.reshape(shape) for found, shape in results)
+        if not rz.size:
+            return Steps(aw, after[:, :, 0], rw, r[:, :, 0])
+        eliminated = np.linalg.solve(rz, np.concatenate([rw, r], axis=2))
         through = az @ eliminated
-        A, B, c = ax - through[:, :, :nx], au - through[:, :, nx:-1], after - through[:, :, -1]
-        return after, Steps(A, B, c, eliminated[:, :, :nx], eliminated[:, :, nx:-1], eliminated[:, :, -1])
-
-    def _matrix(self, k: int, found: list[np.ndarray]) -> np.ndarray:
-        """The k-th result with both axes, one of which has length 1 or 0 at times."""
-        nx, nu, nz, _ = self._sizes
-        rows, columns = (nz, nx)[(k - 2) // 3], (nx, nu, nz)[(k - 2) % 3]
-        return found[k].reshape(self._count, rows, columns)
+        M, c = aw - through[:, :, :-1], after[:, :, 0] - through[:, :, -1]
+        return Steps(M, c, eliminated[:, :, :-1], eliminated[:, :, -1])
 
 
 class Simulated:
@@ -111,8 +106,9 @@ class Simulated:
     MOST, CLOSE = 30, 1e-11
 
     def __init__(self, transcription: Transcription):
-        functions = transcription.functions.equations
-        self._tables = Tables(functions, 1, ["residual", "next", "jac:residual:z"])
+        equations = transcription.functions.equations
+        results = ["residual", "next", "jac:residual:z"]
+        self._tables = Tables(equations.factory("simulated", equations.name_in(), results), 1)
         self._nz = transcription.sizes[2]
 
     def __call__(
@@ -135,34 +131,42 @@ class Simulated:
         return None
 
 
-def with_hessian(function: Any, name: str) -> Any:
-    """A number f(x, u, p, h) as a function to f, its gradient and its Hessian by (x, u)."""
-    ca = casadi()
-    x, u, p, h = (ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph"))
-    both = ca.vertcat(x, u)
+def with_hessian(function: Any, name: str, columns: Any) -> Any:
+    """A number f(x, u, p, h) as a function to f, its gradient by w and Wᵀ f'' W, W = ∂(x, u)/∂w."""
+    ca, (x, u, p, h), W = casadi(), *_of_node(function, columns)
     f = ca.densify(function(x, u, p, h))
-    hessian, gradient = ca.hessian(f, both)
-    return ca.Function(name, [x, u, p, h], [f, gradient, hessian], list("xuph"), ["f", "gradient", "hessian"])
+    hessian, gradient = ca.hessian(f, ca.vertcat(x, u))
+    results = [f, ca.densify(W.T @ gradient), W.T @ hessian @ W]
+    return ca.Function(name, [x, u, p, h], results, list("xuph"), ["f", "gradient", "hessian"])
 
 
-def expanded(transcription: Transcription, name: str) -> Any:
-    """`cost` or `final_cost` to second order; of squares |e|² the Hessian is 2 JᵀJ with the Jacobian J of e."""
+def expanded(transcription: Transcription, name: str, columns: Any = None) -> Any:
+    """`cost` or `final_cost` to second order by w (`with_hessian`); of squares |e|² with 2 JᵀJ of the Jacobian J of e.
+
+    columns: W(x, u, p, h); by default w = (x, u).
+    """
     functions, given = transcription.functions, getattr(transcription.problem, name)
     whole = functions.cost if name == "cost" else functions.final
     if not hasattr(given, "residual"):
-        return with_hessian(whole, name)
+        return with_hessian(whole, name, columns)
     ca, graph = casadi(), transcription.graph
     residual = graph.of_motion(given.residual, f"The squares of `{name}`")
-    e = with_jacobian(functions_of(graph, [], transcription.live, residual, [], [], [], [], {}).cost, name)
+    e = with_jacobian(functions_of(graph, [], transcription.live, residual, [], [], [], [], {}).cost, name, columns)
     x, u, p, h = (ca.SX.sym(key, e.size1_in(k)) for k, key in enumerate("xuph"))
     value, J = e(x, u, p, h)
     results = [ca.densify(ca.sumsqr(value)), ca.densify(2 * J.T @ value), 2 * J.T @ J]
     return ca.Function(name, [x, u, p, h], results, list("xuph"), ["f", "gradient", "hessian"])
 
 
-def with_jacobian(function: Any, name: str) -> Any:
-    """Numbers c(x, u, p, h) as a function to c and its Jacobian by (x, u)."""
-    ca = casadi()
-    x, u, p, h = (ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph"))
+def with_jacobian(function: Any, name: str, columns: Any) -> Any:
+    """Numbers c(x, u, p, h) as a function to c and its Jacobian by w."""
+    ca, (x, u, p, h), W = casadi(), *_of_node(function, columns)
     c = ca.densify(function(x, u, p, h))
-    return ca.Function(name, [x, u, p, h], [c, ca.jacobian(c, ca.vertcat(x, u))], list("xuph"), ["c", "jacobian"])
+    return ca.Function(name, [x, u, p, h], [c, ca.jacobian(c, ca.vertcat(x, u)) @ W], list("xuph"), ["c", "jacobian"])
+
+
+def _of_node(function: Any, columns: Any) -> tuple[list[Any], Any]:
+    """Symbols x, u, p, h of a function, and W."""
+    ca = casadi()
+    x, u, p, h = symbols = [ca.SX.sym(key, function.size1_in(k)) for k, key in enumerate("xuph")]
+    return symbols, ca.SX.eye(x.numel() + u.numel()) if columns is None else columns(x, u, p, h)

@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.functions import traced
 from coadjoint.control.library import casadi
+from coadjoint.control.linearised import Tables
 from coadjoint.control.stage import FiniteGraph, numbers_of
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import ArgumentError
@@ -30,6 +31,8 @@ class MeasuredState:
     def __init__(self, transcription: Transcription):
         self._transcription, self._beginning = transcription, transcription.beginning
         self._begin: Any = None
+        self._parameters: Any = None
+        self._column = np.zeros(0)
         begun = transcription.beginning.state
         self._size = transcription.graph.numbers(begun).shape
         self._structure = jax.tree_util.tree_structure(begun.internal)
@@ -69,14 +72,16 @@ class MeasuredState:
 
     def _with_momenta(self, state: State, parameters: Any) -> np.ndarray:
         """The numbers of the state as the method begins it from ξ and ν, with the model's momenta for them."""
-        given = {part: getattr(state, part) for part in GIVEN}
-        columns = [numbers_of(tree) for tree in (parameters, given)]
         if self._begin is None:
             begun = self._beginning.state
-            self._begin = self._begun(parameters, {part: getattr(begun, part) for part in GIVEN})
-        if columns[1].size != self._begin.size1_in(1):
+            given = {part: getattr(begun, part) for part in GIVEN}
+            self._begin, self._given_size = Tables(self._begun(parameters, given), 1), numbers_of(given).size
+        if parameters is not self._parameters:
+            self._parameters, self._column = parameters, numbers_of(parameters)
+        column = numbers_of({part: getattr(state, part) for part in GIVEN})
+        if column.size != self._given_size:
             raise ArgumentError(SHAPES)
-        return self._begin(*columns).full().ravel()
+        return self._begin(self._column, column)[0].ravel()
 
     def _begun(self, parameters: Any, given: dict[str, Any]) -> Any:
         """(numbers of the parameters, numbers of what is given of a state) → numbers of the state that begins a step.

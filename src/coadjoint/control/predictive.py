@@ -109,7 +109,7 @@ class Controller:
         self._expanding = expanding = Expanding(transcription)
         self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
         self._guess = limits_of(transcription, "guess")
-        nx = expanding.tangents.width + len(expanding.rated)
+        nx = expanding.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
         self._solve = QuadraticSolver(self._layout)
         self.system = problem.system
@@ -265,16 +265,14 @@ class Controller:
         if not (np.all(np.isfinite(stages.M)) and np.all(np.isfinite(stages.H)) and np.all(np.isfinite(stages.g))):
             self._plan = None
             return "a function of the problem, or a derivative, is not finite about the plan"
-        tangents, change = self._expanding.tangents, first - plan.x[0]
-        y = np.concatenate([tangents.first(change, expansion.directions), np.zeros(len(self._expanding.rated))])
-        solved = self._solve(stages, y)
+        tangents, width = self._expanding.tangents, self._expanding.width
+        y = tangents.first(first - plan.x[0], expansion.inverses)
+        solved = self._solve(stages, np.concatenate([y, np.zeros(len(self._expanding.rated))]))
         if solved.failure or solved.violation > VIOLATED:
             return solved.failure or f"the constraints of the quadratic program are violated by {solved.violation:.1e}"
-        y, du = solved.x[:, : tangents.width], solved.u * self._expanding.scale
-        dx = tangents.linear(y, expansion.directions)
-        dx[0] = change
-        dz = (steps.E @ dx[:-1, :, None] + steps.F @ du[:, :, None])[:, :, 0] + steps.e
-        u = np.clip(plan.u + du, self._expanding.lower, self._expanding.upper)
+        y = solved.x[:, :width]
+        dz = (steps.E @ np.concatenate([y[:-1], solved.u], axis=1)[:, :, None])[:, :, 0] + steps.e
+        u = np.clip(plan.u + solved.u * self._expanding.scale, self._expanding.lower, self._expanding.upper)
         x = tangents.moved_by(plan.x, y, u, self._p, self.problem.dt)
         x[0] = first
         self._plan = MotionPlan(x, u, plan.z - dz)

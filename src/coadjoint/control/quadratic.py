@@ -13,11 +13,16 @@ from coadjoint.control.library import casadi
 from coadjoint.control.linearised import view
 from coadjoint.errors import ArgumentError
 
-OPTIONS = {
-    "inf": 1e5,
-    "hpipm": {"mu0": 1.0, "iter_max": 60, **dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), 1e-9)},
+INF = 1e5
+"""What stands for no bound: no change may come near it."""
+
+TOLERANCE = dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), 1e-9)
+MODES = {
+    "near": {"mode": "speed", "mu0": 1e-2, "iter_max": 20, **TOLERANCE},
+    "far": {"mode": "robust", "mu0": 1.0, "iter_max": 60, **TOLERANCE},
 }
-"""Of HPIPM, an interior-point method by Riccati's recursion. `inf` stands for no bound: no change may come near it."""
+"""Of HPIPM, an interior-point method by Riccati's recursion. The program is of changes of a plan, which are small where
+the plan is followed; what the first mode does not solve, the second one tries."""
 
 
 class Stages(NamedTuple):
@@ -131,55 +136,66 @@ class QuadraticSolver:
     """HPIPM for programs of one layout: δx_0 and the numbers of the stages in, x and u out."""
 
     def __init__(self, layout: StageLayout):
-        n, nx, nu = layout.count, layout.nx, layout.nu
-        given = {**OPTIONS, "error_on_fail": False, "print_time": False, "N": n, "nx": [0] + [nx] * n}
-        given |= {"nu": [nu] * n + [0], "ng": [layout.rows] * n + [layout.last_rows]}
-        try:
-            self.function = casadi().conic("controller", "hpipm", {"h": layout.h, "a": layout.a}, given)
-        except RuntimeError as error:
-            raise ArgumentError(f"CasADi cannot set up HPIPM for this problem: {str(error).splitlines()[-1]}") from None
-        self.layout = layout
-        self._buffer, self._evaluate = self.function.buffer()
-        self._numbers = {
-            name: np.zeros(self.function.nnz_in(name)) for name in ("h", "g", "a", "lba", "uba", "lbx", "ubx", "x0")
-        }
-        self._x = np.zeros(layout.variables)
-        self._results = {"x": self._x}  # HPIPM writes all of its results, asked for or not
-        self._results |= {name: np.zeros(self.function.nnz_out(name)) for name in ("cost", "lam_a", "lam_x")}
-
-    def _connect(self) -> None:
-        """Say where arguments and results lie, which a call forgets."""
-        for name, array in self._numbers.items():
-            self._buffer.set_arg(self.function.index_in(name), view(array))
-        for name, array in self._results.items():
-            self._buffer.set_res(self.function.index_out(name), view(array))
+        self.layout, self._near, self._far = layout, Hpipm(layout, "near"), None
 
     def __call__(self, stages: Stages, first: np.ndarray) -> Solved:
         """The solution, checked against the constraints; a failure is a sentence."""
         numbers = self.layout.numbers(stages, first)
+        found, failure = self._near(numbers)
+        if failure:
+            self._far = self._far or Hpipm(self.layout, "far")
+            found, failure = self._far(numbers)
+        x, u = self.layout.split(found, first)
+        return Solved(x, u, np.inf if failure else violation(stages, x, u), failure)
+
+
+class Hpipm:
+    """CasADi's interface to HPIPM in one of the `MODES`, read and written through views of memory."""
+
+    def __init__(self, layout: StageLayout, mode: str):
+        n, nx, nu = layout.count, layout.nx, layout.nu
+        given = {"inf": INF, "hpipm": MODES[mode], "error_on_fail": False, "print_time": False}
+        given |= {"N": n, "nx": [0] + [nx] * n, "nu": [nu] * n + [0], "ng": [layout.rows] * n + [layout.last_rows]}
+        try:
+            function = casadi().conic("controller", "hpipm", {"h": layout.h, "a": layout.a}, given)
+        except RuntimeError as error:
+            raise ArgumentError(f"CasADi cannot set up HPIPM for this problem: {str(error).splitlines()[-1]}") from None
+        self._function, (self._buffer, self._evaluate) = function, function.buffer()
+        arguments = ("h", "g", "a", "lba", "uba", "lbx", "ubx", "x0")
+        self._numbers = {name: np.zeros(function.nnz_in(name)) for name in arguments}
+        self._x = np.zeros(layout.variables)
+        results = {"x": self._x}  # HPIPM writes all of its results, asked for or not
+        results |= {name: np.zeros(function.nnz_out(name)) for name in ("cost", "lam_a", "lam_x")}
+        self._arguments = [(function.index_in(name), view(array)) for name, array in self._numbers.items()]
+        self._results = [(function.index_out(name), view(array)) for name, array in results.items()]
+
+    def __call__(self, numbers: dict[str, np.ndarray]) -> tuple[np.ndarray, str]:
+        """The variables, and why they are no solution, or an empty sentence."""
         for name, values in numbers.items():
             self._numbers[name][:] = values
         self._x[:] = 0.0
-        self._connect()
+        for place, array in self._arguments:  # a call forgets where they lie
+            self._buffer.set_arg(place, array)
+        for place, array in self._results:
+            self._buffer.set_res(place, array)
         try:
             self._evaluate()
         except (RuntimeError, SystemError) as error:
-            return Solved(self._x, self._x, np.inf, str(error).splitlines()[-1])
-        x, u = self.layout.split(self._x.copy(), first)
+            return self._x, str(error).splitlines()[-1]
         if not np.all(np.isfinite(self._x)):
-            return Solved(x, u, np.inf, "the solver of the quadratic program returned no numbers")
+            return self._x, "the solver of the quadratic program returned no numbers"
         if not self._buffer.stats().get("success", False):
-            return Solved(x, u, np.inf, "the quadratic program has no solution that its solver could find")
-        if np.max(np.abs(self._x)) > 0.5 * OPTIONS["inf"]:
-            return Solved(x, u, np.inf, "the quadratic program leads beyond all bounds")
-        return Solved(x, u, violation(stages, x, u), "")
+            return self._x, "the quadratic program has no solution that its solver could find"
+        if np.max(np.abs(self._x)) > 0.5 * INF:
+            return self._x, "the quadratic program leads beyond all bounds"
+        return self._x.copy(), ""
 
 
 def violation(s: Stages, x: np.ndarray, u: np.ndarray) -> float:
     """By how much x and u leave the steps and limits of the stages at most."""
-    both = np.concatenate([x[:-1], u], axis=1)
-    worst = [np.abs(np.einsum("kij,kj->ki", s.M, both) + s.c - x[1:])]
-    inside, end = np.einsum("kij,kj->ki", s.C, both), s.last_C @ x[-1]
+    both = np.concatenate([x[:-1], u], axis=1)[:, :, None]
+    worst = [np.abs((s.M @ both)[:, :, 0] + s.c - x[1:])]
+    inside, end = (s.C @ both)[:, :, 0], s.last_C @ x[-1]
     for values, (low, high) in ((inside, s.C_limits), (u, s.u_limits), (end, s.last_limits)):
         worst += [low - values, values - high]
     return float(max(np.max(excess, initial=0.0) for excess in worst))
