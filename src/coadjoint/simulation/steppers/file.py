@@ -14,6 +14,7 @@ import json
 import os
 import secrets
 import zipfile
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,14 +39,14 @@ all else may have if the file itself is smaller."""
 _FIELDS = ("parameters", "state", "commands", "observations")
 
 
-def save(stepper: Any, path: str | os.PathLike[str], overwrite: bool) -> Path:
-    """Write a stepper, whole or not at all; raises FileError rather than replace a file."""
+def save(path: str | os.PathLike[str], overwrite: bool, content_of: Callable[[Path], bytes]) -> Path:
+    """Write a stepper in some form, whole or not at all; raises FileError rather than replace a file."""
     target = named_file(path)
     if target.exists() and not overwrite:
         raise FileError(f"The file {target} exists already: choose another name or pass overwrite=True.")
     if not target.parent.is_dir():
         raise FileError(f"The folder {target.parent} does not exist: make it first.")
-    content = to_bytes(stepper)
+    content = content_of(target)
     temporary = target.parent / f".{target.name}.{secrets.token_hex(4)}"
     try:
         temporary.write_bytes(content)

@@ -1,0 +1,72 @@
+"""Functional mock-up units (FMI 2.0, co-simulation) of steppers, for other simulators; PythonFMU writes them."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from coadjoint.errors import ArgumentError
+from coadjoint.simulation.steppers.file import to_bytes
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.steppers.stepping import Stepping
+
+_SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""
+
+from coadjoint.simulation.steppers.slave import StepperSlave, hold
+
+hold(globals())
+
+
+class {name}(StepperSlave):
+    """What the unit's binary makes."""
+'''
+
+
+def unit(stepper: Stepping, stem: str) -> bytes:
+    """A stepper as the content of a unit called after `stem`; raises ArgumentError for what cannot be one."""
+    try:
+        from pythonfmu.builder import FmuBuilder
+    except ImportError as error:
+        raise ArgumentError(
+            'Functional mock-up units need PythonFMU, which is not installed: pip install "coadjoint[fmu]".'
+        ) from error
+    from coadjoint.simulation.steppers.slave import FILE, variables
+
+    if stepper.face.members is not None:
+        raise ArgumentError(
+            f"A functional mock-up unit holds one vehicle, but this stepper has {stepper.face.members}: make one "
+            "without `members`."
+        )
+    for name in (*stepper.face.commands.names, *stepper.face.observations.names):
+        if not name.isascii():
+            raise ArgumentError(
+                f"In a functional mock-up unit names are ASCII, but `{name}` is not: call it otherwise."
+            )
+    counted = Counter([*variables(stepper.face.commands), *variables(stepper.face.observations)])
+    if twice := [name for name, count in counted.items() if count > 1]:
+        raise ArgumentError(
+            f"`{twice[0]}` is a command and is observed, too, but all variables of a functional mock-up unit need "
+            "names of their own: observe it under another name."
+        )
+    name = re.sub(r"\W", "_", stem, flags=re.ASCII)
+    name = name if re.match("[A-Za-z]", name) else f"unit_{name}"
+    path, module = sys.path.copy(), f"coadjoint_{name}_{secrets.token_hex(4)}"
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        (here / FILE).write_bytes(to_bytes(stepper))
+        (here / f"{module}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")
+        options: Any = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True}
+        try:
+            built = FmuBuilder.build_FMU(
+                here / f"{module}.py", dest=here / "unit.fmu", project_files=[here / FILE], **options
+            )
+        finally:  # PythonFMU imports the script
+            sys.path[:] = path
+            sys.modules.pop(module, None)
+        return Path(built).read_bytes()

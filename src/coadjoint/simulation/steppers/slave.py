@@ -1,0 +1,132 @@
+"""A saved stepper as the slave of a co-simulation by FMI 2.0: what runs inside a functional mock-up unit.
+
+Knows NumPy, llvmlite and PythonFMU; JAX is not imported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
+
+from coadjoint.errors import CoadjointError
+from coadjoint.simulation.steppers.fields import Fields
+from coadjoint.simulation.steppers.file import to_bytes
+from coadjoint.simulation.steppers.load import load_stepper
+from coadjoint.simulation.steppers.stepping import opened
+
+FILE = "stepper.step"
+"""The saved stepper among the resources of a unit."""
+ROUNDING = 1e-9
+"""How far a communication step may be from whole steps, relative: times are sums of decimal fractions."""
+_held: list[dict[str, Any]] = []
+
+
+def hold(names: dict[str, Any]) -> None:
+    """Hold the globals of a unit's script, which PythonFMU 0.7, running it for every instance, releases too often.
+
+    Without this they are freed with the first instance, and Python crashes later.
+    """
+    _held.append(names)
+
+
+class StepperSlave(Fmi2Slave):
+    """Commands are inputs, what is observed are outputs, and a communication step is a whole number of steps."""
+
+    def __init__(self, **given: Any):
+        super().__init__(**given)
+        self.stepper = load_stepper(Path(str(self.resources)) / FILE)
+        face = self.stepper.face
+        self.description = f"{face.title}, in steps of {face.dt:g} s"
+        self.default_experiment = DefaultExperiment(start_time=self.stepper.t, step_size=face.dt)
+        self._commands = _row(self.stepper.command)
+        for i, name in enumerate(variables(face.commands)):
+            self._register(name, Fmi2Causality.input, partial(self._commands.item, i), partial(self._take, i))
+        for i, name in enumerate(variables(face.observations)):
+            self._register(name, Fmi2Causality.output, lambda i=i: _row(self.stepper.observation)[i])
+
+    def _register(self, name: str, causality: Any, getter: Any, setter: Any = None) -> None:
+        more = {"variability": Fmi2Variability.continuous, "getter": getter, "setter": setter}
+        self.register_variable(Real(name, causality=causality, **more), nested=False)
+
+    def _take(self, place: int, value: float) -> None:
+        self._commands[place] = value
+
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Tell, in the log, where the master's time is not the stepper's, in which the motion goes on."""
+        if not math.isclose(start_time, self.stepper.t, rel_tol=ROUNDING, abs_tol=ROUNDING * self.stepper.face.dt):
+            self.log(
+                f"The stepper goes on from t = {self.stepper.t:g} s, not from {start_time:g} s.", Fmi2Status.warning
+            )
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Hold the inputs over `step_size`, s; False, and a sentence in the log, where that fails."""
+        dt = self.stepper.face.dt
+        steps = round(step_size / dt)
+        if steps < 1 or not math.isclose(steps * dt, step_size, rel_tol=ROUNDING):
+            return self._failed(
+                f"A communication step must be a whole number of steps of {dt:g} s, but is {step_size:g} s."
+            )
+        try:
+            self.stepper.step(self._commands if self._commands.size else None, n=steps)
+        except CoadjointError as error:
+            return self._failed(str(error))
+        return True
+
+    def _failed(self, sentence: str) -> bool:
+        self.log(sentence, Fmi2Status.error)
+        return False
+
+    def to_xml(self, model_options: Any = None) -> Element:
+        """The model's description: starts to the last bit, and outputs as unknowns of the start (FMI 2.0, 2.2.8)."""
+        root = super().to_xml(model_options or {})
+        structure = next(root.iter("ModelStructure"))
+        first = SubElement(structure, "InitialUnknowns")
+        for unknown in root.iter("Unknown"):
+            if unknown not in list(first):
+                SubElement(first, "Unknown", dict(unknown.attrib))
+        for real, start in zip(root.iter("Real"), self._commands, strict=False):  # inputs come first
+            real.set("start", repr(float(start)))
+        return root
+
+    # Its state, for masters that repeat a communication step.
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        here = self.stepper.clone()
+        for (_, value), (_, _, place) in zip(here.command.items(), here.face.commands.places(), strict=True):
+            value[...] = self._commands[place].reshape(value.shape)
+        return {"stepper": here}
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        self.stepper.restore(state["stepper"])
+        self._commands[:] = _row(self.stepper.command)
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+        return to_bytes(state["stepper"])
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        return {"stepper": opened(state)}
+
+
+def _row(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Named arrays, one after the other in one row of numbers."""
+    return np.concatenate([np.zeros(0), *map(np.ravel, values.values())])
+
+
+def variables(fields: Fields) -> list[str]:
+    """The names of all numbers in a row, an array's with indices from 1 (FMI 2.0, 2.2.9: structured names)."""
+    found = []
+    for name, shape in fields.shapes:
+        indices = product(*(range(1, size + 1) for size in shape))
+        found += [name + (f"[{','.join(map(str, index))}]" if index else "") for index in indices]
+    return found

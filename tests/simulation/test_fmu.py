@@ -1,0 +1,177 @@
+"""Functional mock-up units: a stepper inside another simulator does what it does here, to the bit."""
+
+import subprocess
+import sys
+import zipfile
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError, FileError
+
+fmpy = pytest.importorskip("fmpy", reason="FMPy, which reads functional mock-up units, is not installed")
+pytest.importorskip("pythonfmu", reason="PythonFMU, which writes them, is not installed")
+
+DT = 0.01
+INERTIA = np.diag([1.0, 2.0, 3.0])
+
+
+def stepper(**more):
+    system = co.System(
+        co.SO3(),
+        lambda xi: 0.5 * xi @ INERTIA @ xi,
+        forces=lambda motion: co.Force(torque=motion.inputs.torque - motion.inputs.drag * motion.xi),
+    )
+    start = system.state(xi=[0.3, 1.0, -0.2])
+    observe = {"rate": lambda s: s.xi, "momentum": lambda s: jnp.linalg.norm(s.mu)}
+    inputs = {"torque": [0.1 + 0.2, 0.0, 0.0], "drag": 0.05}
+    return co.Stepper(system, start, dt=DT, inputs=inputs, **{"observe": observe, **more})
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    one = stepper()
+    one.step(n=7)
+    return one, one.save_fmu(tmp_path_factory.mktemp("units") / "a body.fmu")
+
+
+class Slave:
+    """The unit as a master has it, by FMI's own functions; `told` is its log."""
+
+    def __init__(self, path, folder):
+        self.described = fmpy.read_model_description(str(path))
+        self.references = {v.name: v.valueReference for v in self.described.modelVariables}
+        self.told = []
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(lambda *given: self.told.append(given[-1].decode()))
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        self.fmu = fmpy.fmi2.FMU2Slave(
+            guid=self.described.guid,
+            unzipDirectory=fmpy.extract(str(path), str(folder)),
+            modelIdentifier=self.described.coSimulation.modelIdentifier,
+        )
+        self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
+        self.fmu.setupExperiment(startTime=7 * DT)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        self.t = 7 * DT
+
+    def step(self, length, **inputs):
+        for name, value in inputs.items():
+            self.fmu.setReal([self.references[name]], [value])
+        self.fmu.doStep(currentCommunicationPoint=self.t, communicationStepSize=length)
+        self.t += length
+        return self.seen
+
+    @property
+    def seen(self):
+        return self.fmu.getReal([self.references[name] for name in ("rate[1]", "rate[2]", "rate[3]", "momentum")])
+
+    def close(self):
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+@pytest.fixture
+def slave(saved, tmp_path):
+    made = Slave(saved[1], tmp_path)
+    yield made
+    made.close()
+
+
+def test_a_unit_is_valid_and_names_its_inputs_outputs_starts_and_step(saved):
+    from fmpy.validation import validate_fmu
+
+    assert validate_fmu(str(saved[1])) == []
+    described = fmpy.read_model_description(str(saved[1]))
+    inputs = {v.name: float(v.start) for v in described.modelVariables if v.causality == "input"}
+    assert inputs == {"torque[1]": 0.1 + 0.2, "torque[2]": 0.0, "torque[3]": 0.0, "drag": 0.05}
+    assert [v.name for v in described.modelVariables if v.causality == "output"] == [
+        "rate[1]", "rate[2]", "rate[3]", "momentum",
+    ]  # fmt: skip
+    assert described.modelName == "a_body"
+    assert float(described.defaultExperiment.stepSize) == DT
+    assert float(described.defaultExperiment.startTime) == pytest.approx(7 * DT)
+
+
+def test_a_unit_moves_as_the_stepper_to_the_bit(saved, slave):
+    here = saved[0].clone()
+    assert np.array_equal(slave.seen, [*here.observation["rate"], here.observation["momentum"]])
+    for k in range(20):
+        torque = [0.1 * np.cos(k), 0.2, -0.05 * k]
+        seen = here.step({"torque": torque}, n=3)
+        assert slave.step(3 * DT, **{f"torque[{i + 1}]": torque[i] for i in range(3)}) == [
+            *seen["rate"],
+            seen["momentum"],
+        ]
+
+
+def test_a_master_takes_a_step_back_and_repeats_it_also_from_bytes(slave):
+    state = slave.fmu.getFMUState()
+    first = slave.step(DT, drag=0.3)
+    kept = slave.fmu.serializeFMUState(state)
+    slave.fmu.setFMUState(state)
+    assert slave.step(DT) != first  # the command went back, too
+    slave.fmu.setFMUState(state)
+    assert slave.step(DT, drag=0.3) == first
+    slave.fmu.setFMUState(slave.fmu.deSerializeFMUstate(kept))
+    assert slave.step(DT, drag=0.3) == first
+
+
+@pytest.mark.parametrize(
+    ("length", "inputs", "said"),
+    [
+        (1.5 * DT, {}, "whole number of steps of 0.01 s, but is 0.015 s"),
+        (0.0, {}, "whole number of steps"),
+        (DT, {"drag": float("nan")}, "must be finite"),
+    ],
+)
+def test_what_cannot_be_stepped_is_told_in_the_log_and_leaves_the_unit_where_it_is(slave, length, inputs, said):
+    before = slave.seen
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        slave.step(length, **inputs)
+    assert any(said in line for line in slave.told)
+    assert slave.seen == before
+
+
+def test_another_start_than_the_steppers_time_is_told(saved, tmp_path):
+    slave = Slave(saved[1], tmp_path)
+    slave.fmu.setupExperiment(startTime=3.0)
+    slave.close()
+    assert any("goes on from t = 0.07 s, not from 3 s" in line for line in slave.told)
+
+
+def test_a_unit_runs_without_jax(saved):
+    script = f"import sys, fmpy; r = fmpy.simulate_fmu({str(saved[1])!r}, start_time={7 * DT}, stop_time=0.1, step_size=0.01, output_interval=0.01); assert 'jax' not in sys.modules; print(len(r))"  # noqa: E501
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout.split()[-1]) == 4
+
+
+def test_a_unit_holds_no_more_than_the_stepper_the_script_and_pythonfmu(saved, tmp_path):
+    before = set(sys.modules), sys.path.copy()
+    saved[0].save_fmu(tmp_path / "other.fmu")
+    assert not [name for name in set(sys.modules) - before[0] if "other" in name]
+    assert sys.path == before[1]
+    names = zipfile.ZipFile(saved[1]).namelist()
+    own = [name for name in names if name.startswith("resources/") and "/pythonfmu/" not in name]
+    assert sorted(name.rpartition(".")[2] for name in own) == ["py", "step", "txt"]
+
+
+def test_what_cannot_be_a_unit_is_refused_in_a_sentence(tmp_path, saved, monkeypatch):
+    path = tmp_path / "body.fmu"
+    with pytest.raises(ArgumentError, match="holds one vehicle, but this stepper has 4"):
+        stepper(members=4).save_fmu(path)
+    with pytest.raises(ArgumentError, match="`drag` is a command and is observed"):
+        stepper(observe={"drag": lambda s: s.xi[0]}).save_fmu(path)
+    with pytest.raises(ArgumentError, match="names are ASCII, but `ω` is not"):
+        stepper(observe={"ω": lambda s: s.xi[0]}).save_fmu(path)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(FileError, match="exists already"):
+        saved[0].save_fmu(saved[1])
+    monkeypatch.setitem(sys.modules, "pythonfmu.builder", None)
+    with pytest.raises(ArgumentError, match=r"coadjoint\[fmu\]"):
+        saved[0].save_fmu(path)
