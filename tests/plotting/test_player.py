@@ -5,17 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from html import unescape
 from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from coadjoint.errors import ArgumentError
+from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
-from coadjoint.plotting.scene import plain, quaternions
+from coadjoint.plotting.plots import Plots
+from coadjoint.plotting.scene import Body, Member, Scene, plain, quaternions
 from coadjoint.plotting.staged import scene
-from made_runs import dataset
+from coadjoint.simulation.recording import SavedRun
+from made_runs import VEHICLE, dataset
 
 THREE = "56662f375f9ea2a778b9b00d20769783e7898e73e26ab4145f1facfa1df56c3d"
 PAGE = files("coadjoint.plotting").joinpath("page")
@@ -68,8 +72,6 @@ def test_quaternions_are_those_of_the_rotations_without_jumps():
 
 def test_numbers_keep_five_digits_of_their_range():
     place = np.random.default_rng(3).normal(size=(100, 3)) * 1e-4
-    from coadjoint.plotting.scene import Body, Member, Scene
-
     body = Body([{"kind": "box", "size": [1, 1, 1]}], place, np.tile([0, 0, 0, 1.0], (100, 1)), 1e-4)
     told = plain(Scene("a", "", [Member("a", "#000000", np.arange(100.0), [body])]))
     assert np.max(np.abs(np.array(told["members"][0]["bodies"][0]["place"]) - place)) < 2e-5 * np.ptp(place)
@@ -78,3 +80,68 @@ def test_numbers_keep_five_digits_of_their_range():
 def test_a_run_of_one_node_has_no_scene():
     with pytest.raises(ArgumentError, match="one saved node"):
         scene(entries([dataset().isel(time=[0])], ["a"]))
+
+
+def rotating(nodes: int = 50) -> np.ndarray:
+    angle = np.linspace(0, 3, nodes)
+    c, s, o, i = np.cos(angle), np.sin(angle), 0 * angle, 0 * angle + 1
+    return np.moveaxis(np.array([[c, -s, o], [s, c, o], [o, o, i]]), -1, 0)
+
+
+def of(**variables):
+    return dataset(50, **{**VEHICLE, **dict.fromkeys(("q", "n", "nu", "pi", "euler_angles")), **variables})
+
+
+@pytest.mark.parametrize(
+    ("variables", "places"),
+    [
+        ({"R": rotating()}, [[0, 0, 0]]),
+        ({"R": rotating(), "x": np.ones((50, 3))}, [[1, 1, 1]]),
+        ({"R": rotating(), "q": 2 * np.ones((50, 3))}, [[2, 2, 2]]),
+        ({"R": rotating(), "q": np.ones((50, 2))}, [[0, 0, 0]]),
+        ({"R_1": rotating(), "R_2": rotating()}, [[0, 0, 0], [1.6, 0, 0]]),
+        ({"R": rotating()[:, :2, :2], "x": np.ones((50, 2))}, [[1, 1, 0]]),
+        ({"euler_angles": np.zeros((50, 3))}, [[0, 0, 0]]),
+        ({"q": np.tile(np.arange(6.0), (50, 1))}, [[0, 1, 2], [3, 4, 5]]),
+    ],
+)
+def test_rotations_and_places_of_any_system_are_its_bodies(variables, places):
+    found = bodies.poses(entries([of(**variables)], ["a"])[0])
+    assert np.array_equal([place[0] for place, _ in found], places)
+    assert np.allclose(np.linalg.det([turn for _, turn in found]), 1)
+    assert scene(entries([of(**variables)], ["a"])).members[0].bodies[0].shapes[0]["kind"] == "box"
+
+
+def test_bodies_are_where_they_are_said_to_be():
+    place = np.linspace([0, 0, 0], [1, 2, 3], 50)
+    solids = [bodies.Solid([bodies.ellipsoid((3, 2, 1))], place=place), bodies.Solid([bodies.box((1, 1, 1))])]
+    first, second = scene(entries([of(R=rotating())], ["a"]), solids).members[0].bodies
+    assert np.array_equal(first.place, place) and first.track and first.size == 6
+    assert np.array_equal(second.place, np.zeros((50, 3))) and not second.track
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: bodies.box((1, 2)), "`size` of a shape must be three finite numbers"),
+        (lambda: bodies.ellipsoid((1, 0, 1)), "`semi_axes` of a shape must be positive"),
+        (lambda: bodies.rod((0, 0, 0), (0, 0, 0), 1), "must differ"),
+        (lambda: Plots(of(R=rotating())).scene(bodies=[bodies.Solid([], place=np.zeros((3, 3)))]), r"shape \(50, 3\)"),
+        (lambda: Plots(of()).scene(), "say where its bodies are by `bodies`"),
+        (lambda: Plots(of(R=rotating())).scene(path="a.gif"), "must end in .html"),
+    ],
+)
+def test_what_is_no_scene_is_refused(make, words):
+    with pytest.raises(ArgumentError, match=words):
+        make()
+
+
+def test_a_notebook_shows_the_certificate_and_the_player():
+    run = dataset()
+    run.attrs["card"] = "system  <a top>"
+    shown = SavedRun(run)._repr_html_()
+    assert shown.startswith('<pre style="white-space:pre-wrap">system  &lt;a top&gt;</pre><iframe srcdoc="')
+    assert unescape(re.search('srcdoc="([^"]*)"', shown)[1]) == page(scene(entries([run], None)))
+    run = of()
+    run.attrs["card"] = "none"
+    assert SavedRun(run)._repr_html_() == '<pre style="white-space:pre-wrap">none</pre>'

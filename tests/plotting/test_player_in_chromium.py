@@ -9,10 +9,12 @@ import pytest
 from PIL import Image
 
 import chromium
+from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
+from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.staged import scene
-from made_runs import dataset
+from made_runs import VEHICLE, dataset
 
 pytestmark = pytest.mark.skipif(chromium.COMMAND is None, reason=chromium.MISSING)
 HARMFUL = "</script><img src=x onerror=window.harmed=true>"
@@ -88,6 +90,10 @@ def turning(nodes: int = 200, place: float = 1.0, **more):
 def shown(browser, tmp_path, *runs, labels=None, width=960, height=540, touch=False, **features):
     path = tmp_path / "view.html"
     path.write_text(page(scene(entries(runs, labels))), encoding="utf-8")
+    open_page(browser, path, width, height, touch, **features)
+
+
+def open_page(browser, path, width=960, height=540, touch=False, **features):
     browser.size(width, height, touch)
     browser.prefer(**({"prefers_color_scheme": "light", "prefers_reduced_motion": "reduce"} | features))
     browser.open(path)
@@ -132,6 +138,38 @@ def test_a_fin_turns_by_its_angle(browser, tmp_path):
     assert browser.value("player.view.drawn[0].bodies[0].moving[0].inner.rotation.y") == pytest.approx(
         float(run.internal_rudder[50]), abs=1e-3
     )
+
+
+def test_boxes_ellipsoids_rods_and_meshes_are_drawn_where_they_are(browser, tmp_path):
+    """Three bodies side by side, seen from the front, cover as many dots as their outlines have."""
+    run = dataset(**VEHICLE)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0.0]])
+    shapes = [
+        bodies.box((1, 1, 1)),
+        bodies.ellipsoid((0.5, 0.5, 0.5)),
+        bodies.rod((0, 0, -0.5), (0, 0, 0.5), 0.2),
+        {"kind": "mesh", "vertices": corners.ravel(), "faces": faces.ravel()},
+    ]
+    found = []
+    for shape in shapes:
+        path = tmp_path / "view.html"
+        Plots(run).scene(bodies=[bodies.Solid([shape], place=(0, 0, 0), turn=np.eye(3), track=False)], path=path)
+        open_page(browser, path)
+        browser.value("player.camera.yaw = player.camera.pitch = 0; player.redraw()")
+        browser.frames()
+        with Image.open(browser.picture(tmp_path / "a.png")) as picture:
+            pixels = np.asarray(picture.convert("RGB"), dtype=int)[:480, 300:]
+        away = browser.value("player.view.eye.position.z")
+        dots = np.sum(pixels[..., 2] - pixels[..., 0] > 60)
+        square = (2 * np.tan(np.pi / 8) * away / browser.value("player.view.eye.view.fullHeight")) ** 2  # m² a dot
+        found.append((dots * square, away))
+        assert browser.errors == []
+    (cube, of_cube), (ball, of_ball), (stick, of_stick), (surface, _) = found
+    assert cube == pytest.approx((of_cube / (of_cube - 0.5)) ** 2, rel=0.03)  # its near side
+    assert ball == pytest.approx(np.pi / 4 * of_ball**2 / (of_ball**2 - 0.25), rel=0.03)
+    assert 0.4 < stick < 0.4 * (of_stick / (of_stick - 0.2)) ** 2
+    assert surface == pytest.approx(0.5, rel=0.03)
 
 
 def test_names_of_vehicles_do_no_harm(browser, tmp_path):

@@ -7,6 +7,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import tyro
 
@@ -21,6 +22,18 @@ class View:
     """Folders that `run` wrote, or files of runs; several come into one scene."""
     out: Path | None = None
     """The page to write, by default `view.html` beside the first run."""
+    mesh: Path | None = None
+    """The hull's surface, a file of STL, OBJ or glTF, in place of what the vehicle file says."""
+    mesh_unit: Literal["m", "cm", "mm", "in"] = "m"
+    """The unit of the mesh's numbers."""
+    mesh_axes: Literal["FRD", "FLU", "YUP"] = "FRD"
+    """The axes of the mesh: forward, starboard, down; forward, port, up; or glTF's port, up, forward."""
+    size: tuple[float, float, float] | None = None
+    """The sides of the body, m, of a run that is no vehicle's."""
+    round: bool = False
+    """The body is an ellipsoid with these sides, and no box."""
+    z_down: bool = False
+    """The third axis of space points down, in a run that is no vehicle's."""
     no_open: bool = False
     """Write the page, and do not open it."""
     json: bool = False
@@ -40,7 +53,7 @@ class View:
         found = {source: recordings(source) for source in self.sources}
         labels = [name if len(self.sources) == 1 else source.stem for source, runs in found.items() for name in runs]
         runs = [run for held in found.values() for run in held.values()]
-        shown = scene(entries(runs, labels if len(runs) > 1 else None))
+        shown = scene(entries(runs, labels if len(runs) > 1 else None), z_down=self.z_down, hull=self._hull())
         first = self.sources[0]
         target = self.out or (first if first.is_dir() else first.parent) / "view.html"
         make(target.parent)
@@ -52,6 +65,19 @@ class View:
         if not self.no_open and not self.json and not opened(target):
             terminal.line(f"No browser was found on this machine: open {target} in one; it needs no network.")
         return 0
+
+    def _hull(self) -> Any:
+        """The shape that is given for the hull or the body, if any."""
+        from coadjoint.errors import ArgumentError
+        from coadjoint.plotting import bodies
+
+        if self.mesh is not None and self.size is not None:
+            raise ArgumentError("The body is either a mesh or of a `--size`: leave one of them out.")
+        if self.mesh is not None:
+            return bodies.mesh(self.mesh, self.mesh_unit, axes=self.mesh_axes)
+        if self.size is None:
+            return None
+        return bodies.ellipsoid([side / 2 for side in self.size]) if self.round else bodies.box(self.size)
 
 
 def opened(file: Path) -> bool:

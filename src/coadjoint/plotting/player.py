@@ -3,15 +3,42 @@
 from __future__ import annotations
 
 import json
+import os
+from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 
+from coadjoint.errors import ArgumentError
 from coadjoint.plotting.scene import Scene, plain
+from coadjoint.plotting.whole_file import write_text
 
-POINTS = 8000
-"""The most nodes on a page, of all members together."""
 _SCRIPTS = ("three.min.js", "plan.js", "scene.js", "player.js")
+_FRAME = """<iframe srcdoc="{page}" title="{title}" sandbox="allow-scripts"
+style="width:100%;height:{height}px;border:0"></iframe>"""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Player:
+    """A scene that can be played: notebooks show it, and `save(path)` writes its page."""
+
+    scene: Scene
+    height: int = 480
+    """In a notebook, in dots."""
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the page, whole or not at all; raises ArgumentError for a name that does not end in .html."""
+        target = Path(path)
+        if target.suffix.lower() not in (".html", ".htm"):
+            raise ArgumentError(f"A scene's file must end in .html, but is {target.name}.")
+        return write_text(target, page(self.scene))
+
+    def _repr_html_(self) -> str:
+        return _FRAME.format(page=escape(page(self.scene)), title=escape(self.scene.title), height=self.height)
+
+    def __repr__(self) -> str:
+        return f"<Player of {self.scene.title}: save('FILE.html') writes its page>"
 
 
 def page(scene: Scene) -> str:

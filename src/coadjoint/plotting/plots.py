@@ -99,6 +99,30 @@ class Plots:
 
         return self._draw(lambda runs: components.variable(runs, name), others, labels, path)
 
+    def scene(
+        self,
+        *others: Any,
+        bodies: Sequence[Any] | None = None,
+        hull: Any = None,
+        z_down: bool = False,
+        labels: Sequence[str] | None = None,
+        path: Path | None = None,
+    ) -> Any:
+        """The bodies moving in space: a `Player`, which notebooks show, and a page with everything inside as `path`.
+
+        `bodies`: a `coadjoint.plotting.bodies.Solid` each, by default a vehicle with its parts, or a box for each
+        rotation and a point for each place. `hull`: another shape of the hull, as of `bodies.mesh`. `z_down` has the z
+        axis pointing down, as of vehicles it does.
+        """
+        from coadjoint.plotting.entries import entries
+        from coadjoint.plotting.player import Player
+        from coadjoint.plotting.staged import scene
+
+        made = Player(scene(entries([self.dataset, *others], labels), bodies, z_down, hull))
+        if path is not None:
+            made.save(path)
+        return made
+
     def __getattr__(self, name: str) -> Callable[..., Any]:
         """A figure that a package above adds, such as `track` and `animation` of vehicles."""
         if name.startswith("_") or name not in ADDED:

@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+POINTS = 8000
+"""The most nodes of a scene, of all members together."""
+
 Shape = Mapping[str, Any]
 """What a body or a part looks like, in the axes of the body, m: `kind` and its sizes.
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import Registry, located
+from coadjoint.plotting import bodies
+from coadjoint.plotting.bodies import Solid
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.scene import Scene
+from coadjoint.plotting.scene import Scene, Shape
 
 MOST = 20
 """The most members in a scene."""
@@ -18,7 +20,8 @@ MOST = 20
 class Staged:
     """A scene by a function of its owner.
 
-    make: "module:function", the runs → a Scene. fits: "module:function", a dataset → whether it has what is shown.
+    make: "module:function", (runs, hull) → a Scene, with another shape of the hull where one is given.
+    fits: "module:function", a dataset → whether it has what is shown.
     """
 
     make: str
@@ -29,13 +32,21 @@ SCENES: Registry[Staged] = Registry("SCENES")
 """By what they show."""
 
 
-def scene(runs: Sequence[Entry]) -> Scene:
-    """The scene of runs, of the first `MOST` of them; raises ArgumentError where nothing of them moves in space."""
+def scene(
+    runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: bool = False, hull: Shape | None = None
+) -> Scene:
+    """The scene of runs, of the first `MOST` of them; raises ArgumentError where nothing of them moves in space.
+
+    solids: the bodies, where they are not those that the owner of the scene knows. z_down: whether z points down where
+    nobody knows it. hull: the shape of a vehicle's hull, or of the first body, in place of the one that is known.
+    """
     shown = list(runs[:MOST])
     for run in shown:
         if len(run.time) < 2:
             raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")
+    if solids is not None:
+        return bodies.scene(shown, solids, z_down)
     for staged in SCENES.values():
         if all(located(staged.fits)(run.dataset) for run in shown):
-            return located(staged.make)(shown)
-    raise ArgumentError("not yet")
+            return located(staged.make)(shown, hull)
+    return bodies.scene(shown, None if hull is None else [Solid([hull])], z_down)

@@ -51,6 +51,12 @@ class Recording:
         """What a notebook shows: the certificate."""
         printer.text("…" if cycle else str(self))
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the certificate, and the bodies moving in space where it has any."""
+        from coadjoint.plotting.cell import cell
+
+        return cell(str(self), self)
+
     @property
     def plot(self) -> Plots:
         """Figures: `run.plot.energy()`, `.kelvin_noether()`, `.trajectory()`, `.attitude()`."""

@@ -71,6 +71,7 @@ function standingOut(hex) {
   return "#" + rgb.map(c => Math.round(c).toString(16).padStart(2, "0")).join("");
 }
 
+const clock = t => t.toFixed(clamp(Math.ceil(2 - Math.log10(Math.max(last - first, 1e-9))), 1, 6));
 const spacing = length => { const power = 10 ** Math.floor(Math.log10(length / 5)); return [1, 2, 5, 10].map(k => k * power).find(s => length / s <= 6); };
 
 // What is read out: a row for each quantity of the member that is followed, else the names and depths of all.
@@ -80,7 +81,7 @@ let cells = [], cellsOf = null;
 function build(member) {
   rows.replaceChildren(); cells = []; cellsOf = camera.follow;
   const head = element("b", "", rows), table = element("table", "", rows);
-  cells.push(() => head.textContent = `t = ${time.now.toFixed(1)} s of ${last.toFixed(1)} s`);
+  cells.push(() => head.textContent = `t = ${clock(time.now)} s of ${clock(last)} s`);
   (member ? [member] : members.slice(0, 12)).forEach(m => {
     const row = element("tr", "", table), name = element("td", "", row), value = element("td", "", row);
     element("i", "", name).style.background = standingOut(m.colour);
@@ -157,7 +158,7 @@ function draw() {
   view.draw();
   read();
   slider.value = 1000 * (time.now - first) / span;
-  slider.setAttribute("aria-valuetext", `${time.now.toFixed(1)} seconds`);
+  slider.setAttribute("aria-valuetext", `${clock(time.now)} seconds`);
 }
 function frame(stamp) {
   if (time.playing && before !== null) {

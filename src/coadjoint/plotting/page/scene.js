@@ -103,7 +103,7 @@ function solid() {
     box: s => new T.BoxGeometry(...s.size),
     ellipsoid: s => new T.SphereGeometry(1, 32, 20).scale(...s.axes),
     rod(s) { const [a, b] = [new T.Vector3(...s.from), new T.Vector3(...s.to)]; const way = b.clone().sub(a);
-      return new T.CylinderGeometry(s.radius, s.radius, way.length(), 12).applyQuaternion(new T.Quaternion().setFromUnitVectors(new T.Vector3(0, 1, 0), way.normalize())).translate(...a.add(b).multiplyScalar(0.5).toArray()); },
+      return new T.CylinderGeometry(s.radius, s.radius, way.length(), 20).applyQuaternion(new T.Quaternion().setFromUnitVectors(new T.Vector3(0, 1, 0), way.normalize())).translate(...a.add(b).multiplyScalar(0.5).toArray()); },
     // A body of revolution: half an ellipsoid ahead, a straight middle, a tail that narrows as a parabola.
     torpedo(s) {
       const outline = [], r = s.diameter / 2, L = s.length, nose = Math.min(0.14 * L, 1.4 * s.diameter), tail = Math.min(0.3 * L, 2.6 * s.diameter);
@@ -170,7 +170,7 @@ function solid() {
     const followed = drawn[camera.follow], stretch = camera.tall;
     if (followed) placeOf(followed.member, followed.bodies[0].body, place); else extent.middle.forEach((x, k) => place[k] = x);
     target.set(place[0], place[1], place[2] * stretch).applyMatrix4(world.matrix);
-    const size = followed ? 3.4 * followed.bodies[0].body.size : Math.max(extent.wide, stretch * extent.deep);
+    const size = followed ? 3.4 * followed.bodies[0].body.size : Math.max(extent.wide, stretch * extent.deep) + 1.3 * least;
     const away = size / camera.zoom / Math.min(1, 0.75 * eye.aspect), flat = Math.cos(camera.pitch) * away;
     eye.position.set(target.x + flat * Math.sin(camera.yaw), target.y + away * Math.sin(camera.pitch), target.z + flat * Math.cos(camera.yaw));
     eye.lookAt(target);

@@ -10,8 +10,7 @@ import numpy as np
 
 from coadjoint.plotting.decimation import thin
 from coadjoint.plotting.entries import Entry
-from coadjoint.plotting.player import POINTS
-from coadjoint.plotting.scene import Body, Member, Moving, Readout, Scene, quaternions
+from coadjoint.plotting.scene import POINTS, Body, Member, Moving, Readout, Scene, Shape, quaternions
 from coadjoint.plotting.style import COLOURS
 from coadjoint.vehicles.figures.shapes import SLENDER
 from coadjoint.vehicles.logs.records import VehicleRecords
@@ -22,9 +21,9 @@ SLOWED = 0.1
 """Propellers turn at a tenth of their speed, so that eyes can follow."""
 
 
-def scene(runs: Sequence[Entry]) -> Scene:
-    """The scene of these runs, the camera behind the first."""
-    members = [_member(run, max(POINTS // len(runs), 50), alone=len(runs) == 1) for run in runs]
+def scene(runs: Sequence[Entry], hull: Shape | None = None) -> Scene:
+    """The scene of these runs; `hull` takes the place of the hull that the vehicle file describes."""
+    members = [_member(run, max(POINTS // len(runs), 50), len(runs) == 1, hull) for run in runs]
     bottoms = [float(run.dataset.attrs[BOTTOM]) for run in runs if BOTTOM in run.dataset.attrs]
     name = str(runs[0].dataset.attrs.get("system", "vehicle"))
     return Scene(
@@ -40,26 +39,26 @@ def scene(runs: Sequence[Entry]) -> Scene:
     )
 
 
-def _member(run: Entry, capacity: int, alone: bool) -> Member:
+def _member(run: Entry, capacity: int, alone: bool, hull: Shape | None) -> Member:
     log = VehicleRecords(run.dataset)
     kept = thin(log.position, log.attitude, capacity=capacity)
     return Member(
         label=str(run.dataset.attrs.get("system", "vehicle")) if alone else run.label,
         colour=COLOURS[run.place % len(COLOURS)],
         time=run.time[kept],
-        bodies=[_body(run, log, kept)],
+        bodies=[_body(run, log, kept, hull)],
         readings=_readings(log, kept),
         current=None if log.current is None else log.current[kept],
     )
 
 
-def _body(run: Entry, log: VehicleRecords, kept: np.ndarray) -> Body:
+def _body(run: Entry, log: VehicleRecords, kept: np.ndarray, hull: Shape | None) -> Body:
     attrs = run.dataset.attrs
     length = float(attrs.get("vehicle_length", 1.0))
     torpedo = {"kind": "torpedo", "length": length, "diameter": SLENDER * length}
     look = json.loads(attrs[GEOMETRY]) if GEOMETRY in attrs else {"size": length, "shapes": [torpedo], "moving": []}
     return Body(
-        shapes=look["shapes"],
+        shapes=look["shapes"] if hull is None else [hull, *look["shapes"][1:]],
         place=log.position[kept],
         turn=quaternions(log.directions[kept]),
         size=look["size"],

@@ -1,0 +1,185 @@
+"""Surfaces from files of STL, OBJ and glTF 2.0, as triangles.
+
+Sources: 3D Systems (1988), StereoLithography Interface Specification; Wavefront's Advanced Visualizer, Appendix B1;
+Khronos, glTF 2.0 Specification.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+AXES = {
+    "FRD": np.eye(3),
+    "FLU": np.diag([1.0, -1.0, -1.0]),
+    "YUP": np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+}
+"""The axes of a file, in those of the body: forward, starboard, down."""
+MOST = 40_000
+"""The most triangles: some 2 MB of a page."""
+
+
+def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") -> dict[str, Any]:
+    """The vertices, one number after the other, m, and the faces, three vertices each, of a surface.
+
+    Raises FileError for a file that cannot be read or is damaged, ArgumentError for another format, unit or axes and
+    for more than `MOST` triangles.
+    """
+    source = Path(path)
+    read = {".stl": _stl, ".obj": _obj, ".gltf": _gltf, ".glb": _gltf}.get(source.suffix.lower())
+    if read is None:
+        raise ArgumentError(f"A mesh is a file that ends in .stl, .obj, .gltf or .glb, but is {source.name}.")
+    for name, value, known in (("unit", unit, UNITS), ("axes", axes, AXES)):
+        if value not in known:
+            raise ArgumentError(f"Argument `{name}` of a mesh must be one of {list(known)}, but is {value!r}.")
+    try:
+        data = source.read_bytes()
+        vertices, faces = read(data, source)
+        vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+    except FileNotFoundError as error:
+        raise FileError(f"There is no file {source}{_named(error, source)}.") from error
+    except OSError as error:
+        raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
+    except CoadjointError:
+        raise
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise FileError(f"The file {source} is damaged, or no mesh of its format.") from error
+    _check(vertices, faces, source)
+    turned = UNITS[unit] * vertices @ AXES[axes].T
+    return {"kind": "mesh", "vertices": np.round(turned, 6).ravel(), "faces": faces.ravel()}
+
+
+def _named(error: FileNotFoundError, source: Path) -> str:
+    other = Path(str(error.filename or source))
+    return f" has beside it: {other.name}" if other != source else ""
+
+
+def _check(vertices: np.ndarray, faces: np.ndarray, source: Path) -> None:
+    if not len(faces) or not len(vertices):
+        raise FileError(f"The file {source} has no triangles.")
+    if len(faces) > MOST:
+        raise ArgumentError(
+            f"The mesh {source} has {len(faces):,} triangles, but a page takes {MOST:,} at most: make it coarser."
+        )
+    if not np.all(np.isfinite(vertices)) or np.min(faces) < 0 or np.max(faces) >= len(vertices):
+        raise FileError(f"The file {source} is damaged: numbers are not finite, or faces have vertices that it lacks.")
+
+
+def _stl(data: bytes, source: Path) -> tuple[Any, Any]:
+    count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
+    if len(data) == 84 + 50 * count:
+        kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+        corners = np.frombuffer(data, kind, count, 84)["corners"].reshape(-1, 3)
+    else:
+        words = data.decode("ascii").split()
+        if not words or words[0] != "solid":
+            raise ValueError("no STL")
+        places = [i for i, word in enumerate(words) if word == "vertex"]
+        corners = np.array([words[i + 1 : i + 4] for i in places], dtype=float).reshape(-1, 3)
+    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
+    return vertices, faces
+
+
+def _obj(data: bytes, source: Path) -> tuple[Any, Any]:
+    vertices: list[list[float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for line in data.decode("utf-8", "replace").replace("\\\n", " ").splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            vertices.append([float(word) for word in words[1:4]])
+        elif words[:1] == ["f"]:
+            numbers = [int(word.split("/")[0]) for word in words[1:]]
+            corners = [number - 1 if number > 0 else len(vertices) + number for number in numbers]
+            faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+    return vertices, faces
+
+
+_KINDS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+
+
+def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
+    """All triangles of the default scene, each node in its place."""
+    own = b""
+    if data[:4] == b"glTF":
+        size = int.from_bytes(data[12:16], "little")
+        text, rest = data[20 : 20 + size], data[20 + size :]
+        own = rest[8 : 8 + int.from_bytes(rest[:4], "little")] if rest else b""
+    else:
+        text = data
+    held = json.loads(text)
+    needed = held.get("extensionsRequired", [])
+    if needed:
+        raise ArgumentError(f"The mesh {source} needs {', '.join(needed)} of glTF, which is not read: export it plain.")
+    buffers = [_buffer(one, own, source) for one in held.get("buffers", [])]
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    scenes = held.get("scenes", [{"nodes": range(len(held.get("nodes", [])))}])
+    for root in scenes[held.get("scene", 0)]["nodes"]:
+        _node(held, buffers, root, np.eye(4), parts, 0)
+    if not parts:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = [found + start for (_, found), start in zip(parts, first[:-1], strict=True)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
+
+
+def _buffer(told: dict[str, Any], own: bytes, source: Path) -> bytes:
+    address = told.get("uri")
+    if address is None:
+        return own
+    if address.startswith("data:"):
+        return base64.b64decode(address.partition(",")[2])
+    name = Path(address)
+    if name.is_absolute() or ".." in name.parts or ":" in address:
+        raise ArgumentError(f"The mesh {source} names {address}, which is not beside it: put all of it into one .glb.")
+    return (source.parent / name).read_bytes()
+
+
+def _node(held: dict[str, Any], buffers: list[bytes], number: int, above: np.ndarray, parts: Any, depth: int) -> None:
+    if depth > 100:
+        raise ValueError("nodes that hold one another")
+    node = held["nodes"][number]
+    whole = above @ _placed(node)
+    for piece in held["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
+        if piece.get("mode", 4) != 4:
+            continue
+        vertices = _accessor(held, buffers, piece["attributes"]["POSITION"])
+        faces = _accessor(held, buffers, piece["indices"]) if "indices" in piece else np.arange(len(vertices))
+        parts.append((vertices @ whole[:3, :3].T + whole[:3, 3], faces.astype(np.int64).reshape(-1, 3)))
+    for child in node.get("children", ()):
+        _node(held, buffers, child, whole, parts, depth + 1)
+
+
+def _placed(node: dict[str, Any]) -> np.ndarray:
+    """The matrix (4, 4) of a node: its own, or translation, rotation and scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    from scipy.spatial.transform import Rotation
+
+    found = np.eye(4)
+    found[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get("scale", [1, 1, 1])
+    found[:3, 3] = node.get("translation", [0, 0, 0])
+    return found
+
+
+def _accessor(held: dict[str, Any], buffers: list[bytes], number: int) -> np.ndarray:
+    told = held["accessors"][number]
+    width = {"SCALAR": 1, "VEC3": 3}[told["type"]]
+    view, kind = held["bufferViews"][told["bufferView"]], np.dtype(_KINDS[told["componentType"]])
+    start = view.get("byteOffset", 0) + told.get("byteOffset", 0)
+    stride = view.get("byteStride", width * kind.itemsize)
+    data = np.frombuffer(buffers[view["buffer"]], np.uint8)
+    if not 0 <= start + stride * (told["count"] - 1) < len(data):
+        raise ValueError("an accessor beyond its buffer")
+    rows = data[start + stride * np.arange(told["count"])[:, None] + np.arange(width * kind.itemsize)]
+    found = np.ascontiguousarray(rows).view(kind)
+    return found.astype(float) if width == 3 else found.ravel()
