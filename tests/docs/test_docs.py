@@ -78,6 +78,16 @@ def test_the_readme_has_its_example_and_both_commands() -> None:
     assert sum("pytest" in block and block.count("\n") == 1 for block in shell) == 1
 
 
+def test_cards_on_pages_have_the_line_on_accuracy() -> None:
+    """A card of an older version would let a reader look for a line in vain; ensembles are not judged."""
+    without = []
+    for page in PAGES:
+        blocks = re.findall(r"^```text\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+        cards = [block for block in blocks if re.match(r"system [^×]*\nmethod ", block)]
+        without += [page.name for card in cards if not re.search("^accuracy ", card, re.MULTILINE)]
+    assert not without, f"Cards without the line `accuracy` are on {without}."
+
+
 def test_the_index_leads_to_every_page() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
