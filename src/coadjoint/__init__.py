@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.recording import load as load
     from coadjoint.simulation.resume import resume as resume
     from coadjoint.simulation.simulate import simulate as simulate
+    from coadjoint.simulation.steppers.fmu import save_fmu as save_fmu
     from coadjoint.simulation.steppers.load import load_stepper as load_stepper
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory

@@ -29,7 +29,8 @@ from zarr.storage import MemoryStore
 
 from coadjoint import disk
 from coadjoint.errors import FileError
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.run.backend import monitor_shapes
+from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.log import logger
 from coadjoint.manifest import Manifest, entry
 from coadjoint.mechanics.state import State
@@ -112,10 +113,9 @@ class Store:
     def lay_out(self, constants: Constants, state: State) -> None:
         """Allocate all arrays, empty, for records like `state`, which belongs to one member."""
         rows = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
-        program, h = self.plan.program, np.float64(self.plan.h)
-        seen = dict(evaluate(program.monitors, constants, state, h)) if self.plan.monitors else {}
-        seen.pop(EVENTS, None)
-        seen = {name: np.asarray(x)[None] for name, x in seen.items()}
+        backend = self.plan.backend if self.members is None else "xla"  # the kernel of many does not know one
+        shapes = monitor_shapes(self.plan.program, constants, state, backend) if self.plan.monitors else {}
+        seen = {name: np.zeros((1, *shape)) for name, shape in shapes.items() if name != EVENTS}
         found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
         known = meanings(found, self.system)
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any, Literal
+
+import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.interrupts import look
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import ensemble, native, xla
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 
 Backend = Literal["auto", "native", "xla"]
@@ -42,6 +46,14 @@ def choose(
         fall_back(reason, backend)
         return "xla"
     return "native"
+
+
+def monitor_shapes(program: Program, parameters: Any, state: Any, backend: Backend) -> Mapping[str, tuple[int, ...]]:
+    """Names and shapes of what is observed at a record of a single run, of which `choose` has chosen the backend."""
+    if backend == "native":
+        return native.compile(program, parameters, state).monitor_shapes
+    found = evaluate(program.monitors, parameters, state, 1.0)
+    return {name: np.shape(value) for name, value in found.items()}
 
 
 def require_backend(backend: Backend) -> None:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
 import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from coadjoint.errors import ArgumentError
-from coadjoint.simulation.steppers.file import to_bytes
-
-if TYPE_CHECKING:
-    from coadjoint.simulation.steppers.stepping import Stepping
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.simulation.steppers.file import save, to_bytes
+from coadjoint.simulation.steppers.stepping import Stepping
 
 _SCRIPT = '''"""The unit `{name}`: a saved stepper of coadjoint."""
 
@@ -28,8 +27,26 @@ class {name}(StepperSlave):
 '''
 
 
-def unit(stepper: Stepping, stem: str) -> bytes:
-    """A stepper as the content of a unit called after `stem`; raises ArgumentError for what cannot be one."""
+def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Write a functional mock-up unit (FMI 2.0, co-simulation) of a stepper, for other simulators.
+
+        co.save_fmu(stepper, "remus.fmu")
+
+    stepper: a `co.Stepper`, or one that `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
+
+    Commands are its inputs, what is observed its outputs, arrays number by number with indices from 1; a communication
+    step is a whole number of steps of dt. It starts where the stepper stands, can give and take its state, and runs
+    where this library is installed for the Python that loads it; parameters are the stepper's.
+    Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many members or
+    by XLA, for a name that is not ASCII, and for one that is both a command and observed.
+    """
+    if not isinstance(stepper, Stepping):
+        raise ArgumentError(f"Argument `stepper` must be a co.Stepper, but is {shown(stepper)}.")
+    return save(path, overwrite, lambda target: _unit(stepper, target.stem))
+
+
+def _unit(stepper: Stepping, stem: str) -> bytes:
+    """A stepper as the content of a unit called after `stem`."""
     try:
         from pythonfmu.builder import FmuBuilder
     except ImportError as error:

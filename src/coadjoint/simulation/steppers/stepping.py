@@ -20,7 +20,6 @@ from coadjoint.kernels.run.pieces import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.steppers.buffers import by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
-from coadjoint.simulation.steppers.fmu import unit
 from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
 from coadjoint.simulation.steppers.standing import Standing
 
@@ -125,17 +124,6 @@ class Stepping(Standing):
         Raises FileError rather than replace a file, ArgumentError for one that runs by XLA.
         """
         return save(path, overwrite, lambda _: to_bytes(self))
-
-    def save_fmu(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write a functional mock-up unit (FMI 2.0, co-simulation), such as `remus.fmu`, for other simulators.
-
-        Commands are its inputs, what is observed its outputs, arrays number by number with indices from 1; a
-        communication step is a whole number of steps of dt. It starts where the stepper stands, can give and take its
-        state, and runs where this library is installed for the Python that loads it; parameters are the stepper's.
-        Needs the extra `[fmu]`. Raises FileError rather than replace a file, ArgumentError for a stepper of many
-        members or by XLA, and for a name that is both a command and observed.
-        """
-        return save(path, overwrite, lambda target: unit(self, target.stem))
 
     def __reduce__(self) -> Any:
         return opened, (to_bytes(self),)
