@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.each import Each, member_of
+from coadjoint.mechanics.each import Each, count_members, member_of
 from coadjoint.spaces.numbers import float64, numeric
 from coadjoint.spaces.space import checked_vector
 
@@ -72,9 +72,34 @@ def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_m
         _require_inside(group, jax.tree.map(lambda leaf: leaf[worst], elements))
     else:
         elements = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *leaf.shape)), first)
-    rows = [checked(system, first, *member_of(others, index), by_momenta=by_momenta) for index in range(count)]
-    stack = [np.stack([getattr(row, name) for row in rows]) for name in Checked._fields[1:]]
-    return Checked(elements, *stack)
+
+    def row(index: int) -> Checked:
+        return checked(system, first, *member_of(others, index), by_momenta=by_momenta)
+
+    if stack := _as_given(system, others, count, row(0), row(count - 1)):
+        return Checked(elements, *stack)
+    rows = [row(index) for index in range(count)]
+    return Checked(elements, *(np.stack([getattr(one, name) for one in rows]) for name in Checked._fields[1:]))
+
+
+def _as_given(system: System, others: list[Any], count: int, first: Checked, last: Checked) -> list[np.ndarray]:
+    """All arguments but g, stacked as `co.each` has them; empty where one has to look at every member.
+
+    co.each holds finite numbers of one shape, of which flat spaces ask no more.
+    """
+    if not (system.additional.flat and system.advected.flat):
+        return []
+    found: list[np.ndarray] = []
+    for given, low, high in zip(others, first[1:], last[1:], strict=True):
+        if count_members(given) is None:
+            found.append(np.repeat(np.asarray(low)[None], count, axis=0))
+            continue
+        values = np.asarray(given.values) if isinstance(given, Each) else np.zeros(0)
+        same = values.shape == (count, *np.shape(low)) and np.array_equal(values[[0, -1]], [low, high])
+        if not same or not np.all(np.isfinite(values)):
+            return []
+        found.append(values)
+    return found
 
 
 def checked_element(group: LieGroup, g: Element) -> Element:
