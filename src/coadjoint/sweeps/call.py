@@ -32,6 +32,7 @@ def sweep(
     save_every: int | None = None,
     quantiles: Sequence[float] = (0.05, 0.5, 0.95),
     courses: bool = False,
+    figures: bool = True,
     scheduler: str | None = None,
     workers: int | None = None,
     overwrite: bool = False,
@@ -60,6 +61,7 @@ def sweep(
         save_every: every how many steps a node is looked at, by default for some 60 nodes.
         quantiles: numbers between 0 and 1, by default 5 %, 50 % and 95 %.
         courses: whether statistics at every node are kept, by default False.
+        figures: whether they are drawn, by default True; none with "statistics".
         scheduler: the address of a scheduler, as "tcp://HOST:8786"; by default processes of this machine.
         workers: how many of those, by default one for each core.
         overwrite: whether a finished sweep in the folder is begun again, by default False.
@@ -73,7 +75,13 @@ def sweep(
     """
     file = _file(run)
     own = {"run": file.path.name, "sampling": sampling, "members": members, "seed": seed, "task": task}
-    kept = {"keep": keep, "variables": list(variables), "save_every": save_every, "courses": courses}
+    kept = {
+        "keep": keep,
+        "variables": list(variables),
+        "save_every": save_every,
+        "courses": courses,
+        "figures": figures,
+    }
     table = {
         "sweep": {key: value for key, value in own.items() if value is not None},
         "results": {**{k: v for k, v in kept.items() if v is not None}, "quantiles": list(map(float, quantiles))},

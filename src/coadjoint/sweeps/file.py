@@ -76,6 +76,7 @@ class ResultsSection:
     save_every: int | None = None
     quantiles: tuple[float, ...] = (0.05, 0.5, 0.95)
     courses: bool = False
+    figures: bool = True
 
     def __post_init__(self):
         if self.keep not in KEEP:

@@ -30,13 +30,13 @@ CAUSES = {REFUSED: "refused", **{int(code): code.name.lower().replace("_", " ") 
 class SweepResults:
     """A finished sweep: `dataset` of all members, read when used; `statistics` over them; `summary`.
 
-    folder: where it is, a path.
+    folder: where it is, a path. summary: that of its file, unless given.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, summary: dict[str, Any] | None = None):
         self.folder = folder
         try:
-            self.summary: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            self.summary: dict[str, Any] = summary or json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise FileError(f"The folder {folder} holds no finished sweep: there is no {SUMMARY}.") from error
 
@@ -47,6 +47,7 @@ class SweepResults:
         if not path.exists():
             raise FileError(f'The sweep in {self.folder} kept statistics alone: [results] keep = "members" keeps more.')
         found = xarray.open_zarr(path, consolidated=False, chunks=None)
+        found = found[found.attrs["order"]]
         numbers = [name for name in found.data_vars if found[name].attrs.get("swept")]
         found = found.set_coords([*numbers, *(name for name in ("time",) if name in found)])
         return found.assign_coords(angle=["yaw", "pitch", "roll"]) if "angle" in found.dims else found

@@ -43,7 +43,7 @@ def lay_out(folder: Path, layout: Layout, size: int, attributes: Mapping[str, An
         return
     made = disk.partial(path)
     disk.remove(made)
-    group = zarr.create_group(made, zarr_format=3, attributes=dict(attributes))
+    group = zarr.create_group(made, zarr_format=3, attributes={**attributes, "order": list(layout)})
     for name, (dims, shape, dtype, attrs) in layout.items():
         group.create_array(
             name,

@@ -199,11 +199,16 @@ def _write(sweep: Sweep, folder: Path, stage: Path, plan: dict[str, Any], spent:
         of = name.partition("_")[2] if name.partition("_")[0] in KINDS else name
         made[name].attrs.update(meant(name, plan["meanings"][of]))
     made.to_netcdf(stage / store.STATISTICS, engine="h5netcdf")
-    summary = {
+    summary: dict[str, Any] = {
         "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],
         "save_every": plan["save_every"], "members": sweep.members, "tasks": sweep.tasks,
         "members_of_a_task": sweep.size,
         "sampling": sweep.sweep.sampling, "seed": sweep.sweep.seed, "numbers": list(sweep.design[0]), **told, **spent,
         "versions": plan["versions"],
     }  # fmt: skip
+    summary["figures"] = []
+    if sweep.results.figures and sweep.results.keep != "statistics":
+        from coadjoint.sweeps.figures import save_figures
+
+        summary["figures"] = save_figures(SweepResults(folder, summary), stage)
     write_text(stage / SUMMARY, to_json(summary))
