@@ -32,7 +32,7 @@ def save_fmu(stepper: Stepping, path: str | os.PathLike[str], *, overwrite: bool
 
         co.save_fmu(stepper, "remus.fmu")
 
-    stepper: a `co.Stepper`, or one that `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
+    stepper: a `co.Stepper`, or what `co.load_stepper` has loaded. path: the file. overwrite: whether to replace one.
 
     Commands are its inputs, what is observed its outputs, arrays number by number with indices from 1; a communication
     step is a whole number of steps of dt. It starts where the stepper stands, can give and take its state, and runs
