@@ -145,3 +145,17 @@ def test_predictive_control_of_remus_keeps_nearer_to_a_path_than_the_shipped_con
     rudder = np.array([float(answer.command["rudder"]) for answer in found["answers"]])
     assert np.max(np.abs(rudder)) <= np.radians(15) and np.max(np.abs(np.diff(rudder))) <= 0.25 + 1e-6  # 1 rad/s
     assert Path("remus_path.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(20)
+def test_the_best_sawtooth_comes_to_the_steady_glide_of_least_energy_with_the_length_of_its_dives(run_example):
+    found = run_example("glider_sawtooth", 120)
+    least, best, drag_and_lift = found["effort"](found["best"]), found["glide"], found["drag_and_lift"]
+    around = [found["effort"](found["best"] + step) for step in (-0.001, 0.001)]
+    assert least < min(around)
+    above = np.array([row[0] - least for row in found["found"].values()])  # dives of 15, 30, 60 and 120 s
+    assert np.all(above > 0) and above[-2:] / above[-3:-1] == pytest.approx(0.5, abs=0.03)
+    energy, path, alpha = found["found"][120.0]
+    assert path == pytest.approx(best, abs=2e-4) and energy == pytest.approx(least, rel=6e-3)
+    assert np.tan(path) == pytest.approx(np.divide(*drag_and_lift(alpha)), rel=1e-3)
+    assert Path("glider_sawtooth.png").stat().st_size > 10_000
