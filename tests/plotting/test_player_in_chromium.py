@@ -12,8 +12,11 @@ import chromium
 from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
-from coadjoint.plotting.plots import Plots
+from coadjoint.plotting.plots import Plots, svgs
 from coadjoint.plotting.staged import scene
+from coadjoint.report.numbers import Sourced
+from coadjoint.report.page import Contents
+from coadjoint.report.page import page as report
 from made_runs import VEHICLE, dataset
 
 pytestmark = pytest.mark.skipif(chromium.COMMAND is None, reason=chromium.MISSING)
@@ -224,6 +227,32 @@ def test_two_fingers_zoom_and_one_turns(browser, tmp_path):
     )
     assert min(sizes) >= 44
     assert browser.value("document.documentElement.scrollWidth") <= 390
+
+
+def test_a_report_plays_its_scene_and_asks_for_nothing(browser, tmp_path):
+    held = Contents(
+        HARMFUL,
+        "coadjoint run",
+        {"run": HARMFUL},
+        {"depth_max": 3.25, "warnings": [HARMFUL]},
+        svgs([dataset()], ["depth"]),
+        {"of the run file": [Sourced("a", HARMFUL, "m", HARMFUL)]},
+        HARMFUL,
+        player=Plots(turning()).scene()._repr_html_(),
+    )
+    path = tmp_path / "report.html"
+    path.write_text(report(held), encoding="utf-8")
+    open_page(browser, path)
+    assert browser.value("document.images.length === 0 && window.harmed === undefined")
+    assert browser.value("document.querySelector('figure svg').getBoundingClientRect().height") > 200
+    assert browser.value("document.body.textContent").count(HARMFUL) == 6
+    told = browser.send("Target.getTargets")["targetInfos"]
+    assert browser.errors == [], told
+    browser.value("document.querySelector('iframe').scrollIntoView()")
+    browser.value("new Promise(done => setTimeout(done, 1500))")
+    with Image.open(browser.picture(tmp_path / "report.png")) as picture:
+        pixels = np.asarray(picture.convert("RGB"), dtype=int)
+    assert np.sum(pixels[..., 2] - pixels[..., 0] > 100) > 1000  # the hull and its track, #0072B2
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

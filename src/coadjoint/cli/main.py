@@ -12,6 +12,7 @@ import tyro
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
+from coadjoint.cli.reporting import Report
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
 from coadjoint.cli.stopping import status, stoppable, word
@@ -30,6 +31,7 @@ Command = (
     | Annotated[commands.Resume, tyro.conf.subcommand("resume")]
     | Annotated[commands.Plot, tyro.conf.subcommand("plot")]
     | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[commands.Info, tyro.conf.subcommand("info")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]

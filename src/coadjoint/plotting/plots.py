@@ -212,6 +212,26 @@ def save_figures(
     return files
 
 
+def svgs(
+    datasets: Sequence[Any], wanted: Sequence[str] = (), labels: Sequence[str] | None = None
+) -> list[tuple[str, str, str]]:
+    """The wanted figures, by default all that every dataset has: name, what it shows, and the figure as SVG text.
+
+    Raises ArgumentError for a name that is none, and as the figures do.
+    """
+    from coadjoint.plotting.style import svg
+
+    common = [name for name in figure_names(films=False) if all(name in available(dataset) for dataset in datasets)]
+    found = []
+    for name in wanted or common:
+        if name not in figure_names(films=False):
+            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names(films=False))}.")
+        words = ADDED[name].doc if name in ADDED else str(getattr(Plots, name).__doc__)
+        figure = getattr(Plots(datasets[0]), name)(*datasets[1:], labels=labels)
+        found.append((name.replace("_", " "), words.strip(), svg(figure)))
+    return found
+
+
 def _ending(name: str, ending: str) -> str:
     """The ending of a figure's file: pictures for figures, .html or .gif for a film."""
     moving = ending in ("gif", "html")

@@ -77,6 +77,9 @@ MODELS = {entry.name: entry for entry in _ENTRIES}
 SCENES = {"vehicle": Staged("coadjoint.vehicles.figures.scenes:scene", "coadjoint.vehicles.figures.fitting:of_vehicle")}
 """To the player."""
 
+NUMBERS = {"vehicle": "coadjoint.vehicles.missions.provenance:numbers"}
+"""To reports."""
+
 FORMATS = {".csv": "coadjoint.vehicles.logs.saving:log_text"}
 """To `run.save`."""
 

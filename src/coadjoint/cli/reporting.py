@@ -1,0 +1,119 @@
+"""`coadjoint report DIR`: one page with all that a folder of results holds."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+from coadjoint.cli import terminal
+
+if TYPE_CHECKING:
+    from coadjoint.report.page import Contents
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write a run as one HTML page: certificate, figures, numbers with their sources, how to run it again."""
+
+    folder: tyro.conf.Positional[Path]
+    """A folder that `run` or `reproduce` wrote."""
+    figures: tuple[str, ...] = ()
+    """The figures in it, by default those that the run file lists, or all that the run has."""
+    out: Path | None = None
+    """The page to write, by default `report.html` in the folder."""
+    scene: bool = False
+    """Put the scene in space into it, too, 0.6 MB more."""
+    json: bool = False
+    """Print the file's name as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.errors import ArgumentError
+        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.report.folder import make
+        from coadjoint.report.page import page
+
+        if not self.folder.is_dir():
+            raise ArgumentError(f"A report is of a folder that `coadjoint run` wrote, and {self.folder} is none.")
+        target = self.out or self.folder / "report.html"
+        text = page(contents(self.folder, self.figures, self.scene))
+        make(target.parent)
+        write_text(target, text)
+        print(json_text.dumps(str(target))) if self.json else terminal.line(f"Written: {target}.")
+        return 0
+
+
+def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Contents:
+    """What the report of a folder says; raises FileError and ArgumentError."""
+    from coadjoint.cli import stored
+    from coadjoint.report.folder import RUN_FILE, SUMMARY
+    from coadjoint.report.numbers import numbers
+    from coadjoint.report.page import Contents
+
+    runs = stored.recordings(folder)
+    summary = stored.summary(folder) if (folder / SUMMARY).exists() else {}
+    settings = (folder / RUN_FILE).read_text(encoding="utf-8") if (folder / RUN_FILE).exists() else ""
+    files, state = _files(folder)
+    return Contents(
+        title=_title(folder, runs, summary),
+        command=_command(folder, summary),
+        cards={name: str(run) for name, run in runs.items()},
+        summary=summary,
+        figures=_drawn(runs, wanted or tuple(stored.figures_asked(folder) or ())),
+        numbers=numbers(folder) if settings else {},
+        settings=settings,
+        files=files,
+        state=state,
+        player=_player(runs) if with_scene else "",
+    )
+
+
+def _title(folder: Path, runs: dict[str, Any], summary: dict[str, Any]) -> str:
+    names = dict.fromkeys(str(run.dataset.attrs.get("system", "")) for run in runs.values())
+    return f"{', '.join(filter(None, names)) or 'A run'}: {folder.resolve().name}"
+
+
+def _command(folder: Path, summary: dict[str, Any]) -> str:
+    number = summary.get("versions", {}).get("coadjoint", "")
+    repeated = "coadjoint run run.toml --out again" if (folder / "run.toml").exists() else "coadjoint reproduce"
+    return "\n".join(
+        [
+            f"pip install coadjoint{f'=={number}' if number else ''}",
+            f"{repeated}  # with the run.toml below, and the files of inputs/ where it names some",
+            f"coadjoint compare {folder.resolve().name} again",
+            f"coadjoint verify {folder.resolve().name}  # whether the files are those that were written",
+        ]
+    )
+
+
+def _drawn(runs: dict[str, Any], wanted: tuple[str, ...]) -> list[tuple[str, str, str]]:
+    from coadjoint.plotting.plots import svgs
+
+    labels = list(runs) if len(runs) > 1 else None
+    return svgs([run.dataset for run in runs.values()], wanted, labels)
+
+
+def _files(folder: Path) -> tuple[list[tuple[str, int, str]], str]:
+    """The files of the manifest, and whether they are what was written."""
+    from coadjoint.manifest import Manifest
+    from coadjoint.report.verification import verify
+
+    try:
+        held = Manifest.read(folder)
+    except FileNotFoundError:
+        return [], ""
+    found = verify(folder)
+    state = "; ".join(found.problems) if found.problems else f"All {found.files} files are what was written."
+    return [(name, size, check) for name, (size, check) in held.files.items()], state
+
+
+def _player(runs: dict[str, Any]) -> str:
+    from coadjoint.plotting.entries import entries
+    from coadjoint.plotting.player import Player
+    from coadjoint.plotting.staged import scene
+
+    labels = list(runs) if len(runs) > 1 else None
+    return Player(scene(entries(list(runs.values()), labels)))._repr_html_()
