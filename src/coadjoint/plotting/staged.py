@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import Registry, located
+from coadjoint.extensions import located
 from coadjoint.plotting import bodies
 from coadjoint.plotting.bodies import Solid
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.scene import Scene, Shape
+from coadjoint.plotting.scene_registry import SCENES
 
 MOST = 20
 """The most members in a scene."""
-
-
-@dataclass(frozen=True)
-class Staged:
-    """A scene by a function of its owner.
-
-    make: "module:function", (runs, hull) → a Scene, with another shape of the hull where one is given.
-    fits: "module:function", a dataset → whether it has what is shown.
-    """
-
-    make: str
-    fits: str
-
-
-SCENES: Registry[Staged] = Registry("SCENES")
-"""By what they show."""
 
 
 def scene(

@@ -6,7 +6,7 @@ Read by `coadjoint.extensions`; nothing is imported before it is used.
 from __future__ import annotations
 
 from coadjoint.models.entry import MOVING, CatalogueEntry
-from coadjoint.plotting.staged import Staged
+from coadjoint.plotting.scene_registry import Staged
 from coadjoint.vehicles.figures.declared import FIGURES as FIGURES
 from coadjoint.vehicles.files.bodies import body_numbers
 
