@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.groups.attitude import from_quaternion
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 AXES = {
@@ -163,10 +164,8 @@ def _placed(node: dict[str, Any]) -> np.ndarray:
     """The matrix (4, 4) of a node: its own, or translation, rotation and scale."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
-    from scipy.spatial.transform import Rotation
-
-    found = np.eye(4)
-    found[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get("scale", [1, 1, 1])
+    found, rotation = np.eye(4), np.roll(node.get("rotation", [0, 0, 0, 1]), 1)
+    found[:3, :3] = from_quaternion(rotation) * node.get("scale", [1, 1, 1])
     found[:3, 3] = node.get("translation", [0, 0, 0])
     return found
 

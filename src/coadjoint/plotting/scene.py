@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from coadjoint.groups.attitude import to_quaternion
+
 POINTS = 8000
 """The most nodes of a scene, of all members together."""
 
@@ -129,9 +131,7 @@ def _digits(values: np.ndarray) -> int:
 
 def quaternions(rotations: np.ndarray) -> np.ndarray:
     """Unit quaternions x, y, z, w, (nodes, 4), of rotation matrices (nodes, 3, 3), without jumps of sign."""
-    from scipy.spatial.transform import Rotation
-
-    found = Rotation.from_matrix(rotations).as_quat()
+    found = np.roll(to_quaternion(rotations), -1, axis=-1)
     turns = np.sum(found[1:] * found[:-1], axis=1) < 0
     found[1:] *= np.where(np.cumsum(turns) % 2, -1.0, 1.0)[:, None]
     return found
