@@ -21,7 +21,7 @@ MEASURED = {
     "identification", "learned_station", "long_runs", "remus_crossing", "remus_fleet",
     "remus_path",
 }  # fmt: skip
-"""Not compared: figures of measured times, of round-off, of the audit, of other simulators, and of what takes minutes."""
+"""Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
 
 
 @pytest.mark.budget(200)
