@@ -159,3 +159,12 @@ def test_the_best_sawtooth_comes_to_the_steady_glide_of_least_energy_with_the_le
     assert path == pytest.approx(best, abs=2e-4) and energy == pytest.approx(least, rel=6e-3)
     assert np.tan(path) == pytest.approx(np.divide(*drag_and_lift(alpha)), rel=1e-3)
     assert Path("glider_sawtooth.png").stat().st_size > 10_000
+
+
+def test_a_top_swings_up_and_keeps_the_momentum_about_the_vertical(run_example):
+    found = run_example("top_swung_up", 0.8)
+    run, vertical = found["run"], found["vertical"]
+    assert run.a[0] == pytest.approx([-1.0, 0.0, 0.0]) and np.asarray(run.a[-1]) == pytest.approx([1, 0, 0], abs=1e-6)
+    assert np.ptp(vertical) < 1e-12 and vertical[0] == pytest.approx(-0.32)
+    assert np.asarray(run.mu[-1, 1:]) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert Path("top_swung_up.png").stat().st_size > 10_000
