@@ -8,7 +8,7 @@ import sys
 import tomllib
 from dataclasses import fields
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import matplotlib
 import matplotlib.pyplot
@@ -52,6 +52,22 @@ def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Pat
     program = "\n".join(re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_page_of_optimal_motion_comes_from_a_lagrangian_to_an_optimum_in_25_lines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
+    block = BLOCK.search(text)
+    assert block is not None and len(block.group(1).splitlines()) <= 25
+    namespace: dict[str, Any] = {}
+    exec(block.group(1), namespace)
+    matplotlib.pyplot.close("all")
+    optimum = namespace["optimum"]
+    assert capsys.readouterr().out.splitlines()[0] in text  # the line of its cost, as the page prints it
+    assert abs(optimum.cost - 6 * 3.0**2 * 2.5**2 / 5.0**3) < 2e-3 * optimum.cost
+    assert abs(optimum.inputs["torque"]).max() < 2.0 and optimum.inputs["torque"].shape == (50, 3)
 
 
 def anchors(page: Path) -> set[str]:
