@@ -24,6 +24,7 @@ SECTIONS = {
     "gradients": ("gradients", 1, "gradients"),
     "stepping": ("stepping", 1, "one control period at a time"),
     "environments": ("environments", 1, "environments of Gymnasium"),
+    "sweeps": ("sweeps", 2, "sweeps by one worker and by two"),
     "judging": ("judging", 1, "the accuracy of the card"),
     "optimal": ("optimal", 1, "an optimal motion"),
     "predictive": ("predictive", 1, "model predictive control"),

@@ -23,6 +23,8 @@ def goals(found: Found) -> Table:
         rows += _preparing(found["preparing"])
     if "stepping" in found:
         rows += _stepping(found["stepping"])
+    if "sweeps" in found:
+        rows += _sweeps(found["sweeps"])
     if "environments" in found:
         rows += _environments(found["environments"])
     if "orders" in found:
@@ -48,6 +50,18 @@ def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
         ("one trajectory: native / by hand", 1.2, native, False),
         ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
+    ]
+
+
+def _sweeps(found: Found) -> list[tuple[str, float, float, bool]]:
+    return [
+        ("a sweep by two workers / by one", 1.7, found["speed_up"], True),
+        (
+            "a sweep: orchestration, part of the time at tasks of ten seconds",
+            0.02,
+            found["statistics_1"]["orchestration"],
+            False,
+        ),
     ]
 
 

@@ -70,6 +70,22 @@ def _many(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _sweeps(found: dict[str, Any]) -> list[Table]:
+    keys = ("seconds", "task_seconds", "kernel_seconds", "starting_seconds", "writing_seconds")
+    rows = [
+        (name.replace("_", ", ") + " worker", *(f"{part[key]:.3g} s" for key in keys), f"{part['orchestration']:.2%}")
+        for name, part in found.items()
+        if isinstance(part, dict) and "busy_seconds" in part
+    ]
+    heads = ("kept, by", "whole", "a task", "in the kernel", "start of workers", "writing", "orchestration")
+    hours = ", ".join(f"{value:.3g} h on {cores} cores" for cores, value in found["hours_of_many"].items())
+    title = (
+        f"{found['members']:,} one-minute missions of BlueROV2: {_time(found['run_seconds'])} each, two workers "
+        f"{found['speed_up']:.2f} × one; 10⁷, projected: {hours}"
+    )
+    return [Table(title, heads, rows)]
+
+
 def _gradients(found: dict[str, Any]) -> list[Table]:
     tables = []
     for method, part in found["methods"].items():
@@ -253,6 +269,7 @@ def _predictive(found: dict[str, Any]) -> list[Table]:
 
 
 _TABLES = {
+    "sweeps": _sweeps,
     "predictive": _predictive,
     "optimal": _optimal,
     "judging": _judging,

@@ -48,20 +48,28 @@ def run(
     done: Done,
     scheduler: str | None,
     workers: int | None,
-) -> None:
+) -> dict[str, float]:
     """Compute all missing tasks; one whose worker dies is given out again, and a scheduler that is lost waited for.
 
-    made: the task of a number. missing: the numbers of those that are not in the store. Raises FileError where a
-    scheduler does not answer, or has no workers, for PATIENCE seconds, and what a task raises.
+    made: the task of a number. missing: the numbers of those that are not in the store. Returns the
+    seconds until workers were there, and those of tasks from then on. Raises FileError where a scheduler does not
+    answer, or has no workers, for PATIENCE seconds, and what a task raises.
     """
     require()
     waited_since: float | None = None
+    spent = {"starting_seconds": 0.0, "computing_seconds": 0.0}
     while numbers := missing():
-        before = len(numbers)
+        before, began = len(numbers), time.perf_counter()
         try:
             with connected(scheduler, workers) as client:
                 waited_since = None
-                _run(client, made, numbers, done)
+                _ready(client)
+                there = time.perf_counter()
+                spent["starting_seconds"] += there - began
+                try:
+                    _run(client, made, numbers, done)
+                finally:
+                    spent["computing_seconds"] += time.perf_counter() - there
         except _Lost as lost:
             now = time.monotonic()
             waited_since = now if waited_since is None or len(missing()) < before else waited_since
@@ -71,6 +79,7 @@ def run(
                 ) from None
             _log.info("%s: the sweep goes on when it is there again.", lost)
             time.sleep(1.0)
+    return spent
 
 
 @contextmanager
@@ -193,6 +202,21 @@ def _threads(client: Any) -> int:
         return sum(client.nthreads().values())
     except (TimeoutError, OSError):
         raise _Lost(f"The scheduler {_address(client)} has no workers") from None
+
+
+def _ready(client: Any) -> None:
+    """Wait for workers, and let them load what tasks need; raises FileError where they cannot."""
+    _threads(client)
+    try:
+        client.run(_load)
+    except ImportError as error:
+        raise FileError(f"A worker cannot load the library: {told(error)}; install coadjoint[cluster] there.") from None
+    except OSError:
+        raise _Lost(f"The scheduler {_address(client)} is gone") from None
+
+
+def _load() -> None:
+    import coadjoint.sweeps.task  # noqa: F401
 
 
 def _lost_or_raise(client: Any, error: BaseException, number: int, lives: Counter[int]) -> None:

@@ -171,18 +171,25 @@ def _compute(
     def missing() -> list[int]:
         return sorted(set(range(sweep.tasks)) - store.done(folder))
 
-    began, taken, processes = time.perf_counter(), {"writing": 0.0}, set[float]()
+    began, taken, processes = time.perf_counter(), {"writing": 0.0, "busy": 0.0}, set[float]()
     first = missing()
     with Progress(sweep.tasks, progress, f"{sweep.members:,} members", "tasks") as bar:
         bar.advance(sweep.tasks - len(first), 0.0)
 
         def done(number: int, spent: Mapping[str, float]) -> None:
             taken["writing"] += spent["writing"]
+            taken["busy"] += spent["seconds"]
             processes.add(spent["process"])
             bar.advance(1, time.perf_counter() - began)
 
-        cluster.run(made, missing, done, scheduler, workers)
-    return {"writing_seconds": taken["writing"], "computed_tasks": len(first), "processes": len(processes)}
+        waited = cluster.run(made, missing, done, scheduler, workers)
+    return {
+        **waited,
+        "writing_seconds": taken["writing"],
+        "busy_seconds": taken["busy"],
+        "computed_tasks": len(first),
+        "processes": len(processes),
+    }
 
 
 def _enter_members(claim: Claim) -> None:
