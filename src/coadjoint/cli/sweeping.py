@@ -65,17 +65,10 @@ def _check(file: Path, folder: Path, told: dict[str, Any]) -> None:
 
 def show(made: SweepResults) -> None:
     """The summary, and the statistics of where members ended."""
+    from coadjoint.sweeps.results import facts
+
     told = made.summary
-    failures = ", ".join(f"{count:,} {cause}" for cause, count in told["failures"].items()) or "none"
-    rows = [
-        ("sweep", f"{told['members']:,} × {told['system']}, {told['method']}, dt = {told['dt']:g} s"),
-        ("numbers", f"{', '.join(told['numbers'])} ({told['sampling']})"),
-        ("tasks", f"{told['tasks']:,} of {told['members_of_a_task']:,} members"),
-        ("failed", failures),
-        ("events", f"{told['events']:,}"),
-        ("time", f"{told['seconds']:.3g} s, of all tasks {told['task_seconds']:.3g} s"),
-    ]
-    terminal.fields(rows)
+    terminal.fields(facts(told))
     terminal.line("")
     finals = [str(name) for name in made.statistics.data_vars if str(name).startswith("final_")]
     labels = [str(label) for label in made.statistics.statistic.values]

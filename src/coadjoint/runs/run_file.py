@@ -112,6 +112,11 @@ def _require_run(table: dict[str, Any], source: Path) -> None:
             f"The file {source} is empty: `coadjoint models NAME` prints a run file to start from, and `coadjoint "
             "vehicles mission NAME` a mission file."
         )
+    if "sweep" in table:
+        raise ArgumentError(
+            f"{source} is a sweep, not a run: `coadjoint sweep FILE`, with the sweep file that it was written from, begins "
+            "it, or goes on with it."
+        )
     if "body" in table:
         raise ArgumentError(
             f"{source} is a vehicle file, not a run: `coadjoint vehicles show {source}` shows it, and `coadjoint "

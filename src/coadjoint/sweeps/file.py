@@ -17,7 +17,7 @@ from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.sections import section
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import unknown
-from coadjoint.sweeps.numbers import DIGEST, DRAWN, SAMPLINGS, Design, Varied, design, digest, read
+from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
 from coadjoint.texts import read_table, text_of
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ STEPS = 2e7
 """The steps of all members of a task, if nothing else is said: ten seconds of a vehicle in native code, or some."""
 LANES = 64
 """Members of a task are a multiple of this, so that no lane of native code idles."""
+MOST_SEED = 1_000_000
+"""Seeds of random currents, of seed and member, are to be whole numbers that a float holds."""
 NODES = 60
 """About so many nodes of a run are looked at, if nothing else is said."""
 
@@ -61,8 +63,8 @@ class SweepSection:
             )
         if self.sampling not in DRAWN and self.members is not None:
             raise ArgumentError(f"[sweep] members follow from what varies in a {self.sampling}: leave them out.")
-        if self.seed < 0:
-            raise ArgumentError(f"[sweep] seed must be 0 or more, but is {self.seed}.")
+        if not 0 <= self.seed < MOST_SEED:
+            raise ArgumentError(f"[sweep] seed must be from 0 to {MOST_SEED - 1}, but is {self.seed}.")
         if self.task is not None and self.task < 1:
             raise ArgumentError(f"[sweep] task, the members of a task, must be at least 1, but is {self.task}.")
 
@@ -165,18 +167,23 @@ class Sweep:
         """The numbers of some members."""
         return {name: values[span] for name, values in self.design[0].items()}
 
-    def run(self, rows: Mapping[str, np.ndarray], quick: bool, seeds: Any = None) -> Runnable:
+    def run(self, rows: Mapping[str, np.ndarray], quick: bool, members: np.ndarray | None = None) -> Runnable:
         """The run of the members with these numbers, in which those that are not `quick` are all the same.
 
-        quick: whether those of the sections QUICK stand there with a value for each member.
+        quick: whether those of the sections QUICK stand there with a value for each member. members: which these are;
+        random currents of a mission get a seed of each.
         """
         table = copy.deepcopy(dict(self.base))
-        count = len(next(iter(rows.values()))) if rows else 0
+        count = len(next(iter(rows.values())))
         for one in self.varied:
             together = quick and one.keys[0] in QUICK
             value = _each(one.values(rows, count)) if together else one.value({n: v[0] for n, v in rows.items()})
             put(table, one.keys, value, "What [vary] varies", ".".join(one.keys))
-        return replace(of_table(table, self.path, ""), places=self.places)
+        made = replace(of_table(table, self.path, ""), places=self.places)
+        if members is None or "perturb" not in made.FREE:
+            return made
+        seeds: dict[str, Any] = {"perturb": {"seed": _each(self.sweep.seed * float(MOST) + members)}}
+        return replace(made, **seeds)
 
     @property
     def slow(self) -> list[Varied]:

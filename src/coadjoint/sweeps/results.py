@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,6 +117,19 @@ def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[st
     made = made.assign_coords(angle=["yaw", "pitch", "roll"]) if "angle" in made.dims else made
     told = {"failures": failures, "finished": codes["0"], "warnings": dict(warnings), "refusals": refusals, **total}
     return made, told
+
+
+def facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The summary in lines: what each is called, and the text."""
+    failures = ", ".join(f"{count:,} {cause}" for cause, count in summary["failures"].items()) or "none"
+    return [
+        ("sweep", f"{summary['members']:,} × {summary['system']}, {summary['method']}, dt = {summary['dt']:g} s"),
+        ("numbers", f"{', '.join(summary['numbers'])} ({summary['sampling']})"),
+        ("tasks", f"{summary['tasks']:,} of {summary['members_of_a_task']:,} members"),
+        ("failed", failures),
+        ("events", f"{summary['events']:,}"),
+        ("time", f"{summary['seconds']:.3g} s, of all tasks {summary['task_seconds']:.3g} s"),
+    ]
 
 
 def meant(name: str, attributes: dict[str, Any]) -> dict[str, Any]:

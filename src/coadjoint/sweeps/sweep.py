@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import time
 from collections.abc import Mapping
@@ -22,10 +23,13 @@ from coadjoint.simulation.progress import Progress
 from coadjoint.sweeps import cluster, store
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
-from coadjoint.sweeps.results import SweepResults, gathered, meant
+from coadjoint.sweeps.results import SweepResults, facts, gathered, meant
 from coadjoint.sweeps.task import Task, ensemble
 
 _log = logger(__name__)
+
+TRIED = 16
+"""Of so many members one at least must be possible."""
 
 
 def execute(
@@ -87,16 +91,11 @@ def _planned(sweep: Sweep, folder: Path) -> dict[str, Any]:
 
 def probed(sweep: Sweep) -> dict[str, Any]:
     """The variables of the first members, and whether parameters and starts of members may stand together."""
-    rows = sweep.rows(slice(0, 2))
-    count = len(next(iter(rows.values())))
-    alone = ensemble(sweep, {name: values[:1] for name, values in rows.items()}, 1, False, sweep.save_every)
+    first, alone = _first(sweep)
     quick = False
     if any(one.keys[0] in QUICK for one in sweep.varied):
-        try:
-            together = ensemble(sweep, {n: v[:1] for n, v in rows.items()}, 1, True, sweep.save_every)
-            quick = _same(alone, together)
-        except CoadjointError:
-            pass
+        with contextlib.suppress(CoadjointError):
+            quick = _same(alone, ensemble(sweep, *first, True, sweep.save_every))
     _log.info("%d members of %s in %d tasks of %d.", sweep.members, alone.system.name, sweep.tasks, sweep.size)
     there = known(alone.system, alone.members.states)
     chosen = choose(sweep.results.variables, there)
@@ -116,8 +115,22 @@ def probed(sweep: Sweep) -> dict[str, Any]:
         "dt": alone.plan.h,
         "save_every": sweep.save_every,
         "steps": alone.plan.steps,
-        "members": count,
     }
+
+
+def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:
+    """The first member that can be set up, its numbers and itself; raises what is wrong with the very first."""
+    refused: CoadjointError | None = None
+    for member in range(min(sweep.members, TRIED)):
+        chosen = (sweep.rows(slice(member, member + 1)), np.array([member]))
+        try:
+            return chosen, ensemble(sweep, *chosen, False, sweep.save_every)
+        except FileError:
+            raise
+        except CoadjointError as error:
+            refused = refused or error
+    assert refused is not None
+    raise refused
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -213,6 +226,7 @@ def _write(sweep: Sweep, folder: Path, stage: Path, plan: dict[str, Any], spent:
         "sampling": sweep.sweep.sampling, "seed": sweep.sweep.seed, "numbers": list(sweep.design[0]), **told, **spent,
         "versions": plan["versions"],
     }  # fmt: skip
+    summary["card"] = "\n".join(f"{name:8} {text}" for name, text in facts(summary))
     summary["figures"] = []
     if sweep.results.figures and sweep.results.keep != "statistics":
         from coadjoint.sweeps.figures import save_figures

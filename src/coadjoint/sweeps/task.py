@@ -140,7 +140,7 @@ def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
     """Members run together; where some cannot be set up, those alone are left out, found by halves."""
     rows = {name: values[places] for name, values in task.rows.items()}
     try:
-        run = ensemble(sweep, rows, len(places), task.quick, task.save_every)
+        run = ensemble(sweep, rows, task.first + places, task.quick, task.save_every)
     except FileError:
         raise
     except CoadjointError as error:
@@ -159,9 +159,11 @@ def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
     return [_Piece(places, run, reduction)]
 
 
-def ensemble(sweep: Sweep, rows: Mapping[str, np.ndarray], count: int, quick: bool, save_every: int) -> Ensemble:
-    """Members with these numbers, ready to run; raises what a run of them would raise."""
-    file = sweep.run(rows, quick)
+def ensemble(
+    sweep: Sweep, rows: Mapping[str, np.ndarray], members: np.ndarray, quick: bool, save_every: int
+) -> Ensemble:
+    """Members, by which they are, with these numbers, ready to run; raises what a run of them would raise."""
+    file, count = sweep.run(rows, quick, members), len(members)
     made: Setup = file.set_up()
     made = _known(sweep, made) if quick and not sweep.slow else made
     start = made.start

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.mechanics.each import Each
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -48,9 +49,11 @@ def _varied(deviations: Mapping[str, Any], values: Any, members: int, random: np
 
 
 def seeds(file: MissionFile) -> Any:
-    """A seed for each member's random current; None for one member."""
+    """A seed for each member's random current; None for one member, unless [perturb] has one of each."""
     import coadjoint as co
 
+    if isinstance(own := file.perturb.get("seed"), Each):
+        return own
     count = file.run.members
     return co.each(_seed(file) * count + np.arange(count)) if count > 1 else None
 

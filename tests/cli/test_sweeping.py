@@ -1,0 +1,75 @@
+"""`coadjoint sweep`: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from coadjoint.cli.main import main
+
+distributed = pytest.importorskip("distributed", reason="sweeps need dask.distributed, the extra [cluster]")
+
+RUN = """
+[system]
+model = "simo_wong_top"
+[run]
+dt = 0.001
+steps = 20
+"""
+SWEEP = """
+[sweep]
+run = "top.toml"
+[vary.parameters]
+mass = { values = [4.0, 5.0, 6.0] }
+[results]
+variables = ["xi"]
+"""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "top.toml").write_text(RUN)
+    (tmp_path / "masses.toml").write_text(SWEEP)
+    return "masses.toml"
+
+
+def test_a_sweep_prints_its_statistics_and_leaves_a_folder(file, tmp_path, capsys):
+    quiet = {"n_workers": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**quiet) as cluster:
+        assert main(["sweep", file, "--scheduler", cluster.scheduler_address]) == 0
+    shown = capsys.readouterr().out
+    assert "3 × heavy top" in shown and "final_xi[2]" in shown and "Results: masses/" in shown
+    assert {path.name for path in (tmp_path / "masses").iterdir()} >= {"members.zarr", "statistics.nc", "summary.json"}
+    assert main(["sweep", file, "--json"]) == 0  # it is there: nothing is run
+    assert json.loads(capsys.readouterr().out)["members"] == 3
+    assert main(["verify", "masses"]) == 0
+    assert main(["info", "masses"]) == 0
+    assert "3 × heavy top" in capsys.readouterr().out
+
+
+def test_a_check_runs_nothing(file, tmp_path, capsys):
+    assert main(["sweep", file, "--check"]) == 0
+    assert "a sweep of 3 members, 20 steps each" in capsys.readouterr().out
+    assert not (tmp_path / "masses").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["top.toml"], "is no sweep file"),
+        (["nothing.toml"], "There is no sweep file"),
+        (["masses.toml", "--workers", "0"], "must be at least 1"),
+        (["masses.toml", "--scheduler", "somewhere://x"], "tcp://HOST:8786"),
+    ],
+)
+def test_what_cannot_be_done_is_told_in_a_sentence(file, arguments, words, capsys):
+    assert main(["sweep", *arguments]) == 2
+    told = capsys.readouterr().err
+    assert words in told and len(told.strip().splitlines()) == 1
+
+
+def test_a_sweep_file_is_no_run_file(file, capsys):
+    assert main(["run", file]) == 2
+    assert "coadjoint sweep" in capsys.readouterr().err

@@ -1,0 +1,87 @@
+"""Sweeps of missions: numbers with units, parts of arrays, random currents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.runs.run_file import read
+from coadjoint.runs.running import simulate
+from coadjoint.sweeps.file import Sweep, of_tables, table_of
+from coadjoint.sweeps.task import ensemble
+
+MISSION = """
+[vehicle]
+name = "ellipsoid"
+[water]
+kind = "gauss_markov"
+deviation_m_s = [0.1, 0.1, 0.0]
+correlation_time_s = 20
+[controller]
+kind = "none"
+[initial]
+position_m = [0, 0, 5]
+speed_m_s = 1.0
+[run]
+dt = 0.1
+duration_s = 2
+"""
+
+
+def swept(folder: Path, vary: dict, **own) -> Sweep:
+    file = folder / "drift.toml"
+    file.write_text(MISSION)
+    table = {"sweep": {"run": "drift.toml", "sampling": "random", "members": 6, **own}, "vary": vary}
+    return of_tables(table, table_of(file, "mission file"), file, {})
+
+
+VARY = {
+    "parameters": {"mass_kg": {"from": 100.0, "to": 140.0}},
+    "initial": {"position_m": [0, 0, {"from": 4.0, "to": 9.0}], "heading_deg": {"from": 0.0, "to": 90.0}},
+}
+
+
+def run(sweep: Sweep, members: slice, quick: bool = True) -> co.State:
+    numbers = np.arange(sweep.members)[members]
+    made = ensemble(sweep, sweep.rows(members), numbers, quick, 10)
+    from coadjoint.simulation.carry_on import carry_on
+
+    return carry_on(made, False, 0.0).final
+
+
+def test_a_member_swims_the_mission_with_its_numbers(tmp_path, monkeypatch):
+    monkeypatch.setattr("test_swept_missions.MISSION", MISSION.replace('"gauss_markov"', '"uniform"').replace(
+        "deviation_m_s = [0.1, 0.1, 0.0]\ncorrelation_time_s = 20", "velocity_m_s = [0.1, 0.0, 0.0]"))  # fmt: skip
+    sweep = swept(tmp_path, VARY)
+    found, rows = run(sweep, slice(0, 6)), sweep.rows(slice(0, 6))
+    mass, depth, heading = (float(values[4]) for values in rows.values())
+    changes = [f"parameters.mass_kg={mass}", f"initial.position_m=[0,0,{depth}]", f"initial.heading_deg={heading}"]
+    file = read(tmp_path / "drift.toml", changes)
+    alone = simulate(file, file.set_up(), False).final
+    np.testing.assert_allclose(found.q[4], alone.q, rtol=1e-10)
+    np.testing.assert_allclose(found.g[4], alone.g, rtol=1e-9, atol=1e-12)
+
+
+def test_random_currents_belong_to_members_and_not_to_tasks(tmp_path):
+    sweep = swept(tmp_path, VARY)
+    whole, part = run(sweep, slice(0, 6)), run(sweep, slice(3, 6))
+    assert np.array_equal(whole.q[3:], part.q)
+    other = run(swept(tmp_path, VARY, seed=1), slice(3, 6))
+    assert not np.allclose(other.internal.water.z, part.internal.water.z)
+    assert len({*whole.internal.water.z[:, 0].tolist()}) == 6
+
+
+def test_members_set_up_alone_are_those_set_up_together(tmp_path):
+    sweep = swept(tmp_path, VARY)
+    whole, alone = run(sweep, slice(0, 3)), run(sweep, slice(2, 3), quick=False)
+    np.testing.assert_allclose(alone.q[0], whole.q[2], rtol=1e-12)
+
+
+def test_a_mission_with_members_of_its_own_is_refused(tmp_path):
+    file = tmp_path / "fleet.toml"
+    file.write_text(MISSION.replace("dt = 0.1", "dt = 0.1\nmembers = 3") + '[perturb]\nmass = "2 %"\n')
+    with pytest.raises(co.ArgumentError, match="must be of one member"):
+        of_tables({"vary": VARY}, table_of(file, "mission file"), file, {})
