@@ -114,7 +114,7 @@ def _require_run(table: dict[str, Any], source: Path) -> None:
         )
     if "sweep" in table:
         raise ArgumentError(
-            f"{source} is a sweep, not a run: `coadjoint sweep FILE`, with the sweep file that it was written from, begins "
+            f"{source} is a sweep, not a run: `coadjoint sweep FILE`, with the file that it was written from, begins "
             "it, or goes on with it."
         )
     if "body" in table:
