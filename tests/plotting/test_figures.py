@@ -10,9 +10,11 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray
+from PIL import Image
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.plotting.plots import Plots, available, figure_names, save_figures
+from coadjoint.plotting.style import save
 from made_runs import dataset
 
 
@@ -201,6 +203,21 @@ def test_figures_are_written_whole(tmp_path, ending):
     assert sorted(names) == sorted(f"{name}.{ending}" for name in figure_names(films=False))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert all(path.stat().st_size > 3000 for path in tmp_path.iterdir())
+
+
+def test_a_figure_is_drawn_once_when_it_is_written_and_keeps_its_layout(tmp_path, monkeypatch):
+    """matplotlib draws a figure with a layout twice, the first time for the layout alone: the picture is the same."""
+    figure = Plots(dataset()).energy()
+    engine, drawn = figure.get_layout_engine(), []
+    draw = type(figure).draw
+    monkeypatch.setattr(type(figure), "draw", lambda self, renderer: drawn.append(1) or draw(self, renderer))
+    figure.savefig(tmp_path / "twice.png")
+    assert len(drawn) == 2
+    save(figure, tmp_path / "once.png")
+    assert len(drawn) == 3
+    assert figure.get_layout_engine() is engine
+    with Image.open(tmp_path / "once.png") as once, Image.open(tmp_path / "twice.png") as twice:
+        assert once.tobytes() == twice.tobytes()
 
 
 def test_a_figure_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):

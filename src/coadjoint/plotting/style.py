@@ -131,6 +131,21 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int | None = None) -
         raise ArgumentError(
             f"A figure's file must end in {', '.join('.' + name for name in sorted(known))}, but is {target.name}."
         )
-    with whole_file(target) as temporary, style():
+    with whole_file(target) as temporary, style(), laid_out(figure, ending == "png" and dpi in (None, figure.dpi)):
         figure.savefig(temporary, format=ending, dpi=dpi or "figure")
     return target
+
+
+@contextmanager
+def laid_out(figure: Figure, once: bool) -> Iterator[None]:
+    """The layout, computed `once` for what is written inside; matplotlib draws everything a second time for it."""
+    engine = figure.get_layout_engine()
+    if engine is None or not once:
+        yield
+        return
+    engine.execute(figure)
+    figure.set_layout_engine(None)  # as the settings of `style` have it: none
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
