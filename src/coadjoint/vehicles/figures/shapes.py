@@ -35,8 +35,11 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _hull(vehicle: Vehicle) -> tuple[float, dict[str, Any]]:
-    """The length, m, and the shape of the hull: a torpedo with a diameter, else an ellipsoid of its inertia."""
+    """The length, m, and the shape of the hull: a box, a torpedo with a diameter, else an ellipsoid of its inertia."""
     middle = _list(vehicle.center_of_buoyancy)
+    sides = (vehicle.length, vehicle.width, vehicle.height)
+    if vehicle.diameter is None and None not in sides:
+        return float(max(sides)), {"kind": "box", "size": _list(sides), "at": middle}
     sizes: tuple[Any, Any] = (vehicle.length, vehicle.diameter)
     for part in vehicle.parts:
         if isinstance(part, Hull):

@@ -21,6 +21,7 @@ from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 VOLUMES = ("volume", "buoyancy", "neutral")
+SIZES = ("length", "diameter", "width", "height")
 SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "controller")
 
 
@@ -108,7 +109,7 @@ def _body(body: Section, axes: border.Axes) -> dict[str, Any]:
     for key in ("center_of_mass", "center_of_buoyancy"):
         centers[key] = border.body_vector(body.vector(key, u.LENGTH), axes)
     inertia = _inertia(body, axes, mass, centers["center_of_mass"])
-    sizes = {key: body.positive(key, u.LENGTH) if key in body else None for key in ("length", "diameter")}
+    sizes = {key: body.positive(key, u.LENGTH) if key in body else None for key in SIZES}
     return {
         "mass": mass,
         "inertia": inertia,

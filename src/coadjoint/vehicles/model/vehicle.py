@@ -42,7 +42,8 @@ class Vehicle:
     mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
     about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
     from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
-    diameter: m. parts: their names are different. controller: the one that it is shipped with.
+    diameter, or width and height of a hull that is not round: m. parts: their names are different. controller: the one
+    that it is shipped with.
     provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for what cannot be.
     """
 
@@ -59,6 +60,8 @@ class Vehicle:
     fluid_density: Any = measured(u.DENSITY, positive, default=1026.0)
     length: Any = measured(u.LENGTH, positive, default=None)
     diameter: Any = measured(u.LENGTH, positive, default=None)
+    width: Any = measured(u.LENGTH, positive, default=None)
+    height: Any = measured(u.LENGTH, positive, default=None)
     parts: tuple[Part, ...] = ()
     controller: Controller | None = None
     provenance: Mapping[str, Quantity] = field(default_factory=dict)
