@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from coadjoint.control.functions import casadi_function as casadi_function
     from coadjoint.control.inputs_between import Profile as Profile
     from coadjoint.control.measured import Measured as Measured
+    from coadjoint.control.moving_horizon import Estimator as Estimator
+    from coadjoint.control.moving_horizon import StateEstimate as StateEstimate
     from coadjoint.control.optimum import Optimum as Optimum
     from coadjoint.control.phased_optimum import PhasedOptimum as PhasedOptimum
     from coadjoint.control.phases import Phases as Phases

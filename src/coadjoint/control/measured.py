@@ -17,7 +17,8 @@ class Measured:
     """y_k = function(motion [, p]) + noise at nodes, which adds ½ Σ_k |(function − y_k)/σ|² to the cost.
 
     function: of the `co.NodeMotion` at a node, a number or an array, written with `jax.numpy`.
-    values: (K, …) of the function's shape; NaN where nothing was measured.
+    values: (K, …) of the function's shape; NaN where nothing was measured; None for an estimator, which is given them
+        one after the other.
     deviation: σ, a number or an array of the function's shape, in its units.
     times: (K,) s, each at a node; by default all N + 1 nodes.
 
@@ -32,15 +33,21 @@ class Measured:
     def __post_init__(self):
         if not callable(self.function):
             raise ArgumentError(f"co.control.Measured takes a function of the motion, but got {shown(self.function)}.")
-        for name in ("values", "deviation", *(() if self.times is None else ("times",))):
+        names = [name for name in ("values", "times") if getattr(self, name) is not None]
+        for name in (*names, "deviation"):
             object.__setattr__(self, name, number(getattr(self, name), name, nan=name == "values"))
-        if self.values.ndim == 0 or np.any(np.isinf(self.values)) or not np.any(np.isfinite(self.values)):
+        if self.values is not None and not self._finite():
             raise ArgumentError("Argument `values` of co.control.Measured must be (K, …) finite numbers, NaN for gaps.")
         if not np.all((self.deviation > 0) & np.isfinite(self.deviation)):
             raise ArgumentError("Argument `deviation` of co.control.Measured must be positive: a standard deviation.")
 
+    def _finite(self) -> bool:
+        return self.values.ndim > 0 and not np.any(np.isinf(self.values)) and bool(np.any(np.isfinite(self.values)))
+
     def nodes(self, name: str, begin: float, h: float, steps: int) -> np.ndarray:
         """The nodes at which it was measured, (K,); raises ArgumentError for times beside the nodes."""
+        if self.values is None:
+            return np.zeros(0, int)
         if self.times is None:
             if len(self.values) != steps + 1:
                 raise ArgumentError(
@@ -70,16 +77,16 @@ class Measured:
 
     def weights(self, shape: tuple[int, ...], name: str) -> tuple[np.ndarray, np.ndarray]:
         """Values and 1/σ, (m, K) each, 0 where nothing was measured, of a function with values of this shape."""
-        if self.values.shape[1:] != shape:
+        if self.values is not None and self.values.shape[1:] != shape:
             raise ArgumentError(
                 f"`{name}` has values of the shape {self.values.shape[1:]}, but its function returns {shape}."
             )
-        known = np.isfinite(self.values)
         if self.deviation.shape not in ((), shape):
             raise ArgumentError(
                 f"`{name}` has a deviation of the shape {self.deviation.shape}, but its function returns {shape}: give "
                 "one number, or one for each."
             )
+        values = np.zeros((0, *shape)) if self.values is None else self.values
+        known, size = np.isfinite(values), (len(values), int(np.prod(shape)))
         weight = known / np.broadcast_to(self.deviation, shape)
-        count = len(self.values)
-        return np.where(known, self.values, 0.0).reshape(count, -1).T, weight.reshape(count, -1).T
+        return np.where(known, values, 0.0).reshape(size).T, weight.reshape(size).T

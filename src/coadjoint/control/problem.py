@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from coadjoint.control.controllable import steps_of
+from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
 from coadjoint.control.solve import solve
 from coadjoint.control.statement import Statement
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
+from coadjoint.simulation.arguments import whole
 from coadjoint.simulation.run import Run
 
 
@@ -80,6 +83,29 @@ class Problem(Statement):
         LagrangianError for what cannot be stated.
         """
         return solve(self, guess, solver, tolerance, max_iterations, verbose, options)
+
+    def estimator(self, horizon: float | None = None, *, known: Sequence[str] = (), iterations: int = 1) -> Estimator:
+        """Estimation on a moving horizon: `estimator(measured)` at every node tells the state there.
+
+            estimator = problem.estimator(horizon=2.0, known=("thrust",))
+            estimate = estimator({"depth": 1.3}, inputs={"thrust": 4.0})
+
+        Arguments:
+            horizon: how far it looks back, s; by default the duration of the problem.
+            known: names of inputs that are given at every step, by default none; the others are disturbances, which
+                `cost` weighs.
+            iterations: steps of Gauss and Newton in each call, by default 1.
+
+        What is known of the start is `free_start`; of `measured` only the functions and their deviations count, and
+        the values may be None. Raises ArgumentError and LagrangianError for what cannot be estimated.
+        """
+        steps = self.count if horizon is None else steps_of(horizon, self.dt, "horizon", 1)
+        names = (known,) if isinstance(known, str) else known
+        if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+            raise ArgumentError(f'Argument `known` must be names of inputs, such as ("thrust",), not {shown(known)}.')
+        measured = {name: replace(one, values=None, times=None) for name, one in self.measured.items()}
+        problem = replace(self, duration=None, steps=steps, measured=measured)
+        return Estimator(problem, steps, tuple(names), whole(iterations, "iterations"))
 
     def controller(
         self,

@@ -11,6 +11,7 @@ from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.transcription import Rows, Split, Transcription
+from coadjoint.errors import ArgumentError
 
 
 class Block(NamedTuple):
@@ -97,6 +98,10 @@ def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any
     """½ Σ |(h(x_k) − y_k)/σ|² of all that was measured, and ½ |η/σ|² of the start."""
     ca, found = casadi(), 0.0
     for name, (nodes, values, weights) in transcription.data.items():
+        if not len(nodes):
+            raise ArgumentError(
+                f"`{name}` has no values: give co.control.Measured what was measured, or use an estimator."
+            )
         at, count = nodes.tolist(), len(nodes)
         function = transcription.functions.measured[name].map(count)
         seen = function(x[:, at], u[:, at], ca.repmat(p, 1, count), ca.repmat(h, 1, count))

@@ -131,6 +131,17 @@ class StepGraph:
         lead = np.shape(states.t)
         return np.concatenate([np.asarray(leaf, float).reshape(*lead, -1) for leaf in self.leaves(states)], axis=-1)
 
+    def filled(self, state: State, numbers: np.ndarray) -> State:
+        """The state with these numbers in place of those that are symbols."""
+        leaves, structure = jax.tree_util.tree_flatten(self._symbolic(state))
+        found, begin = [], 0
+        for leaf in leaves:
+            size = int(np.size(leaf))
+            found.append(np.reshape(numbers[begin : begin + size], np.shape(leaf)))
+            begin += size
+        parts = [part for part in VARIED if part != "inputs"]
+        return state.replace(**dict(zip(parts, jax.tree_util.tree_unflatten(structure, found), strict=True)))
+
     def leaves(self, state: State) -> list[Any]:
         """The arrays of a state of which the numbers are symbols."""
         return jax.tree_util.tree_leaves(self._symbolic(state))

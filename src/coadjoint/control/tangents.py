@@ -58,6 +58,17 @@ class Tangents:
         across = S.transpose(0, 2, 1)
         return np.linalg.solve(across @ S, across)
 
+    def matrices(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """T (N + 1, nx, width) of the nodes of a plan, and its pseudo-inverse (N + 1, width, nx)."""
+        count, rest = len(x), np.arange(self.width)[self.dim :]
+        T, inverse = np.zeros((count, self.nx, self.width)), np.zeros((count, self.width, self.nx))
+        T[:, self._rest, rest], inverse[:, rest, self._rest] = 1.0, 1.0
+        if self.dim:
+            inverse[:, : self.dim, self.moved] = self.inverses(x, u, p, h)
+            S = self._slopes(x, np.concatenate([u, u[-1:]]), p, h)[0]
+            T[:, self.moved, : self.dim] = S.reshape(count, -1, self.dim)
+        return T, inverse
+
     def columns(self, scale: np.ndarray) -> Any:
         """∂(x, u)/∂w of w = (y, u/scale), (nx + nu, width + nu), as a function of CasADi of (x, u, p, h)."""
         ca, width, sizes = casadi(), self.width, (self.nx, self.nu, self._np, 1)

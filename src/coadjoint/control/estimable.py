@@ -1,0 +1,55 @@
+"""Which problems an estimator can take, and how its start may change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.control import starts
+from coadjoint.control.library import casadi
+from coadjoint.control.statement import Input, Statement
+from coadjoint.control.transcription import Transcription
+from coadjoint.errors import ArgumentError, shown
+
+
+def require_estimable(problem: Statement, known: Any) -> None:
+    """Raise ArgumentError where a problem is none of an estimator."""
+    if not problem.measured:
+        raise ArgumentError("An estimator needs something that is measured: give the problem `measured`.")
+    if problem.free_duration is not None:
+        raise ArgumentError("An estimator looks back over a fixed time: leave out `free_duration`.")
+    if problem.parameters:
+        raise ArgumentError("An estimator estimates states and inputs alone: leave out `parameters`.")
+    if problem.end is not None or problem.final_cost is not None:
+        raise ArgumentError("An estimator has no end to reach: leave out `end` and `final_cost`.")
+    if not problem.system.additional.flat:
+        raise ArgumentError("An estimator needs a flat space of q, but this system's q lies on a manifold.")
+    chosen = {name: one for name, one in problem.inputs.items() if hasattr(one, "guess")}
+    for name, one in chosen.items():
+        if not isinstance(one, Input) or one.course != "held":
+            raise ArgumentError(f"An estimator takes inputs that are held over each step, but `{name}` is none.")
+        if np.any(np.isfinite(one.rate)):
+            raise ArgumentError(f"An estimator bounds no rates: leave out `rate` of input `{name}`.")
+    for name in known:
+        if name not in chosen:
+            raise ArgumentError(f"Argument `known` names {shown(name)}, which is no co.control.Input of the problem.")
+    if set(chosen) - set(known) and problem.cost is None:
+        raise ArgumentError(
+            "An estimator needs a `cost` of the inputs that it estimates, such as 0.5 * w @ w / σ**2: without one any "
+            "motion is as likely."
+        )
+
+
+def prior_directions(transcription: Transcription, x: np.ndarray, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K, 1/σ²): how the directions of the first node change with η of the start, by columns, to first order."""
+    sizes = transcription.sizes
+    if not transcription.eta:
+        return np.zeros((len(inverse), 0)), np.zeros(0)
+    ca, function = casadi(), transcription.functions.start
+    slopes = function.factory("slopes", function.name_in(), ["jac:start:x", "jac:start:p"])
+    p = np.zeros(sizes[3])
+    of_x, of_p = (m.full() for m in slopes(x, np.zeros(sizes[1]), p, ca.DM(transcription.problem.dt)))
+    of_eta = of_p[:, -len(transcription.eta) :]
+    changes = np.linalg.lstsq(of_x, -of_eta, rcond=None)[0]
+    return inverse @ changes, 1.0 / starts.deviations(transcription.problem) ** 2

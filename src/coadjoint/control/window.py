@@ -1,0 +1,179 @@
+"""The steps of a horizon of measurements, their costs and what was seen, expanded about a motion.
+
+By directions y of the nodes and changes δu of the inputs, y_{k+1} = A_k y_k + B_k δu_k + c_k; the Hessians are those of
+the costs alone, and of the misfits JᵀJ (Gauss–Newton).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coadjoint.control.arrival import Arrival, Quadratic, least_to
+from coadjoint.control.library import casadi
+from coadjoint.control.linearised import LinearSteps, Steps, Tables, with_hessian, with_jacobian
+from coadjoint.control.tangents import Tangents
+from coadjoint.control.transcription import Transcription
+from coadjoint.errors import OptimumError
+
+
+class HorizonMotion(NamedTuple):
+    """Nodes x (n + 1, nx), inputs u (n, nu) and unknowns z (n, nz) of n steps; n may be 0."""
+
+    x: np.ndarray
+    u: np.ndarray
+    z: np.ndarray
+
+    @property
+    def steps(self) -> int:
+        """n."""
+        return len(self.u)
+
+
+class Seen(NamedTuple):
+    """What was measured at a node: name → values and 1/σ, (size,), 0 where nothing was."""
+
+    values: dict[str, np.ndarray]
+    weights: dict[str, np.ndarray]
+
+
+class Expanded(NamedTuple):
+    """A horizon about a motion: its steps, the directions T (n + 1, nx, width) and their inverses, the costs of both
+    ends of each step and of what was seen at each node, H and g by (y, δu)."""
+
+    steps: Steps
+    A: np.ndarray
+    B: np.ndarray
+    c: np.ndarray
+    T: np.ndarray
+    inverse: np.ndarray
+    begins: list[Quadratic]
+    ends: list[Quadratic]
+    seen: list[Quadratic]
+
+
+def require_finite(cost: Quadratic) -> None:
+    """Raise OptimumError unless a cost is finite."""
+    if not (np.all(np.isfinite(cost.H)) and np.all(np.isfinite(cost.g))):
+        raise OptimumError(
+            "A function of the problem, or a derivative, is not finite about the estimate: `reset` forgets it."
+        )
+
+
+class Window:
+    """A transcription's functions for up to `most` steps. free: which inputs are not known."""
+
+    def __init__(self, transcription: Transcription, most: int, free: np.ndarray):
+        functions, problem = transcription.functions, transcription.problem
+        self.transcription, self.most, self.free, self.h = transcription, most, free, problem.dt
+        self.nx, self.nu, self.nz, count = transcription.sizes
+        self.p = np.zeros(count)
+        self.tangents = Tangents(transcription)
+        one = casadi().SX.eye(self.nx + self.nu)
+        self._linear = LinearSteps(transcription, most, lambda *_: one)
+        self._cost = Tables(with_hessian(functions.cost, "cost", None), 2 * most)
+        self._seen = {name: Tables(with_jacobian(f, "seen", None), most + 1) for name, f in functions.measured.items()}
+
+    def padded(self, motion: HorizonMotion) -> HorizonMotion:
+        """With the last rows again, up to the most steps."""
+        more = self.most - motion.steps
+        u = motion.u if motion.steps else np.zeros((1, self.nu))
+        z = motion.z if motion.steps else np.zeros((1, self.nz))
+        rows = [np.concatenate([rows, rows[-1:].repeat(n, 0)]) for rows, n in
+                ((motion.x, more), (u, self.most - len(u)), (z, self.most - len(z)))]  # fmt: skip
+        return HorizonMotion(*rows)
+
+    def expanded(self, motion: HorizonMotion, seen: list[Seen]) -> Expanded:
+        """The horizon about a motion, and what was seen at its nodes."""
+        n, p, h = motion.steps, self.p, self.h
+        x, u, z = self.padded(motion)
+        steps = Steps(*(array[:n] for array in self._linear(x[:-1], u, z, p, h)))
+        T, inverse = self.directions(x, u)
+        A = inverse[1 : n + 1] @ steps.M[:, :, : self.nx] @ T[:n]
+        B = inverse[1 : n + 1] @ steps.M[:, :, self.nx :]
+        c = (inverse[1 : n + 1] @ (steps.c - x[1 : n + 1])[:, :, None])[:, :, 0]
+        _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, u]), p, h)
+        m = self.nx + self.nu
+        H, g = 0.5 * h * hessian.reshape(-1, m, m), 0.5 * h * gradient
+        begins = [self._by_directions(T[k], H[k], g[k]) for k in range(n)]
+        ends = [self._by_directions(T[k + 1], H[self.most + k], g[self.most + k]) for k in range(n)]
+        return Expanded(steps, A, B, c, T[: n + 1], inverse[: n + 1], begins, ends, self._misfits(x, u, T, seen))
+
+    def directions(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """T and its inverse at nodes x of inputs u, padded."""
+        return self.tangents.matrices(x, u, np.zeros(0), self.h)
+
+    def moved(self, motion: HorizonMotion, y: np.ndarray) -> np.ndarray:
+        """The nodes that changes y (n + 1, width) lead to, on the group."""
+        whole, changes = self.padded(motion), np.zeros((self.most + 1, y.shape[1]))
+        changes[: len(y)] = y
+        return self.tangents.moved_by(whole.x, changes, whole.u, np.zeros(0), self.h)[: len(y)].copy()
+
+    def _by_directions(self, T: np.ndarray, H: np.ndarray, g: np.ndarray) -> Quadratic:
+        """A cost of (x, u) by (y, δu), whose negative curvature is left out."""
+        whole = np.zeros((self.nx + self.nu, T.shape[1] + self.nu))
+        whole[: self.nx, : T.shape[1]], whole[self.nx :, T.shape[1] :] = T, np.eye(self.nu)
+        H = whole.T @ H @ whole
+        if not np.all(np.isfinite(H)):
+            return Quadratic(H, whole.T @ g)
+        values, vectors = np.linalg.eigh(H)
+        if len(values) and values[0] < 0:
+            H = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        return Quadratic(H, whole.T @ g)
+
+    def _misfits(self, x: np.ndarray, u: np.ndarray, T: np.ndarray, seen: list[Seen]) -> list[Quadratic]:
+        width, m = T.shape[2], self.nx + self.nu
+        found = [Quadratic(np.zeros((width + self.nu,) * 2), np.zeros(width + self.nu)) for _ in seen]
+        at = u[np.clip(np.arange(self.most + 1), 0, max(len(seen) - 2, 0))]
+        for name, table in self._seen.items():
+            values, jacobian = table(x, at, self.p, self.h)
+            jacobian = jacobian.reshape(self.most + 1, values.shape[1], m)
+            for k, one in enumerate(seen):
+                if name not in one.values:
+                    continue
+                J = np.concatenate([jacobian[k, :, : self.nx] @ T[k], jacobian[k, :, self.nx :]], axis=1)
+                J = J * one.weights[name][:, None]
+                r = (values[k] - one.values[name]) * one.weights[name]
+                found[k] = found[k].plus(J, r, np.eye(len(r)), np.zeros(len(r)))
+        return found
+
+    def begun(self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """y_0 = a + G v at the first node, with v = (θ, δu_0, …) of some steps, of the inputs that are not known."""
+        E = arrival.inverse @ e.T[0]
+        gap = arrival.offset - arrival.inverse @ (motion.x[0] - arrival.node)
+        G = np.zeros((E.shape[0], arrival.K.shape[1] + steps * len(self.free)))
+        G[:, : arrival.K.shape[1]] = np.linalg.solve(E, arrival.K)
+        return np.linalg.solve(E, gap), G
+
+    def joined(
+        self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int, last: bool
+    ) -> tuple[Quadratic, list]:
+        """The cost of v over some steps, and each node's (a, G); last: with what was seen at the last node."""
+        a, G = self.begun(e, motion, arrival, steps)
+        m, nf, nv = arrival.K.shape[1], len(self.free), G.shape[1]
+        cost = Quadratic(np.zeros((nv, nv)), np.zeros(nv))
+        cost = cost.plus(np.eye(m, nv), np.zeros(m), arrival.cost.H, arrival.cost.g)
+        nodes, U = [(a, G)], np.zeros((self.nu, nv))
+        still = np.zeros(self.nu)
+        for k in range(steps):
+            U = np.zeros((self.nu, nv))
+            U[self.free, m + k * nf + np.arange(nf)] = 1.0
+            for part in (e.begins[k], e.seen[k]):
+                cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *part)
+            a, G = e.A[k] @ a + e.c[k], e.A[k] @ G + e.B[k] @ U
+            cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *e.ends[k])
+            nodes.append((a, G))
+        if last:
+            cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *e.seen[steps])
+        return cost, nodes
+
+    def passed_on(self, motion: HorizonMotion, seen: list[Seen], arrival: Arrival) -> Arrival:
+        """The arrival cost of the second node, with what the first one, its step and what was seen there tell."""
+        motion, seen = HorizonMotion(motion.x[:2], motion.u[:1], motion.z[:1]), seen[:2]
+        e = self.expanded(motion, seen)
+        cost, nodes = self.joined(e, motion, arrival, 1, False)
+        require_finite(cost)
+        a, G = nodes[1]
+        K, left = least_to(cost, G)
+        return Arrival(motion.x[1].copy(), e.inverse[1].copy(), a, K, left)
