@@ -168,3 +168,13 @@ def test_a_top_swings_up_and_keeps_the_momentum_about_the_vertical(run_example):
     assert np.ptp(vertical) < 1e-12 and vertical[0] == pytest.approx(-0.32)
     assert np.asarray(run.mu[-1, 1:]) == pytest.approx([0.0, 0.0], abs=1e-6)
     assert Path("top_swung_up.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(20)
+def test_a_remotely_operated_vehicle_finds_the_tide_and_holds_its_station(run_example):
+    found = run_example("rov_in_tide", 24)
+    assert found["settled"].max() < 0.025 < 0.3 < np.linalg.norm(found["off"][0])  # m
+    assert np.max(np.abs(found["known"][-20:, :2] - found["truth"][-20:, :2])) < 0.08  # of 0.3 m/s
+    assert set(found["steering"].record.statuses) == {"solved"}
+    assert np.min(found["thrusts"]) >= found["low"] and np.max(found["thrusts"]) <= found["high"]
+    assert Path("rov_in_tide.png").stat().st_size > 10_000
