@@ -19,7 +19,7 @@ MEASURED = {
     "audit_energy", "audit_orders",
     "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed", "benchmarks_work_precision", "comparison_energy",
     "identification", "learned_station", "long_runs", "remus_crossing", "remus_fleet",
-    "remus_path",
+    "remus_path", "best_sawtooth",
 }  # fmt: skip
 """Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
 
