@@ -16,10 +16,8 @@ sys.path.insert(0, str(ROOT / "docs" / "figures"))
 import drawn  # noqa: E402
 
 MEASURED = {
-    "audit_energy", "audit_orders",
-    "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed", "benchmarks_work_precision", "comparison_energy",
-    "identification", "learned_station", "long_runs", "remus_crossing", "remus_fleet",
-    "remus_path", "best_sawtooth",
+    "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed",
+    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "identification", "long_runs",
 }  # fmt: skip
 """Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
 
@@ -38,7 +36,8 @@ def test_a_figure_drawn_anew_shows_the_data_of_the_one_on_the_page(script: str, 
 def test_every_figure_of_the_pages_is_compared_or_known_to_be_measured() -> None:
     there = {path.stem for path in (ROOT / "docs" / "figures").glob("*.png")}
     compared = {name for names in drawn.SCRIPTS.values() for name in names}
-    assert there == compared | MEASURED and not compared & MEASURED
+    examples = {path.stem for path in (ROOT / "examples").glob("*.py")}  # those too long to draw twice are tested there
+    assert compared | MEASURED <= there <= compared | MEASURED | examples and not compared & MEASURED
     for name in compared:
         assert drawn.read(ROOT / "docs" / "figures" / f"{name}.png"), f"{name}.png holds no data."
     pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
