@@ -93,9 +93,10 @@ function solid() {
   const least = Math.min(...members.map(m => Math.max(...m.bodies.map(b => b.size)))), near = spacing(12 * least), beneath = new T.Group();
   beneath.add(squares([-10 * near, -10 * near], [10 * near, 10 * near], near, 0, "--grid")); tall.add(beneath);
   const under = given.bottom !== null ? given.bottom : given.down ? extent.high[2] + least : extent.low[2] - least;
+  const balls = [];
   if (given.wayPoints.length) {
     tall.add(fat(given.wayPoints.length > 1 ? given.wayPoints.flat() : [...given.wayPoints[0], ...given.wayPoints[0]], stroke("--faint", { dashed: true, dashSize: cell / 12, gapSize: cell / 12 })));
-    given.wayPoints.forEach(p => { const ball = new T.Mesh(new T.SphereGeometry(cell / 40, 12, 8), lambert("--faint")); ball.position.set(...p); tall.add(ball); });
+    given.wayPoints.forEach(p => { const ball = new T.Mesh(new T.SphereGeometry(1, 12, 8), lambert("--faint")); ball.position.set(...p); tall.add(ball); balls.push(ball); });
   }
 
   // Bodies.
@@ -179,6 +180,7 @@ function solid() {
     eye.setViewOffset(w, h, -taken, 0, w, h);
     eye.near = away / 200; eye.far = away * 4 + 6 * stretch * extent.size; eye.updateProjectionMatrix();
     enlarged = given.enlarge ? Math.max(1, 0.08 * away / least) : 1;
+    balls.forEach(ball => { const r = Math.max(0.08 * least, away / 150); ball.scale.set(r, r, r / stretch); });
     tall.scale.set(1, 1, stretch);
     beneath.visible = Boolean(followed) && near < cell;
     beneath.position.set(Math.round(place[0] / near) * near, Math.round(place[1] / near) * near, under);
