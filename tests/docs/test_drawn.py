@@ -16,7 +16,9 @@ sys.path.insert(0, str(ROOT / "docs" / "figures"))
 import drawn  # noqa: E402
 
 MEASURED = {
-    "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed", "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "identification", "long_runs", "learned_station", "remus_crossing", "remus_fleet", "remus_path", "view_cat", "view_mission",
+    "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed",
+    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "identification", "long_runs",
+    "view_cat", "view_mission",
 }  # fmt: skip
 """Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
 
