@@ -127,6 +127,12 @@ def rewrite(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: 
     lines[:] = restructured("\n".join(lines), argument_names(thing)).splitlines()
 
 
+def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str, returns: Any) -> Any:
+    """Fields that are made anew have `<factory>` for a default, which is no Python."""
+    return (signature.replace("<factory>", "..."), returns) if signature else None
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", rewrite)
+    app.connect("autodoc-process-signature", readable)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -19,7 +19,7 @@ GROUP = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 INDEX = r"[−-]?(?:(?:[a-z]{1,8}|[A-Z]{1,8})\d*|\d+|[^\W\dA-Za-z_][\u0300-\u036f]*)|[½×⊤∗*]"
 SCRIPT = re.compile(rf"(?<=[^\s,;:(\[/=+])([_^])({GROUP}|{INDEX})")
 WORD = re.compile(r"[A-Za-z0-9_]+$")
-COLUMNS = re.compile(r"\S {3,}\S")
+GAP = re.compile(r"\S {3,}\S")
 Piece = tuple[str, str]
 
 
@@ -53,6 +53,11 @@ def is_formula(text: str, script: re.Match) -> bool:
     return single or after_sign or base.isdigit()
 
 
+def in_columns(text: str) -> bool:
+    """Whether lines of a block stand in columns, which lowered letters would move."""
+    return sum(GAP.search(line) is not None for line in text.splitlines()) > 1
+
+
 def made(text: str) -> list[nodes.Node]:
     """The nodes of a text, with lowered and raised ones."""
     kinds = {"_": nodes.subscript, "^": nodes.superscript}
@@ -76,7 +81,7 @@ class Formulas(SphinxTransform):
         for block in list(self.document.findall(nodes.literal_block)):
             if self.is_equation(block):
                 text = block.astext()
-                found = [nodes.Text(text)] if COLUMNS.search(text) else made(text)
+                found = [nodes.Text(text)] if in_columns(text) else made(text)
                 block.replace_self(nodes.literal_block(block.rawsource, "", *found, classes=["equation"]))
         for text in list(self.document.findall(nodes.Text)):
             if not self.is_verbatim(text) and SCRIPT.search(text):
@@ -98,7 +103,7 @@ class Formulas(SphinxTransform):
         node = text.parent
         while node is not None:
             if isinstance(node, nodes.literal_block) and "equation" in node["classes"]:
-                return text.parent is not node or bool(COLUMNS.search(node.astext()))
+                return text.parent is not node or in_columns(node.astext())
             if isinstance(node, nodes.literal | nodes.literal_block | nodes.FixedTextElement | nodes.subscript):
                 return True
             if isinstance(node, nodes.superscript | nodes.raw | nodes.comment | nodes.title_reference):

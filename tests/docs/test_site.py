@@ -109,3 +109,9 @@ def test_a_docstring_becomes_text_lists_programs_and_equations() -> None:
 )
 def test_what_stands_after_the_sign_of_an_index_is_lowered(text: str, found: str) -> None:
     assert "".join(f"<{piece}>" if sign else piece for sign, piece in formulas.pieces(text)) == found
+
+
+@needs_sphinx
+def test_lines_in_columns_stay_as_they_are() -> None:
+    assert formulas.in_columns("Dτ(ξ)      (P32)\ndτ_ξ       (P33)")
+    assert not formulas.in_columns("a_{k+1} = F⁻¹a_k,    F = τ(hξ)")
