@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ import matplotlib
 import matplotlib.pyplot
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
+
+import coadjoint as co
 
 matplotlib.use("Agg")
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -178,3 +182,31 @@ def test_a_remotely_operated_vehicle_finds_the_tide_and_holds_its_station(run_ex
     assert set(found["steering"].record.statuses) == {"solved"}
     assert np.min(found["thrusts"]) >= found["low"] and np.max(found["thrusts"]) <= found["high"]
     assert Path("rov_in_tide.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(20)
+def test_splines_go_through_the_attitudes_and_join_smoothly(run_example):
+    found = run_example("attitude_splines", 15)
+    for optimum in found["found"].values():
+        runs = [run.records for run in optimum.runs.values()]
+        for run, R in zip(runs, found["attitudes"][1:], strict=True):
+            assert np.asarray(run.g[-1]) == pytest.approx(R, abs=1e-7)
+        for before, after in pairwise(runs):
+            assert np.asarray(before.mu[-1]) == pytest.approx(np.asarray(after.mu[0]), abs=1e-10)
+    assert Path("attitude_splines.png").stat().st_size > 10_000
+
+
+@pytest.mark.budget(30)
+def test_about_one_axis_they_are_the_splines_of_numbers_to_second_order(run_example):
+    """Clamped splines of degree 3 and 7 through the angles; u is the second and the fourth derivative."""
+    found = run_example("attitude_splines", 6)
+    angles, fine = [0.0, 1.0, 0.4, 0.9], np.linspace(0.0, 3.0, 30001)
+    attitudes = [co.attitude.zyx(angle, 0.0, 0.0) for angle in angles]
+    rest = {"q": np.zeros(3), "qdot": np.zeros(3)}
+    for system, degree, given in (("cubic", 3, {}), ("seventh", 7, rest)):
+        clamped = [(k, 0.0) for k in range(1, degree // 2 + 1)]
+        known = make_interp_spline([0, 1, 2, 3], angles, k=degree, bc_type=(clamped, clamped))
+        least = np.trapezoid(0.5 * known(fine, nu=degree // 2 + 1) ** 2, fine)
+        costs = [sum(found["spline"](found[system], attitudes, n, **given).costs.values()) for n in (10, 20)]
+        errors = np.abs(np.array(costs) - least)
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2) and errors[1] < 0.02 * least
