@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.control import Bounds, End, Input, Problem
+from coadjoint.control import Bounds, End, Input, Problem, Profile
 
 SYSTEM = co.System(
     co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.0},
@@ -91,6 +91,40 @@ def test_wrong_inputs_and_bounds_are_told(make, told):
 def test_wrong_options_of_the_solver_are_told(options, told):
     with pytest.raises(co.ArgumentError, match=told):
         Problem(SYSTEM, START, **GOOD).solve(**options)
+
+
+def pushed(u=None, **more):
+    """A unit mass for 1 s, from rest, with |u| ≤ 1 N."""
+    unit = SYSTEM.replace(mass=1.0)
+    given = {"inputs": {"push": u or Input((1,), -1.0, 1.0)}, "cost": cost, "dt": 0.1, "steps": 10}
+    return Problem(unit, unit.state(g=[0.0]), **(given | more))
+
+
+RESISTS = {
+    "a place too far away": ({"end": End(g=[10.0], xi=[0.0])}, "`g` at the end", 9.75),
+    "a speed too high": ({"end": End(g=[0.5], xi=[3.0])}, "`xi` at the end", 2.0),
+    "too little time": ({"end": End(g=[1.0], xi=[0.0]), "free_duration": (0.5, 1.0)}, "`g` at the end", 0.75),
+    "too slow a change": ({"u": Input((1,), rate=0.1), "end": End(g=[1.0], xi=[0.0])}, "`g` at the end", 0.992),
+    "a wall at the start": ({"path": {"wall": Bounds(lambda motion, p: motion.g, 1.0)}}, "`wall` at node 0", 1.0),
+    "a wall before the end": (
+        {"path": {"wall": Bounds(lambda motion, p: motion.g, upper=0.3)}, "end": End(g=[0.4])},
+        "`g` at the end|`wall` at node 10", None,
+    ),
+    "an end that is a function": ({"end": lambda motion, p: motion.g - 4.5}, "the end", 4.0),
+    "a linear input": ({"u": Input((1,), -1, 1, course="linear"), "end": End(xi=[4.0])}, "`xi` at the end", 3.0),
+    "a profile": ({"u": Profile(lambda t, theta: theta, [0.0], -1, 1), "end": End(xi=[4.0])}, "`xi` at the end", 3.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RESISTS)
+def test_of_constraints_that_no_motion_satisfies_the_one_that_resists_is_named(name):
+    """By how much the motion that comes nearest leaves it, not by what the solver left in the equations of motion."""
+    changes, resists, amount = RESISTS[name]
+    with pytest.raises(co.OptimumError, match=f"most violated: .*({resists}).*, by ") as error:
+        pushed(**changes).solve()
+    assert "\n" not in str(error.value)
+    if amount is not None:
+        assert float(str(error.value).rsplit("by ", 1)[1].rstrip(".")) == pytest.approx(amount, rel=6e-3)
 
 
 def test_many_starts_are_refused():

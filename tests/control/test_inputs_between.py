@@ -163,7 +163,7 @@ def test_what_is_no_input_is_told_in_one_sentence(ask, words):
 
 def test_a_rate_or_a_place_that_cannot_be_reached_is_named():
     far = End(g=[1.0], xi=[0.0])
-    with pytest.raises(co.OptimumError, match="most violated: "):
+    with pytest.raises(co.OptimumError, match="most violated: `g` at the end"):
         given(Input((1,), rate=1.0, course="linear"), end=far).solve()
     with pytest.raises(co.OptimumError, match="most violated: "):
         given(Profile(lambda t, theta: theta, [0.1], upper=0.2), end=far).solve()

@@ -6,6 +6,9 @@ from typing import Any
 
 from coadjoint.errors import ArgumentError
 
+INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
+"""How IPOPT ends on Ctrl-C, which CasADi raises as an exception of its own."""
+
 
 def casadi() -> Any:
     """The module; raises ArgumentError where it is not installed."""

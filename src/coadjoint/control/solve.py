@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.control.guess import guessed
-from coadjoint.control.library import casadi
+from coadjoint.control.infeasible import resisting
+from coadjoint.control.library import INTERRUPTED, casadi
 from coadjoint.control.optimum import Optimum, flown
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
 from coadjoint.control.statement import Statement
@@ -33,8 +34,8 @@ REASONS = {
 }
 """What IPOPT's words mean."""
 
-INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
-"""How IPOPT ends on Ctrl-C, which CasADi raises as an exception of its own."""
+INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed", "Not_Enough_Degrees_Of_Freedom")
+"""Its words for constraints that resist."""
 
 ACCEPTABLE = "Solved_To_Acceptable_Level"
 """IPOPT's word for an answer that is not as good as it was asked for."""
@@ -111,7 +112,7 @@ def found_by(function: Any, program: NonlinearProgram, first: np.ndarray, settin
             raise Interrupted("Interrupted in the solver.") from None
         raise OptimumError(f"The solver stopped: {str(error).splitlines()[-1]}") from None
     seconds, stats, solver = time.perf_counter() - began, function.stats(), settings.solver
-    _require_optimum(program, found, stats, settings.tolerance)
+    _require_optimum(program, found, stats, settings.tolerance, first)
     numbers = {name: found[name].full().ravel() for name in ("x", "f", "g", "lam_g", "lam_x")}
     words = f"{solver}, to an acceptable level only" if stats.get("return_status") == ACCEPTABLE else solver
     return FoundOptimum(numbers, int(stats.get("iter_count", 0)), seconds, words)
@@ -132,14 +133,16 @@ def _options(solver: str, tolerance: float, iterations: int, verbose: bool) -> d
     return quiet | {"fatrop": own}
 
 
-def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, tolerance: float) -> None:
+def _require_optimum(program: NonlinearProgram, found: Any, stats: Any, tolerance: float, first: np.ndarray) -> None:
     if stats["success"]:
         return
     status = str(stats.get("return_status", "unknown"))
     if status in INTERRUPTED:
         raise Interrupted(f"Interrupted after {stats.get('iter_count', 0)} iterations of the solver.")
     reason = REASONS.get(status, f"the solver ended with “{status}”")
-    constraints = casadi().Function("g", [program.w], [program.g])
-    what, excess = program.worst(constraints(found["x"]).full().ravel())
+    what, excess = (resisting(program, first) if status in INFEASIBLE else None) or ("", 0.0)
+    if excess <= tolerance:
+        constraints = casadi().Function("g", [program.w], [program.g])
+        what, excess = program.worst(constraints(found["x"]).full().ravel())
     resists = f"; most violated: {what}, by {excess:.3g}" if excess > tolerance else ""
     raise OptimumError(f"No optimum was found after {stats.get('iter_count', 0)} iterations: {reason}{resists}.")
