@@ -21,7 +21,7 @@ pre { background: var(--shade); padding: .75rem; overflow-x: auto; font-size: .8
 th, td { text-align: left; vertical-align: top; padding: .2rem .75rem .2rem 0; border-bottom: 1px solid var(--line);
   overflow-wrap: anywhere; }
 td:first-child { min-width: 9rem; } td.note { color: var(--faint); }
-figure { margin: 1rem 0; background: #ffffff; color: #14222e; } figure svg { width: min(100%, 46rem); height: auto; }
+figure { margin: 1rem 0; background: #ffffff; color: #14222e; } figure svg { width: 100%; height: auto; }
 figcaption { padding: .25rem .5rem; } .warning { border-left: 4px solid #b35900; padding-left: .75rem; }
 @media print { body { max-width: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 """
@@ -94,7 +94,9 @@ def _certificate(held: Contents) -> Iterator[str]:
 
 
 def _figure(title: str, words: str, svg: str) -> str:
-    named = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(f"{title}: {words}")}"', 1)
+    points = float(svg.partition('width="')[2].partition("pt")[0] or 500.0)
+    told = f'role="img" aria-label="{escape(f"{title}: {words}")}" style="max-width:{1.9 * points:.0f}px"'
+    named = svg[svg.index("<svg") :].replace("<svg", f"<svg {told}", 1)
     return f"<figure>{named}<figcaption><b>{escape(title)}</b>: {escape(words)}</figcaption></figure>"
 
 
