@@ -204,3 +204,33 @@ def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.cluster.ANSWER", 0.5)
     with pytest.raises(co.FileError, match="does not answer"):
         execute(read_sweep(written(tmp_path)), tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
+
+
+def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path, address, monkeypatch):
+    def full(*given):
+        raise OSError(28, "No space left on device")
+
+    sweep = read_sweep(written(tmp_path))
+    with monkeypatch.context() as patched:
+        patched.setattr("coadjoint.sweeps.store._put", full)
+        with pytest.raises(co.FileError, match=r"No space left on device.*the same command again"):
+            execute(sweep, tmp_path / "out", address, progress=False)
+    found = execute(sweep, tmp_path / "out", address, progress=False)
+    assert bits(found.folder) == bits(swept.folder)
+
+
+def test_a_folder_that_workers_cannot_see_is_told(tmp_path):
+    from coadjoint.sweeps.task import swept as read_by_worker
+
+    with pytest.raises(co.FileError, match="all workers need the folder"):
+        read_by_worker(str(tmp_path / "nowhere"), "0")
+
+
+def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_path, address):
+    alone = execute(
+        read_sweep(written(tmp_path, SWEEP + 'keep = "statistics"\n')), tmp_path / "out", address, progress=False
+    )
+    assert not (alone.folder / MEMBERS).exists()
+    assert alone.statistics.equals(swept.statistics)
+    with pytest.raises(co.FileError, match="kept statistics alone"):
+        _ = alone.dataset
