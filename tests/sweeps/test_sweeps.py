@@ -234,3 +234,11 @@ def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_pa
     assert alone.statistics.equals(swept.statistics)
     with pytest.raises(co.FileError, match="kept statistics alone"):
         _ = alone.dataset
+
+
+def test_every_array_has_one_chunk_for_each_task(swept):
+    import zarr
+
+    group = zarr.open_group(swept.folder / MEMBERS, mode="r")
+    assert {array.chunks[0] for _, array in group.arrays()} == {3}
+    assert {array.chunks[1:] == array.shape[1:] for _, array in group.arrays()} == {True}

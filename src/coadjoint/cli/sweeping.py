@@ -46,7 +46,11 @@ class Sweep:
             told |= {"steps": found["steps"], "variables": found["chosen"], "together": found["quick"]}
             print(json_text.dumps(told)) if self.json else _check(self.file, folder, told)
             return 0
-        made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, False if self.json else None)
+        try:
+            made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, False if self.json else None)
+        except KeyboardInterrupt:
+            terminal.complain("What is done is kept: the same command again goes on with what is missing.")
+            raise
         print(json_text.dumps(made.summary, indent=2, ensure_ascii=False)) if self.json else show(made)
         return 0
 

@@ -26,6 +26,9 @@ ANSWER = 10.0
 LOOK = 0.02
 """Seconds between two looks at what has been computed."""
 
+NOISY = ("distributed", "tornado", "asyncio")
+"""What speaks of workers and schedulers that come and go."""
+
 _log = logger(__name__)
 
 Done = Callable[[int, Mapping[str, float]], None]
@@ -124,27 +127,63 @@ def _local(workers: int) -> Iterator[Any]:
     own = {"memory_limit": 0, "death_timeout": 60}
     scheduler = {"allowed_failures": LIVES}
     start: Any = SubprocessCluster
-    cluster = start(
-        n_workers=workers, threads_per_worker=1, dashboard_address=None, worker_kwargs=own, scheduler_kwargs=scheduler
-    )
+    size = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    with _deaf():
+        cluster = start(**size, worker_kwargs=own, scheduler_kwargs=scheduler)
     try:
         yield cluster
     finally:
+        _end([*cluster.workers.values()])
         with suppress(Exception):
-            cluster.close(timeout=5)
+            cluster.close(timeout=2)
+        cluster.shutdown_on_close = False  # at the end of Python, which would wait for what is gone
+        _end([cluster.scheduler])
+
+
+def _end(started: Sequence[Any]) -> None:
+    """End processes and their children at once: what tasks were at is not waited for."""
+    import psutil
+
+    for one in started:
+        with suppress(psutil.Error, AttributeError):
+            process = psutil.Process(one.process.pid)
+            for running in (*process.children(recursive=True), process):
+                with suppress(psutil.Error):
+                    running.kill()
 
 
 @contextmanager
 def suppress_noise() -> Iterator[None]:
-    """Without the log messages of distributed about workers and schedulers that come and go."""
+    """Without the log messages of dask and what it stands on about workers and schedulers that come and go."""
     import logging
 
-    noisy = logging.getLogger("distributed")
-    before, noisy.level = noisy.level, logging.CRITICAL
+    import distributed.deploy.subprocess  # noqa: F401, which names its loggers
+
+    named = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in NOISY]
+    before = {name: logging.getLogger(name).disabled for name in named}
+    for name in named:
+        logging.getLogger(name).disabled = True
     try:
         yield
     finally:
-        noisy.level = before
+        for name, disabled in before.items():
+            logging.getLogger(name).disabled = disabled
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that are started meanwhile hear no Ctrl-C, which is for this one to end them."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _run(client: Any, made: Callable[[int], Any], numbers: Sequence[int], done: Done) -> None:
