@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from coadjoint.sweeps.numbers import Number, design, shares
+from coadjoint.sweeps.reduction import Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
 
 
@@ -64,3 +67,21 @@ def test_shards_without_members_change_nothing():
     whole, empty = Sketch.of(values), Sketch.of(values[:0])
     assert merged([empty, whole, empty]).count == 10
     assert np.isnan(merged([empty]).table([0.5])).all()
+
+
+def test_angles_go_on_over_turns_and_failed_members_are_nan():
+    angles = np.array([[3.0, 0.1], [-3.1, np.nan], [-2.0, np.nan]])  # of two members at three nodes
+    nodes = iter(angles)
+
+    def observer(records):
+        return {"euler_angles": ((), next(nodes))}
+
+    here = SimpleNamespace(t=np.zeros(2))
+    kept = Reduction(observer, here, False, False)  # pyright: ignore[reportArgumentType]
+    for t in ([0.0, 0.0], [1.0, np.nan], [2.0, np.nan]):
+        kept.take(SimpleNamespace(t=np.array(t)))  # pyright: ignore[reportArgumentType]
+    found = kept.results(np.array([False, True]))
+    on = np.array([3.0, 2 * np.pi - 3.1, 2 * np.pi - 2.0])
+    assert found["final_euler_angles"][0] == pytest.approx(on[-1])
+    assert found["least_euler_angles"][0] == 3.0 and found["mean_euler_angles"][0] == pytest.approx(on.mean())
+    assert all(np.isnan(values[1]) for values in found.values())
