@@ -120,7 +120,7 @@ def invariance():
 
 @row(
     "(P3)–(P5)",
-    "basic Euler–Poincaré equation μ̇ = ad\\*_ξμ; ad and its dual",
+    "basic Euler–Poincaré equation μ̇ = ad\\*\\_ξμ; ad and its dual",
     (FIELD, "groups.group.LieGroup.ad", "groups.group.LieGroup.ad_dual"),
     (FAMILY, "groups/test_group_axioms.py::test_duals_pair_as_they_must"),
 )

@@ -258,7 +258,7 @@ def diamond():
 
 @row(
     "(P46)",
-    "τ\\*: T\\*_sQ → T\\*_nQ",
+    "τ\\*: T\\*\\_sQ → T\\*\\_nQ",
     ("spaces.space.Space.pull", "spaces.space.Space.push"),
     ("spaces/test_actions.py::test_pull_is_dual_to_push",),
 )
