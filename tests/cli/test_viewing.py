@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import webbrowser
 
 import pytest
 
 from coadjoint.cli import viewing
 from coadjoint.cli.main import main
+from coadjoint.manifest import Manifest
 from made_runs import dataset
 
 
@@ -58,3 +60,48 @@ def test_what_cannot_be_shown_is_refused(arguments, words, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert main(["view", *arguments, "--no-open"]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["view", "--no-open"], ["report"], ["plot"]])
+def test_of_a_sweep_it_is_told_what_shows_it(command, tmp_path, capsys):
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "statistics.nc").write_bytes(b"statistics of members")
+    (folder / "summary.json").write_text(json.dumps({"card": "sweep", "figures": ["parallel.png"]}))
+    facts = {"format": 2, "kind": "results", "complete": True, "sweep": {"digest": "0", "members": 24}}
+    held = Manifest(folder, facts)
+    held.enter("statistics.nc")
+    held.write()
+    assert main([*command, str(folder)]) == 2
+    told = capsys.readouterr().err
+    assert f"holds a sweep of 24 members, and no single run: what it found is drawn in {folder}/parallel.png" in told
+    assert "co.load_sweep(" in told
+    facts["complete"] = False
+    held.write()
+    assert main([*command, str(folder)]) == 2
+    assert "a sweep that has not finished" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["view", "--no-open"], ["report"]])
+def test_of_a_run_without_a_good_step_it_is_told_why(command, tmp_path, capsys):
+    (tmp_path / "run.toml").write_text("")
+    failure = "Step 0 of 200 (t = 0 s) did not converge in 25 Newton iterations with dt = 0.05; take a smaller dt."
+    (tmp_path / "summary.json").write_text(json.dumps({"card": "steps  0", "failure": failure}))
+    assert main([*command, str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "has no good step" in told and failure in told and "did not finish" not in told
+
+
+@pytest.mark.parametrize(
+    ("listed", "drawn"),
+    [
+        ("false", ["mission", "track", "depth", "speeds"]),
+        ("true", ["mission", "track", "depth", "speeds"]),
+        ('["depth", "animation", "mission"]', ["depth", "mission"]),
+    ],
+)
+def test_a_report_draws_what_the_run_file_lists_else_the_mission_first(run, listed, drawn):
+    (run / "run.toml").write_text(f"[output]\nfigures = {listed}\n")
+    assert main(["report", str(run)]) == 0
+    found = re.findall("<figcaption><b>(.*?)</b>", (run / "report.html").read_text())
+    assert found[: len(drawn)] == drawn and (not listed.startswith("[") or found == drawn)

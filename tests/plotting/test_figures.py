@@ -15,7 +15,7 @@ from PIL import Image
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.plotting.plots import Plots, available, figure_names, save_figures
 from coadjoint.plotting.style import save
-from made_runs import dataset
+from made_runs import VEHICLE, dataset
 
 
 def curves(figure, axes=0):
@@ -94,6 +94,19 @@ def test_trajectory_shows_the_path_and_every_coordinate():
     for axis, axes in enumerate(coordinates):
         assert np.array_equal(axes.get_lines()[0].get_ydata(), run.q.values[:, axis])
         assert axes.get_ylabel() == f"${'xyz'[axis]}$ (m)"
+
+
+def test_of_a_vehicle_a_dive_is_drawn_as_a_dive_and_a_turn_to_starboard_as_one():
+    space, *coordinates = Plots(dataset()).trajectory().axes
+    assert space.zaxis_inverted() and coordinates[2].yaxis_inverted()
+    assert space.yaxis_inverted()  # one axis alone turned round would be a mirror image
+    space, *coordinates = Plots(dataset(**VEHICLE)).trajectory().axes
+    assert not (space.zaxis_inverted() or space.yaxis_inverted() or coordinates[2].yaxis_inverted())
+
+
+def test_only_where_no_force_acts_a_change_of_energy_is_called_an_error():
+    assert Plots(dataset(energy_budget=None)).energy().axes[0].get_ylabel().startswith("energy error")
+    assert Plots(dataset()).energy().axes[0].get_ylabel().startswith("energy change")
 
 
 @pytest.mark.parametrize("size", [1, 2, 5])

@@ -12,7 +12,8 @@ import chromium
 from coadjoint.plotting import bodies
 from coadjoint.plotting.entries import entries
 from coadjoint.plotting.player import page
-from coadjoint.plotting.plots import Plots, svgs
+from coadjoint.plotting.plots import Plots
+from coadjoint.plotting.reported import svgs
 from coadjoint.plotting.staged import scene
 from coadjoint.report.numbers import Sourced
 from coadjoint.report.page import Contents

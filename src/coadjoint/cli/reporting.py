@@ -22,7 +22,7 @@ class Report:
     folder: tyro.conf.Positional[Path]
     """A folder that `run` or `reproduce` wrote."""
     figures: tuple[str, ...] = ()
-    """The figures in it, by default those that the run file lists, or all that the run has."""
+    """The figures in it, by default those that the run file lists, else what tells most of the run."""
     out: Path | None = None
     """The page to write, by default `report.html` in the folder."""
     scene: bool = False
@@ -62,7 +62,7 @@ def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Content
         command=_command(folder, summary),
         cards={name: str(run) for name, run in runs.items()},
         summary=summary,
-        figures=_drawn(runs, wanted or tuple(stored.figures_asked(folder) or ())),
+        figures=_drawn(runs, wanted or _listed(folder)),
         numbers=numbers(folder) if settings else {},
         settings=settings,
         files=files,
@@ -89,8 +89,16 @@ def _command(folder: Path, summary: dict[str, Any]) -> str:
     )
 
 
+def _listed(folder: Path) -> tuple[str, ...]:
+    """The figures that the run file lists, without films, which no page of pictures shows."""
+    from coadjoint.cli import stored
+    from coadjoint.plotting.plots import figure_names
+
+    return tuple(name for name in stored.figures_asked(folder) or () if name in figure_names(films=False))
+
+
 def _drawn(runs: dict[str, Any], wanted: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    from coadjoint.plotting.plots import svgs
+    from coadjoint.plotting.reported import svgs
 
     labels = list(runs) if len(runs) > 1 else None
     return svgs([run.dataset for run in runs.values()], wanted, labels)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import FileError
-from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED
+from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
 from coadjoint.texts import read_table
 
 if TYPE_CHECKING:
@@ -20,8 +20,10 @@ def recordings(source: Path) -> dict[str, SavedRun]:
     from coadjoint.simulation.recording import load
 
     _require(source)
+    _require_no_sweep(source)
     files = sorted(source.glob("*.nc")) if source.is_dir() else [source]
     if not files:
+        _require_a_good_step(source)
         raise FileError(f"The folder {source} {_state(source)}: there are no trajectories (*.nc).")
     return {file.stem: load(file) for file in files}
 
@@ -69,6 +71,38 @@ def cards(source: Path) -> list[str]:
         if "card" in found:
             return [str(found["card"]), *([str(found["failure"])] if found.get("failure") else [])]
     return [f"{name}\n{run}" for name, run in recordings(source).items()]
+
+
+def _require_no_sweep(source: Path) -> None:
+    """Raise FileError for the folder of a sweep, and for what it holds: what shows a sweep is told there."""
+    folder = source if source.is_dir() else source.parent
+    try:
+        held = held_manifest(folder)
+    except FileError:  # of another kind, or damaged: what reads it will tell
+        return
+    if held is None or "sweep" not in held.facts or (source != folder and source.name not in held.files):
+        return
+    if not held.facts.get("complete"):
+        raise FileError(
+            f"The folder {folder} holds a sweep that has not finished: the same `coadjoint sweep` command goes on with "
+            "it."
+        )
+    pictures = [str(folder / name) for name in summary(folder).get("figures", [])]
+    drawn = f"what it found is drawn in {' and '.join(pictures)}, and " if pictures else ""
+    raise FileError(
+        f"The folder {folder} holds a sweep of {held.facts['sweep']['members']} members, and no single run: {drawn}"
+        f"co.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` tells its numbers."
+    )
+
+
+def _require_a_good_step(source: Path) -> None:
+    """Raise FileError for a run that failed at its first step, which left a summary and no trajectory."""
+    if not (source.is_dir() and (source / SUMMARY).exists()):
+        return
+    if failure := summary(source).get("failure"):
+        raise FileError(
+            f"The run in {source} has no good step, so that there is no trajectory: {str(failure).rstrip('.')}."
+        )
 
 
 def _state(source: Path) -> str:

@@ -19,7 +19,7 @@ _HEIGHT = 2.3
 
 
 def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
-    """|E_k/E₀ − 1| over time.
+    """|E_k/E₀ − 1| over time: an error where no force acts, else what the forces change.
 
     `definition`: "discrete" is E_k = −∂_hΛ with the discrete velocities, (P68) and (P69) for the left rectangle;
     "legendre" the energy of (μ_k, π_k) at the node. By default the first for the left rectangle, whose figures the
@@ -34,7 +34,8 @@ def energy(runs: Sequence[Entry], definition: Definition | None) -> Figure:
         names = ["discrete_energy", "energy"] if discrete else ["energy", "discrete_energy"]
         return require(run, names[:1] if definition else names, "No energy was recorded, as with `monitors=False`.")
 
-    return _changes(runs, name, "energy error", "E")
+    driven = any("energy_budget" in run.dataset for run in runs)
+    return _changes(runs, name, "energy change" if driven else "energy error", "E")
 
 
 def kelvin_noether(runs: Sequence[Entry]) -> Figure:
@@ -42,7 +43,9 @@ def kelvin_noether(runs: Sequence[Entry]) -> Figure:
     sentence = (
         "No Kelvin–Noether quantity was recorded: nothing leaves all advected parameters alone, or monitors=False."
     )
-    return _changes(runs, lambda run: require(run, ["kelvin_noether"], sentence), "Kelvin–Noether error", "I")
+    driven = any("kelvin_noether_budget" in run.dataset for run in runs)
+    what = "Kelvin–Noether change" if driven else "Kelvin–Noether error"
+    return _changes(runs, lambda run: require(run, ["kelvin_noether"], sentence), what, "I")
 
 
 def group_defect(runs: Sequence[Entry]) -> Figure:

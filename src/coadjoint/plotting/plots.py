@@ -56,11 +56,11 @@ class Plots:
         self,
         *others: Any,
         variable: str | None = None,
-        z_down: bool = False,
+        z_down: bool | None = None,
         labels: Sequence[str] | None = None,
         path: Path | None = None,
     ) -> Figure:
-        """The path q in space, and by axis over time; `z_down` draws the z axis pointing down."""
+        """The path q in space, and by axis over time; the z axis points down with `z_down`, by default of vehicles."""
         from coadjoint.plotting import trajectory
 
         return self._draw(lambda runs: trajectory.trajectory(runs, variable, z_down), others, labels, path)
@@ -210,26 +210,6 @@ def save_figures(
     for name, file in zip(chosen, files, strict=True):
         getattr(plots, name)(*datasets[1:], labels=labels, path=os.path.join(folder, file))
     return files
-
-
-def svgs(
-    datasets: Sequence[Any], wanted: Sequence[str] = (), labels: Sequence[str] | None = None
-) -> list[tuple[str, str, str]]:
-    """The wanted figures, by default all that every dataset has: name, what it shows, and the figure as SVG text.
-
-    Raises ArgumentError for a name that is none, and as the figures do.
-    """
-    from coadjoint.plotting.style import svg
-
-    common = [name for name in figure_names(films=False) if all(name in available(dataset) for dataset in datasets)]
-    found = []
-    for name in wanted or common:
-        if name not in figure_names(films=False):
-            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names(films=False))}.")
-        words = ADDED[name].doc if name in ADDED else str(getattr(Plots, name).__doc__)
-        figure = getattr(Plots(datasets[0]), name)(*datasets[1:], labels=labels)
-        found.append((name.replace("_", " "), words.strip(), svg(figure)))
-    return found
 
 
 def _ending(name: str, ending: str) -> str:

@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting.entries import Entry, require
+from coadjoint.plotting.scene_registry import points_down
 from coadjoint.plotting.style import COLOURS, COLUMN, PAGE, canvas, legend, time_axis
 
 _SENTENCE = (
@@ -19,12 +20,14 @@ _SENTENCE = (
 )
 
 
-def trajectory(runs: Sequence[Entry], variable: str | None, z_down: bool) -> Figure:
+def trajectory(runs: Sequence[Entry], variable: str | None, z_down: bool | None) -> Figure:
     """The path in three or two dimensions, and every coordinate over time.
 
     `variable` names the position where there are several; by default q, or x of a group of rigid motions. With
-    `z_down` the z axis is drawn pointing down, as in the frames of ships and underwater vehicles.
+    `z_down` the z axis is drawn pointing down, as in the frames of ships and underwater vehicles, by default where all
+    runs are of vehicles.
     """
+    z_down = all(points_down(run.dataset) for run in runs) if z_down is None else z_down
     names = [_position(run, variable) for run in runs]
     sizes = {run.values(name).shape[1] for run, name in zip(runs, names, strict=True)}
     if len(sizes) > 1:
@@ -68,8 +71,9 @@ def _space(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down:
         axes.tick_params(axis=letter, pad=2 if letter == "z" else -2, labelsize=7)
     axes.set_box_aspect((1, 1, 1), zoom=0.94)
     axes.view_init(elev=22, azim=-58)
-    if z_down:
+    if z_down:  # with y: without, the picture would be a mirror image, and a turn to starboard one to port
         axes.invert_zaxis()
+        axes.invert_yaxis()
 
 
 def _plane(figure: SubFigure, paths: list, labels: list[str], unit: str, z_down: bool) -> None:

@@ -74,7 +74,11 @@ _ENTRIES = (
 MODELS = {entry.name: entry for entry in _ENTRIES}
 """To `coadjoint.models.catalogue`."""
 
-SCENES = {"vehicle": Staged("coadjoint.vehicles.figures.scenes:scene", "coadjoint.vehicles.figures.fitting:of_vehicle")}
+SCENES = {
+    "vehicle": Staged(
+        "coadjoint.vehicles.figures.scenes:scene", "coadjoint.vehicles.figures.fitting:of_vehicle", down=True
+    )
+}
 """To the player."""
 
 NUMBERS = {"vehicle": "coadjoint.vehicles.missions.provenance:numbers"}

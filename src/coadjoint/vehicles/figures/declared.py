@@ -10,21 +10,26 @@ FIGURES = {
         f"{_FIGURES}.mission:mission",
         f"{_FIGURES}.fitting:of_vehicle",
         "A vehicle's run on one page: track, depth, angles, speeds, rates, actuators, energy, current.",
+        rank=0,
     ),
     "track": Added(
         f"{_FIGURES}.navigation:track",
         f"{_FIGURES}.fitting:of_vehicle",
         "The path of a vehicle seen from above, north up, with its start, its end and `way_points` (k, 2 or 3), m.",
+        rank=1,
+        caption="The path of the vehicle seen from above, north up, with its start, its end and its way points.",
     ),
     "depth": Added(
         f"{_FIGURES}.navigation:depth",
         f"{_FIGURES}.fitting:of_vehicle",
         "The depth of a vehicle over time, downwards, with its set point.",
+        rank=2,
     ),
     "speeds": Added(
         f"{_FIGURES}.motions:speeds",
         f"{_FIGURES}.fitting:of_vehicle",
         "Surge, sway and heave through the water with the set point of speed, and the rates of roll, pitch and yaw.",
+        rank=3,
     ),
     "actuators": Added(
         f"{_FIGURES}.actuators:actuators",

@@ -1,0 +1,70 @@
+"""Figures of a report: which, in which order, and what readers are told of them who do not have the library."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from coadjoint.errors import ArgumentError
+from coadjoint.plotting.figures import ADDED
+from coadjoint.plotting.plots import Plots, available, figure_names
+from coadjoint.plotting.scene_registry import points_down
+
+OWN = {
+    "trajectory": "The path in space, and each of its coordinates over time.",
+    "attitude": "Yaw, pitch and roll in degrees over time.",
+    "velocities": "The velocities in the axes of the body over time: angular ξ, linear ν.",
+    "momenta": "The momenta in the axes of the body over time: angular μ, linear π.",
+    "budget": "The energy stored since the start, and what each force has put in or taken out; below, the gap between "
+    "the two, which is the error of the computation.",
+    "energy": "The energy, relative to that at the start: no force acts, so any change is an error of the computation.",
+    "kelvin_noether": "The Kelvin–Noether quantity, a component of the momentum in space, relative to that at the "
+    "start.",
+    "group_defect": "How far the configuration is from its group over time; of a rotation matrix R the largest entry "
+    "of |RᵀR − I|.",
+}
+"""What the library's own figures show, from what tells most of a run to what is said of the computation."""
+_DRIVEN = "The energy, relative to that at the start. Forces act and change it: this is no error of the computation."
+_FINE = ("velocities", "momenta")
+"""Figures that a report of a vehicle leaves out by itself: its speeds and rates are there."""
+
+
+def chosen(datasets: Sequence[Any]) -> list[str]:
+    """The figures of a report where nobody lists any, in their order: those of the owner of the datasets first.
+
+    Where forces act the energy budget takes the place of the energy.
+    """
+    ranks = {name: added.rank for name, added in ADDED.items()} | {name: 10 + k for k, name in enumerate(OWN)}
+    held = [available(dataset) for dataset in datasets]
+    common = [name for name in figure_names(films=False) if all(name in names for names in held)]
+    left_out = {"energy"} if "budget" in common else set()
+    left_out |= set(_FINE) if any(name in ADDED for name in common) else set()
+    return sorted((name for name in common if name not in left_out), key=ranks.__getitem__)
+
+
+def svgs(
+    datasets: Sequence[Any], wanted: Sequence[str] = (), labels: Sequence[str] | None = None
+) -> list[tuple[str, str, str]]:
+    """The wanted figures, by default those `chosen`: name, what it shows, and the figure as SVG text.
+
+    Raises ArgumentError for a name that is none, and as the figures do.
+    """
+    from coadjoint.plotting.style import svg
+
+    found = []
+    for name in wanted or chosen(datasets):
+        if name not in figure_names(films=False):
+            raise ArgumentError(f"There is no figure `{name}`; there are {', '.join(figure_names(films=False))}.")
+        figure = getattr(Plots(datasets[0]), name)(*datasets[1:], labels=labels)
+        found.append((name.replace("_", " "), caption(name, datasets), svg(figure)))
+    return found
+
+
+def caption(name: str, datasets: Sequence[Any]) -> str:
+    """What a figure of these datasets shows, for readers who do not have the library."""
+    if name in ADDED:
+        return ADDED[name].caption or " ".join(ADDED[name].doc.split())
+    if name == "energy" and any("energy_budget" in dataset for dataset in datasets):
+        return _DRIVEN
+    down = name == "trajectory" and all(map(points_down, datasets))
+    return OWN[name] + (" The z axis points down." if down else "")
