@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 import coadjoint as co
 from coadjoint.runs.run_file import read
@@ -149,7 +150,7 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path, address):
         variables=["xi"], progress=False,
     )  # fmt: skip
     assert found.failures == {"refused": 1}
-    assert "mass" in found.summary["refusals"]["0"]
+    assert found.summary["refusals"]["0"].startswith("Argument `mass`")
     assert np.isnan(found.dataset.final_xi.values).all(axis=1).tolist() == [True, False, False, False]
 
 
@@ -158,7 +159,7 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path, address):
     [
         ("mass = {", "mas = {", "did you mean `mass`"),
         ("[vary.parameters]", "[vary.parametres]", "did you mean `parameters`"),
-        ("from = 4.0, to = 6.0", "from = 6.0, to = 4.0", "empty range"),
+        ("from = 4.0, to = 6.0", "from = 6.0, to = 4.0", "empty range: `from`, 6, must be less than `to`, 4"),
         ("from = 4.0, to = 6.0, count = 4", "values = []", "list of finite numbers"),
         ("count = 4", "cuont = 4", "did you mean `count`"),
         (", count = 4", "", "has no values of a grid"),
@@ -194,18 +195,6 @@ def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
         lock.release()
 
 
-def test_an_address_that_is_none_is_told(tmp_path):
-    with pytest.raises(co.ArgumentError, match="tcp://HOST:8786"):
-        execute(read_sweep(written(tmp_path)), tmp_path / "out", "nowhere://x", progress=False)
-
-
-def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr("coadjoint.sweeps.cluster.PATIENCE", 0.0)
-    monkeypatch.setattr("coadjoint.sweeps.cluster.ANSWER", 0.5)
-    with pytest.raises(co.FileError, match="does not answer"):
-        execute(read_sweep(written(tmp_path)), tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
-
-
 def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path, address, monkeypatch):
     def full(*given):
         raise OSError(28, "No space left on device")
@@ -234,6 +223,11 @@ def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_pa
     assert alone.statistics.equals(swept.statistics)
     with pytest.raises(co.FileError, match="kept statistics alone"):
         _ = alone.dataset
+
+
+def test_numbers_that_vary_are_coordinates_without_the_library_too(swept):
+    plain = xarray.open_zarr(swept.folder / MEMBERS, consolidated=False, chunks=None)
+    assert set(plain.coords) == {"parameters.mass", "initial.euler_zyx_deg[1]"} <= set(swept.dataset.coords)
 
 
 def test_every_array_has_one_chunk_for_each_task(swept):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.kernels.program import Code
 from coadjoint.runs.run_file import read
 from coadjoint.runs.running import simulate
 from coadjoint.sweeps.file import Sweep, of_tables, table_of
-from coadjoint.sweeps.task import ensemble
+from coadjoint.sweeps.task import Task, _part, ensemble
 
 MISSION = """
 [vehicle]
@@ -34,7 +36,8 @@ duration_s = 2
 def swept(folder: Path, vary: dict, **own) -> Sweep:
     file = folder / "drift.toml"
     file.write_text(MISSION)
-    table = {"sweep": {"run": "drift.toml", "sampling": "random", "members": 6, **own}, "vary": vary}
+    own = {"run": "drift.toml", "sampling": "random", "members": 6, **own}
+    table = {"sweep": {key: value for key, value in own.items() if value is not None}, "vary": vary}
     return of_tables(table, table_of(file, "mission file"), file, {})
 
 
@@ -78,6 +81,26 @@ def test_members_set_up_alone_are_those_set_up_together(tmp_path):
     sweep = swept(tmp_path, VARY)
     whole, alone = run(sweep, slice(0, 3)), run(sweep, slice(2, 3), quick=False)
     np.testing.assert_allclose(alone.q[0], whole.q[2], rtol=1e-12)
+
+
+def test_a_member_whose_steps_fail_has_nan_and_a_code_and_the_others_go_on(tmp_path):
+    sweep = swept(tmp_path, {"initial": {"speed_m_s": {"values": [1.0, 1e160, 2.0]}}}, sampling="list", members=None)
+    task = Task("", "", 0, 0, sweep.rows(slice(0, 3)), 3, 10, ("q", "euler_angles"), True, {})
+    (piece,) = _part(sweep, task, np.arange(3))
+    assert piece.run.codes.tolist() == [0, Code.NOT_FINITE, 0]
+    found = piece.reduction.results(piece.run.codes != 0)
+    assert np.isnan(found["final_euler_angles"]).all(axis=1).tolist() == [False, True, False]
+    alone = _part(sweep, replace(task, rows=sweep.rows(slice(2, 3)), first=2, count=1), np.arange(1))[0]
+    for name, values in alone.reduction.results(alone.run.codes != 0).items():
+        assert np.array_equal(values[0], found[name][2])
+
+
+def test_a_refused_member_is_told_without_its_number_within_the_task(tmp_path):
+    varied = {"mass_kg": {"values": [120.0, -1.0]}, "volume": {"values": [0.12, 0.13]}}
+    sweep = swept(tmp_path, {"parameters": varied}, sampling="list", members=None)
+    task = Task("", "", 0, 0, sweep.rows(slice(0, 2)), 2, 10, ("q",), True, {})
+    (told,) = [piece.refusal for piece in _part(sweep, task, np.arange(2)) if piece.refusal]
+    assert told.startswith("Argument `mass`")
 
 
 def test_a_mission_with_members_of_its_own_is_refused(tmp_path):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json as json_text
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,18 +39,23 @@ class Sweep:
 
     def __call__(self) -> int:
         from coadjoint.sweeps.file import read_sweep
-        from coadjoint.sweeps.sweep import execute, probed
+        from coadjoint.sweeps.sweep import execute, groups, probed
 
         sweep = read_sweep(self.file)
         folder = self.out or Path(self.file.stem)
         if self.check:
             found = probed(sweep)
             told = {"valid": True, "members": sweep.members, "tasks": sweep.tasks, "members_of_a_task": sweep.size}
-            told |= {"steps": found["steps"], "variables": found["chosen"], "together": found["quick"]}
+            count, apart = groups(sweep, found["quick"])
+            told |= {"steps": found["steps"], "variables": found["chosen"], "groups": count, "apart": apart}
+            told["together"] = not apart
             print(json_text.dumps(told)) if self.json else _check(self.file, folder, told)
             return 0
+        progress = False if self.json else None
         try:
-            made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, False if self.json else None)
+            with _warned():
+                progress = False if self.json else None
+                made = execute(sweep, folder, self.scheduler, self.workers, self.overwrite, progress)
         except KeyboardInterrupt:
             terminal.complain("What is done is kept: the same command again goes on with what is missing.")
             raise
@@ -57,14 +65,27 @@ class Sweep:
 
 def _check(file: Path, folder: Path, told: dict[str, Any]) -> None:
     terminal.line(
-        f"{file} is a sweep of {told['members']:,} members, {told['steps']:,} steps each, in {told['tasks']:,} tasks "
-        f"of {told['members_of_a_task']:,}; its results would go to {folder}/."
+        f"{file} is a sweep of {told['members']:,} members, {told['steps']:,} steps each, "
+        f"in {_counted(told['tasks'], 'task')} of {told['members_of_a_task']:,}; its results would go to {folder}/."
     )
-    if not told["together"]:
+    if told["apart"]:
         terminal.line(
-            "Warning: what varies cannot stand for all members at once, so that members with other numbers are set up "
-            "one after another, which takes longer than their steps."
+            f"Warning: members that differ in {' or '.join(told['apart'])} cannot step together: they are set up "
+            f"group after group, {_counted(told['groups'], 'group')} in all, a fraction of a second each."
         )
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
+@contextmanager
+def _warned() -> Iterator[None]:
+    """Warnings of the library as sentences on stderr."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_: terminal.complain(f"Warning: {message}")
+        yield
 
 
 def show(made: SweepResults) -> None:

@@ -74,6 +74,8 @@ def sweep(
     is in use or cannot be written, or a scheduler does not answer.
     """
     file = _file(run)
+    given = {**(vary or {}), **{f"parameters.{key}": value for key, value in parameters.items()}}
+    _require_variation(given)
     own = {"run": file.path.name, "sampling": sampling, "members": members, "seed": seed, "task": task}
     kept = {
         "keep": keep,
@@ -85,7 +87,7 @@ def sweep(
     table = {
         "sweep": {key: value for key, value in own.items() if value is not None},
         "results": {**{k: v for k, v in kept.items() if v is not None}, "quantiles": list(map(float, quantiles))},
-        "vary": _nested({**(vary or {}), **{f"parameters.{key}": value for key, value in parameters.items()}}),
+        "vary": _nested(given),
     }
     made = of_tables(table, read_table(file.text, file.path), file.path, file.inputs)
     folder = Path(f"{file.path.stem}_sweep" if store is None else store)
@@ -101,6 +103,28 @@ def _file(run: Any) -> Runnable:
             f"Argument `run` must be the path of a run or mission file, or a mission, but is {shown(run)}."
         )
     return found
+
+
+def _require_variation(given: Mapping[str, Any]) -> None:
+    """Raise ArgumentError unless something varies, and every key that is given does."""
+    if not given:
+        raise ArgumentError(
+            "A sweep needs what varies: parameters by name, as in co.sweep(run, mass=co.each([30.5, 31.5])), and other "
+            'keys by their section, as in co.sweep(run, {"initial.speed_m_s": co.each([1.0, 1.5])}).'
+        )
+    for name, value in given.items():
+        if not _varies(value):
+            raise ArgumentError(
+                f"What co.sweep varies must have a value for each member, but {name} is {shown(value)}: give "
+                'co.each([…]), or for other samplings than a list {"from": …, "to": …}; a value that all members '
+                "have belongs into the run file."
+            )
+
+
+def _varies(value: Any) -> bool:
+    if isinstance(value, (list, tuple)):
+        return any(map(_varies, value))
+    return isinstance(value, Mapping) or hasattr(value, "member")
 
 
 def _nested(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     from dask import config
     from distributed import Client
 
-    quiet = {"distributed.logging.distributed": "error", "distributed.comm.timeouts.connect": f"{ANSWER} s"}
+    quiet = {"distributed.logging.distributed": "critical", "distributed.comm.timeouts.connect": f"{ANSWER} s"}
     with config.set({**quiet, "distributed.scheduler.allowed-failures": LIVES}):
         if scheduler is not None:
             with suppress_noise(), _opened(Client, scheduler) as client:
@@ -103,20 +103,26 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
 @contextmanager
 def _opened(cls: Any, where: Any) -> Iterator[Any]:
-    told_of = where if isinstance(where, str) else "of this machine"
+    client = cls.__new__(cls)  # to be closed even where it could not connect
     try:
-        client = cls(where, timeout=ANSWER, set_as_default=False)
-    except ValueError as error:
-        raise ArgumentError(
-            f"The address of a scheduler must be like tcp://HOST:8786, but {where!r} is none: {told(error)}."
-        ) from None
-    except (OSError, TimeoutError):
-        raise _Lost(f"The scheduler {told_of} does not answer") from None
-    try:
+        try:
+            client.__init__(where, timeout=ANSWER, set_as_default=False)
+        except (OSError, TimeoutError):
+            told_of = where if isinstance(where, str) else "of this machine"
+            raise _Lost(f"The scheduler {told_of} does not answer") from None
         yield client
     finally:
-        with suppress(Exception):
-            client.close(timeout=2)
+        _close(client)
+
+
+def _close(client: Any) -> None:
+    """Close a client; one that never reached a scheduler has nothing to tell it, and would wait for it."""
+    with suppress(Exception):
+        if getattr(client, "status", "") == "connecting":
+            client.status = "closed"
+            client._loop_runner.stop()
+        else:
+            client.close(timeout=1)
 
 
 @contextmanager

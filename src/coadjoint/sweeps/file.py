@@ -32,7 +32,9 @@ QUICK = ("parameters", "initial")
 MOST_TASKS = 10_000
 """A scheduler is slow with millions of tasks, and quick with these."""
 FEW_TASKS = 16
-"""There are at least so many tasks, of LANES members or more, for several workers to share."""
+"""There are about so many tasks or more, for several workers to share, unless they would be too small."""
+LEAST_STEPS = 1e6
+"""A task of fewer than LANES members has at least so many steps in all: about what its set-up takes."""
 STEPS = 2e7
 """The steps of all members of a task, if nothing else is said: ten seconds of a vehicle in native code, or some."""
 LANES = 64
@@ -134,7 +136,11 @@ class Sweep:
         """The members of a task, a shard of the store; the same whoever computes them."""
         least = -(-self.members // MOST_TASKS)
         if self.sweep.task is None:
-            wished = min(max(int(STEPS / self.steps), LANES), -(-self.members // FEW_TASKS))
+            shared = -(-self.members // FEW_TASKS)
+            if shared < LANES:
+                worth = -(-int(LEAST_STEPS) // self.steps)
+                return min(max(shared, min(worth, LANES)), self.members)
+            wished = min(max(int(STEPS / self.steps), LANES), shared)
             return min(-(-max(wished, least) // LANES) * LANES, self.members)
         if self.sweep.task < least:
             raise ArgumentError(

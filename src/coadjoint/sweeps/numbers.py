@@ -157,7 +157,7 @@ def _between(given: Mapping[str, Any], ends: Sequence[float], name: str, what: s
     low, high = ends
     count, scale = given.get("count"), given.get("scale", "linear")
     if not low < high:
-        raise ArgumentError(f"{what} is an empty range: `to` must be more than `from`, but they are {high:g}, {low:g}.")
+        raise ArgumentError(f"{what} is an empty range: `from`, {low:g}, must be less than `to`, {high:g}.")
     if scale not in ("linear", "log"):
         raise ArgumentError(f'{what} scale must be "linear" or "log", but is {shown(scale)}.')
     if scale == "log" and low <= 0:

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups.attitude import UNIT
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.internal_rule import InternalRule
@@ -42,7 +43,7 @@ class Observer:
     def __call__(self, records: State) -> Variables:
         count = len(records.t)
         if count not in self._made:
-            self._reports = not set(self.chosen) <= {*self._without(records, None)}
+            self._reports = not set(self.chosen) <= {*self._without(records, _blank(records))}
             self._made[count] = tabulate(self._traced, records)
         found = self._made[count](records)
         named = self._without(records, found["derived"])
@@ -50,8 +51,16 @@ class Observer:
             named[name] = (("time", *(f"{name}_{axis}" for axis in range(values.ndim - 1))), values)
         return {name: (named[name][0][1:], named[name][1]) for name in self.chosen}
 
-    def _without(self, records: State, found: Any) -> Variables:
-        return variables(self._plain, records, {}, None if found is None else lambda _: dict(found))
+    def _without(self, records: State, found: Mapping[str, Any]) -> Variables:
+        """What is not reported. Angles are NaN where there is no rotation, as in members that failed."""
+        rotation = found["rotation"]
+        if rotation is None:
+            return variables(self._plain, records, {}, lambda _: dict(found))
+        good = _are_rotations(rotation)
+        turned = np.where(good[:, None, None], rotation, np.eye(3))
+        made = variables(self._plain, records, {}, lambda _: {**found, "rotation": turned})
+        dims, angles = made[ANGLES]
+        return {**made, ANGLES: (dims, np.where(good[:, None], angles, np.nan))}
 
     def _traced(self, records: State) -> dict[str, Any]:
         found: dict[str, Any] = {"derived": derived(records), "reported": None}
@@ -63,6 +72,21 @@ class Observer:
 
             found["reported"] = jax.vmap(one)(records)
         return found
+
+
+def _are_rotations(R: np.ndarray) -> np.ndarray:
+    """Which of these matrices, (n, 3, 3), are rotations, (n,)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        defect = np.max(np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)), axis=(-2, -1))
+        return (defect <= UNIT) & (np.linalg.det(R) > 0)
+
+
+def _blank(records: State) -> dict[str, Any]:
+    """Of the shapes of `derived`, for the names of variables: records may hold NaN."""
+    found = jax.tree.map(lambda leaf: np.zeros(leaf.shape), jax.eval_shape(derived, records))
+    if found["rotation"] is not None:
+        found["rotation"] = np.broadcast_to(np.eye(3), found["rotation"].shape)
+    return found
 
 
 def known(system: System, records: State) -> Variables:

@@ -21,6 +21,7 @@ from coadjoint.report.summary import to_json, versions
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
 from coadjoint.sweeps import cluster, store
+from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, meant
@@ -48,6 +49,8 @@ def execute(
     cluster.require()
     if workers is not None and workers < 1:
         raise ArgumentError(f"The number of workers must be at least 1, but is {workers}.")
+    if scheduler is not None:
+        require_address(scheduler)
     _ = sweep.size
     with claimed(folder, sweep.text, overwrite, sweep.places) as claim:
         if claim.complete:
@@ -55,6 +58,8 @@ def execute(
             if damaged := next(claim.manifest.problems(), None):
                 raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the sweep again.")
             return SweepResults(folder)
+        if scheduler is not None:
+            require_answer(scheduler, cluster.PATIENCE)
         plan = _planned(sweep, folder)
         began = time.perf_counter()
         busy = _compute(sweep, folder, plan, scheduler, workers, progress)
@@ -73,6 +78,7 @@ def _planned(sweep: Sweep, folder: Path) -> dict[str, Any]:
         found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size, "versions": versions()}
         if sweep.results.keep != "statistics":
             attributes = {"system": found["system"], "digest": found["digest"]}
+            attributes["coordinates"] = " ".join(sweep.design[0])  # in the conventions of CF, which xarray reads
             store.lay_out(folder, _layout(sweep, found), sweep.size, attributes)
         store.write_plan(folder, found)
     if found["digest"] != sweep.digest:
@@ -116,6 +122,15 @@ def probed(sweep: Sweep) -> dict[str, Any]:
         "save_every": sweep.save_every,
         "steps": alone.plan.steps,
     }
+
+
+def groups(sweep: Sweep, quick: bool) -> tuple[int, list[str]]:
+    """How many groups of members are set up one after another, and the names of the numbers in which they differ."""
+    apart = [number.name for one in sweep.varied if not quick or one in sweep.slow for number in one.numbers]
+    if not apart:
+        return 1, apart
+    table = np.concatenate([np.reshape(sweep.design[0][name], (sweep.members, -1)) for name in apart], axis=1)
+    return len(np.unique(table, axis=0)), apart
 
 
 def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:

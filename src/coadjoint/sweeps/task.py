@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 REFUSED = -2
 """The code of a member that cannot be set up, such as one of a negative mass."""
+
+_OF_MEMBER = re.compile(r"^Of member \d+: ")
+"""A number within those that are set up together, which says nothing of one that is alone."""
 
 _ONE = Lock()
 
@@ -137,26 +141,32 @@ class _Piece:
 
 
 def _part(sweep: Sweep, task: Task, places: np.ndarray) -> list[_Piece]:
-    """Members run together; where some cannot be set up, those alone are left out, found by halves."""
+    """Members run together; where some cannot be set up or run, those alone are left out, found by halves."""
     rows = {name: values[places] for name, values in task.rows.items()}
     try:
         run = ensemble(sweep, rows, task.first + places, task.quick, task.save_every)
+        return [_Piece(places, run, _stepped(sweep, task, run))]
     except FileError:
         raise
     except CoadjointError as error:
         if len(places) == 1:
-            return [_Piece(places, refusal=str(error))]
+            return [_Piece(places, refusal=_OF_MEMBER.sub("", str(error)))]
         half = len(places) // 2
         return [*_part(sweep, task, places[:half]), *_part(sweep, task, places[half:])]
-    observer = Observer(run.system, task.chosen)
+
+
+def _stepped(sweep: Sweep, task: Task, run: Ensemble) -> Reduction:
+    """What is kept of members, which are stepped to their ends."""
     kept = sweep.results
-    reduction = Reduction(observer, run.members.states, kept.courses, kept.keep == "trajectories")
+    reduction = Reduction(
+        Observer(run.system, task.chosen), run.members.states, kept.courses, kept.keep == "trajectories"
+    )
     run.memory = reduction
     carry_on(run, False, time.perf_counter())
     if run.ended:
         states = jax.tree.map(lambda *leaves: np.stack(leaves), *run.ended.values())
         reduction.end([*run.ended], states)
-    return [_Piece(places, run, reduction)]
+    return reduction
 
 
 def ensemble(

@@ -1,0 +1,60 @@
+"""Addresses of schedulers: whether they are any, and whether somebody listens there."""
+
+from __future__ import annotations
+
+import socket
+import time
+import warnings
+from urllib.parse import SplitResult, urlsplit
+
+from coadjoint.errors import ArgumentError, FileError
+
+PROTOCOLS = ("tcp", "tls", "ws", "wss")
+"""Those at whose ports a scheduler listens."""
+INSIDE = "inproc"
+"""That of a scheduler in this process, whose address has no port."""
+LOOK = 0.2
+"""Seconds between two attempts to reach a scheduler."""
+ANSWER = 2.0
+"""Seconds that an attempt may take."""
+
+
+def require_address(scheduler: str) -> None:
+    """Raise ArgumentError for what is no address of a scheduler."""
+    try:
+        found = _split(scheduler)
+        fits = bool(found.netloc) and (found.scheme == INSIDE or (found.scheme in PROTOCOLS and bool(found.port)))
+    except (ValueError, TypeError):
+        fits = False
+    if not fits:
+        raise ArgumentError(f"The address of a scheduler must be like tcp://HOST:8786, but is {scheduler!r}.")
+
+
+def require_answer(scheduler: str, patience: float) -> None:
+    """Wait so many seconds for a scheduler that does not answer, with a warning; raises FileError after them."""
+    began, warned = time.monotonic(), False
+    while not _listens(_split(scheduler)):
+        if time.monotonic() - began >= patience:
+            raise FileError(
+                f"The scheduler {scheduler} does not answer; it was waited for, {patience:.0f} s. Start one by "
+                "`dask scheduler`, and give the address that it prints."
+            )
+        if not warned:
+            sentence = f"The scheduler {scheduler} does not answer; it is waited for, up to {patience:.0f} s."
+            warnings.warn(sentence, stacklevel=2)
+        warned = True
+        time.sleep(LOOK)
+
+
+def _split(scheduler: str) -> SplitResult:
+    return urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+
+
+def _listens(address: SplitResult) -> bool:
+    if address.scheme == INSIDE:
+        return True
+    try:
+        with socket.create_connection((address.hostname or "", address.port or 0), timeout=ANSWER):
+            return True
+    except (OSError, UnicodeError):
+        return False
