@@ -58,3 +58,30 @@ def test_failures_are_marked_by_cause():
 def test_a_result_that_there_is_not_is_told():
     with pytest.raises(co.ArgumentError, match="did you mean"):
         responses(Made(), "final_q[7]")  # pyright: ignore[reportArgumentType]
+
+
+def test_scattered_members_are_points_and_axes_end_where_the_sweep_does():
+    made = Made(40, 2)
+    figure = responses(made, "final_q[0]")  # pyright: ignore[reportArgumentType]
+    (points,) = figure.axes[0].collections
+    assert len(points.get_offsets()) == 38
+    mass = made.dataset["parameters.mass"].values
+    assert figure.axes[0].get_xlim() == (mass.min(), mass.max())
+
+
+def test_a_number_that_only_failed_members_vary_leaves_a_curve_of_the_other():
+    made = Made(40, 2)
+    depth = np.full(40, 0.5)
+    depth[:2] = [0.1, 0.9]
+    made.dataset["initial.position_m[2]"] = ("member", depth, {"swept": 1})
+    figure = responses(made, "final_q[0]")  # pyright: ignore[reportArgumentType]
+    assert len(figure.axes) == 1 and len(figure.axes[0].lines[0].get_xdata()) == 38
+
+
+def test_parallel_lines_tell_how_many_members_failed_and_have_constants_in_the_middle():
+    made = Made(40, 2)
+    made.dataset["parameters.mass"] = ("member", np.full(40, 5.0), {"swept": 1})
+    figure = parallel(made)  # pyright: ignore[reportArgumentType]
+    assert figure.axes[0].get_title() == "2 of 40 members failed and are not shown"
+    (lines,) = figure.axes[0].collections
+    assert {float(row[0, 1]) for row in lines.get_segments()} == {0.5}

@@ -23,6 +23,8 @@ MOST_LINES, MOST_POINTS = 1000, 20_000
 MOST_NUMBERS, MOST_PANELS = 6, 6
 CELLS = 24
 """Cells of a response surface along each axis, at most."""
+DENSE = 4
+"""Members for each cell, from which on means over cells are drawn instead of points."""
 
 
 def columns(made: SweepResults) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -53,8 +55,10 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
     shown = _chosen(results, found, _usual(found))
     table = {**dict(list(numbers.items())[:MOST_NUMBERS]), **{name: found[name] for name in shown}}
     values = np.stack([*table.values()], axis=1)
+    failed = len(values) - int(np.isfinite(values).all(axis=1).sum())
     values = values[np.isfinite(values).all(axis=1)]
-    values = values[:: max(len(values) // MOST_LINES, 1)]
+    good = len(values)
+    values = values[:: max(good // MOST_LINES, 1)]
     with style.style():
         from matplotlib.cm import ScalarMappable
         from matplotlib.collections import LineCollection
@@ -63,7 +67,7 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
         figure = style.canvas(style.PAGE, 3.0)
         axes = figure.add_subplot()
         low, high = values.min(axis=0, initial=np.inf), values.max(axis=0, initial=-np.inf)
-        share = (values - low) / np.where(high > low, high - low, 1.0)
+        share = np.where(high > low, (values - low) / np.where(high > low, high - low, 1.0), 0.5)
         if len(values):
             scale = Normalize(low[-1], high[-1])
             rows = [np.column_stack([np.arange(values.shape[1]), row]) for row in share]
@@ -83,6 +87,8 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
         axes.set(xlim=(-0.3, len(table) - 0.7), ylim=(-0.1, 1.1), yticks=[])
         axes.grid(False)
         axes.spines[["left", "bottom"]].set_visible(False)
+        if failed:
+            axes.set_title(f"{failed:,} of {failed + good:,} members failed and are not shown", fontsize=8)
     return figure
 
 
@@ -94,7 +100,7 @@ def responses(made: SweepResults, result: str = "") -> Figure:
     numbers, found = columns(made)
     (name,) = _chosen([result] if result else [], found, [_liveliest(numbers, found)])
     good = np.isfinite(found[name])
-    ties = {key: _tie(column[good], found[name][good]) for key, column in numbers.items() if np.ptp(column) > 0}
+    ties = {key: _tie(column[good], found[name][good]) for key, column in numbers.items() if _varies(column[good])}
     keys = sorted(ties, key=ties.__getitem__, reverse=True)[:4]
     pairs = [*combinations(keys, 2)][:MOST_PANELS] or [(key, "") for key in keys]
     with style.style():
@@ -111,7 +117,7 @@ def responses(made: SweepResults, result: str = "") -> Figure:
                 axes.set_ylabel(name)
                 continue
             shades = _surface(axes, numbers[a][good], numbers[b][good], found[name][good], limits)
-            axes.set_ylabel(_short(b, 1))
+            axes.set(ylabel=_short(b, 1), xlim=_ends(numbers[a]), ylim=_ends(numbers[b]))
         if shades is not None:
             figure.colorbar(shades, ax=figure.axes, label=name)
     return figure
@@ -156,7 +162,10 @@ def save_figures(made: SweepResults, folder: Path) -> list[str]:
 
 
 def _surface(axes: Any, x: np.ndarray, y: np.ndarray, values: np.ndarray, limits: tuple[float, float]) -> Any:
-    """Means of the values over cells of two numbers; the values of a grid where there are few."""
+    """Means of the values over cells of two numbers, or over those of a grid; points where members are few."""
+    if len(values) < DENSE * CELLS**2 and not all(len(np.unique(column)) <= CELLS for column in (x, y)):
+        size = float(np.clip(2000 / len(values), 1.0, 20.0))
+        return axes.scatter(x, y, s=size, c=values, cmap="viridis", vmin=limits[0], vmax=limits[1], linewidths=0)
     edges = [_edges(column) for column in (x, y)]
     count, *_ = np.histogram2d(x, y, bins=edges)
     total, *_ = np.histogram2d(x, y, bins=edges, weights=values)
@@ -169,9 +178,13 @@ def _edges(column: np.ndarray) -> np.ndarray:
     once = np.unique(column)
     if 2 <= len(once) <= CELLS:
         middle = (once[1:] + once[:-1]) / 2
-        return np.concatenate([[2 * once[0] - middle[0]], middle, [2 * once[-1] - middle[-1]]])
+        return np.concatenate([once[:1], middle, once[-1:]])
     cells = int(np.clip(np.sqrt(len(column) / 4), 2, CELLS))
     return np.linspace(column.min(), column.max(), cells + 1)
+
+
+def _ends(column: np.ndarray) -> tuple[float, float]:
+    return float(column.min()), float(column.max())
 
 
 def _usual(found: dict[str, np.ndarray]) -> list[str]:
