@@ -234,6 +234,45 @@ def at_the_end(run):
     return run.system.state(g=final.g, q=q, mu=final.mu, pi=final.pi, a0=np.asarray(final.g) @ np.asarray(final.a))
 
 
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_the_estimate_stays_along_what_is_never_measured_and_its_deviation_is_infinite(drag):
+    def resisted(m):
+        return co.Force(torque=m.inputs.w - drag * m.xi * jnp.sqrt(m.xi @ m.xi + 1e-6))
+
+    system = co.System(co.Translation(2), lambda xi: 0.5 * xi @ xi, forces=resisted)
+    estimator = Problem(
+        system, system.state(g=[0.0, 0.5], xi=[1.0, 0.0]), dt=H, steps=5, inputs={"w": Input((2,))},
+        cost=lambda m: 0.5 * m.inputs.w @ m.inputs.w, free_start={"g": math.inf, "xi": math.inf},
+        measured={"x": Measured(lambda m: m.g[0], None, 0.01)},
+    ).estimator()  # fmt: skip
+    generator = np.random.default_rng(0)
+    for k in range(40):
+        place = math.log(1 + 0.1 * k) + 0.01 * generator.normal()
+        now = estimator({"x": place})
+        assert now.deviations["g[1]"] == now.deviations["mu[1]"] == math.inf
+        assert abs(now.state.g[1] - 0.5) < 1e-9 and abs(now.state.mu[1]) < 1e-9
+        assert abs(now.state.g[0] - place) < 0.06 and (k < 1 or now.deviations["mu[0]"] < 0.4)
+    assert now.deviations["mu[0]"] == pytest.approx(0.21, abs=0.01)
+
+
+@pytest.mark.parametrize("iterations", [1, 10])
+def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown(iterations):
+    body = co.System(
+        co.SO3(), lambda xi: 0.5 * xi @ (jnp.array([1.0, 2, 3]) * xi), forces=lambda m: co.Force(torque=m.inputs.w)
+    )
+    estimator = Problem(
+        body, body.state(), dt=H, steps=5, inputs={"w": Input((3,))}, cost=lambda m: 0.5 * m.inputs.w @ m.inputs.w,
+        free_start={"g": math.inf, "xi": math.inf}, measured={"axis": Measured(lambda m: m.g[:, 0], None, 0.01)},
+    ).estimator(iterations=iterations)  # fmt: skip
+    seen = np.array([math.cos(0.1), 0.0, -math.sin(0.1)])
+    for _ in range(12):
+        now = estimator({"axis": seen})
+        assert now.deviations["eta[0]"] == now.deviations["mu[0]"] == math.inf
+        assert abs(now.state.mu[0]) < 1e-9
+    assert np.max(np.abs(now.state.g[:, 0] - seen)) < 1e-6
+    assert [now.deviations[name] < 0.4 for name in ("eta[1]", "eta[2]", "mu[1]", "mu[2]")] == [True] * 4
+
+
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
@@ -250,16 +289,23 @@ def at_the_end(run):
         (lambda: of_cart().estimator(0.03), "whole number of steps"),
         (lambda: of_cart().estimator(0.0), "at least one"),
         (lambda: of_cart().estimator(iterations=0), "at least 1"),
-        (lambda: of_cart().estimator()({"height": 1.0}), "measures `place`, `speed`"),
-        (lambda: of_cart().estimator()({"place": [1.0, 2.0]}), "must be 1 finite numbers"),
-        (lambda: of_cart().estimator()({"place": np.inf}), "must be 1 finite numbers"),
-        (lambda: of_cart().estimator()([1.0]), "dictionary"),
+        (lambda: of_cart().estimator(known="thrust")({"height": 1.0}), "measures `place`, `speed`"),
+        (lambda: of_cart().estimator(known="thrust")({"place": [1.0, 2.0]}), "must be 1 finite numbers"),
+        (lambda: of_cart().estimator(known="thrust")({"place": np.inf}), "must be 1 finite numbers"),
+        (lambda: of_cart().estimator(known="thrust")([1.0]), "dictionary"),
+        (lambda: of_cart().estimator(known="thrust")(np.array([3.0, 1.0])), "dictionary of what was measured"),
+        (lambda: of_cart().estimator(known="thrust")(np.zeros(1)), "dictionary of what was measured"),
+        (lambda: of_cart().estimator(known="thrust")({}, np.zeros(2)), "dictionary of known inputs"),
+        (lambda: of_cart().estimator(), "input `thrust`.*`known`"),
+        (lambda: of_cart(cost=lambda m, p: -0.5 * m.inputs.push[0] ** 2).estimator(known="thrust"), "input `push`"),
+        (lambda: of_cart(cost=lambda m, p: m.g[0] ** 2).estimator(known="thrust"), "input `push`"),
         (lambda: of_cart().estimator(known="thrust")({}, {"thrust": 1.0}), "from the second call on"),
         (lambda: twice(of_cart().estimator(known="thrust")), "inputs that are known, `thrust`"),
         (lambda: twice(of_cart().estimator(known="thrust"), {"thrust": np.nan}), "must be numbers|finite numbers"),
         (lambda: of_cart().solve(), "`place` has no values"),
         (lambda: of_cart(path={"here": Bounds(lambda motion, p: motion.g, 0.0, 0.1),
-                               "there": Bounds(lambda motion, p: motion.g, 1.0, 2.0)}).estimator()({}), "`there`"),
+                               "there": Bounds(lambda motion, p: motion.g, 1.0, 2.0)})
+            .estimator(known="thrust")({}), "`there`"),
         (lambda: twice(of_cart(cost=lambda m, p: jnp.log(m.inputs.push[0])).estimator()), "is not finite about"),
     ],
 )  # fmt: skip

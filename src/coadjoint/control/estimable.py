@@ -10,6 +10,7 @@ from coadjoint.control import starts
 from coadjoint.control.library import casadi
 from coadjoint.control.statement import Input, Statement
 from coadjoint.control.transcription import Transcription
+from coadjoint.control.window import Window
 from coadjoint.errors import ArgumentError, shown
 
 
@@ -39,6 +40,25 @@ def require_estimable(problem: Statement, known: Any) -> None:
             "An estimator needs a `cost` of the inputs that it estimates, such as 0.5 * w @ w / σ**2: without one any "
             "motion is as likely."
         )
+
+
+def require_convex(window: Window) -> None:
+    """Raise ArgumentError where a cost does not grow with every disturbance, at the start and their guesses."""
+    H = window.of_disturbances()
+    if not len(H) or not np.all(np.isfinite(H)):
+        return
+    units = np.sqrt(np.abs(np.diag(H)))
+    units = np.where(units > 0, units, 1.0)
+    values, vectors = np.linalg.eigh(H / units / units[:, None])
+    if values[0] > 1e-12:
+        return
+    place = window.free[int(np.argmax(np.abs(vectors[:, 0])))]
+    name = next(one.name for one in window.transcription.columns if one.begin.start <= place < one.begin.stop)
+    raise ArgumentError(
+        f"The `cost` of an estimator must grow as a square with every number of input `{name}`, as 0.5 * w @ w / σ**2 "
+        "does, but at the start its second derivatives by it are not positive: add such a term, or name the input in "
+        "`known` and give it with every call."
+    )
 
 
 def prior_directions(transcription: Transcription, x: np.ndarray, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

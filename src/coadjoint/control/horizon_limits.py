@@ -15,6 +15,9 @@ from coadjoint.errors import OptimumError
 ROUND_OFF = 1e-9
 """By how much the least of a program may leave its bounds, so that they need no other solver."""
 
+BLIND = 1e-6
+"""Curvature, of 1, of a program along what its cost does not tell, so that only bounds move it there."""
+
 
 class HorizonLimits:
     """Bounds of the inputs that are not known, and of the path, at every node of a horizon."""
@@ -48,10 +51,11 @@ class HorizonLimits:
             shapes = {"h": ca.Sparsity.dense(key[1], key[1]), "a": ca.Sparsity.dense(*key)}
             options = {"error_on_fail": False, "print_time": False, "printLevel": "none"}
             self._solvers[key] = ca.conic("horizon", "qpoases", shapes, options)
-        units = 1.0 / np.sqrt(np.maximum(np.diag(cost.H), 1e-300))
-        units = np.where(np.diag(cost.H) > 0, units, 1.0)
+        _, blind, units = cost.spread()
+        units, seen = 1.0 / units, np.eye(len(v)) - blind @ blind.T
+        H = seen @ (cost.H * units * units[:, None]) @ seen + BLIND * blind @ blind.T
         solver = self._solvers[key]
-        found = solver(h=cost.H * units * units[:, None], g=cost.g * units, a=rows * units, lba=lower, uba=upper)
+        found = solver(h=H, g=seen @ (cost.g * units), a=rows * units, lba=lower, uba=upper)
         if not solver.stats()["success"]:
             excess = np.maximum(lower - inside, inside - upper)
             raise OptimumError(

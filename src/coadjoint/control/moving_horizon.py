@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from coadjoint.control.arrival import Arrival, Quadratic
-from coadjoint.control.estimable import prior_directions, require_estimable
+from coadjoint.control.estimable import prior_directions, require_convex, require_estimable
 from coadjoint.control.horizon_limits import HorizonLimits
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.numbers import number
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
-from coadjoint.control.window import HorizonMotion, Seen, Window, require_finite
+from coadjoint.control.window import HorizonMotion, Seen, Window
 from coadjoint.errors import ArgumentError, OptimumError, shown
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.over_step import at_node
@@ -61,9 +61,12 @@ class StateEstimate:
     @cached_property
     def covariance(self) -> np.ndarray:
         """Of the changes of the state at t."""
-        spread, blind = self._cost.inverse()
-        found = self._last @ spread @ self._last.T
-        unknown = np.max(np.abs(self._last @ blind), axis=1, initial=0.0) > 1e-9
+        root, blind, units = self._cost.spread()
+        found = self._last @ root
+        found = found @ found.T
+        last = self._last / units
+        most = 1e-7 * np.linalg.norm(last, axis=1)
+        unknown = np.max(np.abs(last @ blind), axis=1, initial=0.0) > most
         found[unknown] = found[:, unknown] = np.inf
         return found
 
@@ -81,8 +84,9 @@ class Estimator:
         min V(x_j) + Σ_k h/2 (L(x_k, w_k) + L(x_{k+1}, w_k)) + ½ Σ_k |(h(x_k) − y_k)/σ|²,  x_{k+1} = Φ(x_k, w_k).
 
     Where a node leaves the horizon V goes on to the next one: V(x_{j+1}) is the least cost of x_j and w_j that lead
-    there, of the problem linearised about the estimate, by a Schur complement on the tangent space of the group. Where
-    all is linear and normal this is Kalman's filter, and his smoother inside the horizon.
+    there, of the problem linearised about the estimate, on the tangent space of the group. Its root is what goes on,
+    and a direction that nothing tells keeps no information at all: the estimate does not move along it. Where all is
+    linear and normal this is Kalman's filter, and his smoother inside the horizon.
     """
 
     def __init__(self, problem: Statement, steps: int, known: tuple[str, ...], iterations: int):
@@ -94,6 +98,7 @@ class Estimator:
         free = [range(one.begin.start, one.begin.stop) for name, one in columns.items() if name not in known]
         self._columns, self._free = columns, np.array(list(chain.from_iterable(free)), int)
         self._window = Window(transcription, steps, self._free)
+        require_convex(self._window)
         self._limits = HorizonLimits(self._window)
         self._simulated = Simulated(transcription)
         tangents = self._window.tangents
@@ -130,8 +135,8 @@ class Estimator:
         Raises ArgumentError for other names and shapes, OptimumError where the model has no step from the estimate.
         """
         began = time.perf_counter()
-        seen = self._read(measured or {})
-        row = self._row(inputs or {})
+        seen = self._read({} if measured is None else measured)
+        row = self._row({} if inputs is None else inputs)
         try:
             with np.errstate(all="ignore"):
                 if self._seen:
@@ -170,6 +175,8 @@ class Estimator:
 
     def _row(self, inputs: Mapping[str, Any]) -> np.ndarray:
         """The inputs of the step that ended: those that are known, and the guesses of the others."""
+        if not isinstance(inputs, Mapping):
+            raise ArgumentError(f"An estimator takes a dictionary of known inputs, but got {shown(inputs)}.")
         expected = set(self.known) if self._seen else set()
         if set(inputs) != expected:
             names = ", ".join(f"`{name}`" for name in self.known) or "none"
@@ -204,7 +211,7 @@ class Estimator:
     def _iterate(self) -> tuple[int, Quadratic, np.ndarray]:
         """Gauss and Newton's steps; returns how many, the cost of the last one, and G of the last node."""
         count, largest = 0, math.inf
-        cost, last = Quadratic(np.zeros((0, 0)), np.zeros(0)), np.zeros((0, 0))
+        cost, last = Quadratic.of_root(np.zeros((0, 0)), np.zeros(0)), np.zeros((0, 0))
         while count < self.iterations and largest > SETTLED:
             cost, last, largest = self._step()
             count += 1
@@ -215,7 +222,6 @@ class Estimator:
         w, motion = self._window, self._motion
         e = w.expanded(motion, self._seen)
         cost, nodes = w.joined(e, motion, self._arrival, motion.steps, True)
-        require_finite(cost)
         v = self._limits.solved(cost, nodes, motion)
         y = np.array([a + G @ v for a, G in nodes])
         du = np.zeros_like(motion.u)
@@ -235,6 +241,5 @@ class Estimator:
         w = self._window
         _, inverses = w.directions(*w.padded(self._motion)[:2])
         K, weights = prior_directions(self._transcription, start, inverses[0])
-        return Arrival(
-            start.copy(), inverses[0].copy(), np.zeros(len(K)), K, Quadratic(np.diag(weights), np.zeros(len(weights)))
-        )
+        prior = Quadratic.of_root(np.diag(np.sqrt(weights)), np.zeros(len(weights)))
+        return Arrival(start.copy(), inverses[0].copy(), np.zeros(len(K)), K, prior)

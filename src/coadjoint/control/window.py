@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.control.arrival import Arrival, Quadratic, least_to
+from coadjoint.control.arrival import Arrival, Part, Quadratic, cleaned, least_to, require_finite
 from coadjoint.control.library import casadi
 from coadjoint.control.linearised import LinearSteps, Steps, Tables, with_hessian, with_jacobian
 from coadjoint.control.tangents import Tangents
 from coadjoint.control.transcription import Transcription
-from coadjoint.errors import OptimumError
 
 
 class HorizonMotion(NamedTuple):
@@ -53,14 +52,6 @@ class Expanded(NamedTuple):
     seen: list[Quadratic]
 
 
-def require_finite(cost: Quadratic) -> None:
-    """Raise OptimumError unless a cost is finite."""
-    if not (np.all(np.isfinite(cost.H)) and np.all(np.isfinite(cost.g))):
-        raise OptimumError(
-            "A function of the problem, or a derivative, is not finite about the estimate: `reset` forgets it."
-        )
-
-
 class Window:
     """A transcription's functions for up to `most` steps. free: which inputs are not known."""
 
@@ -90,8 +81,9 @@ class Window:
         x, u, z = self.padded(motion)
         steps = Steps(*(array[:n] for array in self._linear(x[:-1], u, z, p, h)))
         T, inverse = self.directions(x, u)
-        A = inverse[1 : n + 1] @ steps.M[:, :, : self.nx] @ T[:n]
-        B = inverse[1 : n + 1] @ steps.M[:, :, self.nx :]
+        onto, by_state, by_input = inverse[1 : n + 1], steps.M[:, :, : self.nx], steps.M[:, :, self.nx :]
+        A = cleaned(onto @ by_state @ T[:n], onto, by_state, T[:n])
+        B = cleaned(onto @ by_input, onto, by_input)
         c = (inverse[1 : n + 1] @ (steps.c - x[1 : n + 1])[:, :, None])[:, :, 0]
         _, gradient, hessian = self._cost(np.concatenate([x[:-1], x[1:]]), np.concatenate([u, u]), p, h)
         m = self.nx + self.nu
@@ -110,21 +102,25 @@ class Window:
         changes[: len(y)] = y
         return self.tangents.moved_by(whole.x, changes, whole.u, np.zeros(0), self.h)[: len(y)].copy()
 
+    def of_disturbances(self) -> np.ndarray:
+        """The Hessian of the cost by the inputs that are not known, at the start and their guesses."""
+        u = np.zeros(self.nu)
+        for one in self.transcription.columns:
+            u[one.begin] = np.ravel(one.given.guess)
+        x = self.transcription.graph.numbers(self.transcription.beginning.state)
+        rows = np.tile(x, (2 * self.most, 1)), np.tile(u, (2 * self.most, 1))
+        m, free = self.nx + self.nu, self.nx + self.free
+        return self._cost(*rows, self.p, self.h)[2][0].reshape(m, m)[np.ix_(free, free)]
+
     def _by_directions(self, T: np.ndarray, H: np.ndarray, g: np.ndarray) -> Quadratic:
         """A cost of (x, u) by (y, δu), whose negative curvature is left out."""
         whole = np.zeros((self.nx + self.nu, T.shape[1] + self.nu))
         whole[: self.nx, : T.shape[1]], whole[self.nx :, T.shape[1] :] = T, np.eye(self.nu)
-        H = whole.T @ H @ whole
-        if not np.all(np.isfinite(H)):
-            return Quadratic(H, whole.T @ g)
-        values, vectors = np.linalg.eigh(H)
-        if len(values) and values[0] < 0:
-            H = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        return Quadratic(H, whole.T @ g)
+        return Quadratic.of_hessian(whole.T @ H @ whole, whole.T @ g)
 
     def _misfits(self, x: np.ndarray, u: np.ndarray, T: np.ndarray, seen: list[Seen]) -> list[Quadratic]:
         width, m = T.shape[2], self.nx + self.nu
-        found = [Quadratic(np.zeros((width + self.nu,) * 2), np.zeros(width + self.nu)) for _ in seen]
+        found = [[np.zeros((0, width + self.nu + 1))] for _ in seen]
         at = u[np.clip(np.arange(self.most + 1), 0, max(len(seen) - 2, 0))]
         for name, table in self._seen.items():
             values, jacobian = table(x, at, self.p, self.h)
@@ -132,11 +128,12 @@ class Window:
             for k, one in enumerate(seen):
                 if name not in one.values:
                     continue
-                J = np.concatenate([jacobian[k, :, : self.nx] @ T[k], jacobian[k, :, self.nx :]], axis=1)
-                J = J * one.weights[name][:, None]
-                r = (values[k] - one.values[name]) * one.weights[name]
-                found[k] = found[k].plus(J, r, np.eye(len(r)), np.zeros(len(r)))
-        return found
+                of_x, of_u = jacobian[k, :, : self.nx], jacobian[k, :, self.nx :]
+                rows = [cleaned(of_x @ T[k], of_x, T[k]), of_u, (values[k] - one.values[name])[:, None]]
+                found[k].append(np.concatenate(rows, axis=1)[one.weights[name] > 0])
+                found[k][-1] *= one.weights[name][one.weights[name] > 0, None]
+        whole = [np.concatenate(rows) for rows in found]
+        return [Quadratic.of_root(rows[:, :-1], rows[:, -1]) for rows in whole]
 
     def begun(self, e: Expanded, motion: HorizonMotion, arrival: Arrival, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """y_0 = a + G v at the first node, with v = (θ, δu_0, …) of some steps, of the inputs that are not known."""
@@ -152,20 +149,21 @@ class Window:
         """The cost of v over some steps, and each node's (a, G); last: with what was seen at the last node."""
         a, G = self.begun(e, motion, arrival, steps)
         m, nf, nv = arrival.K.shape[1], len(self.free), G.shape[1]
-        cost = Quadratic(np.zeros((nv, nv)), np.zeros(nv))
-        cost = cost.plus(np.eye(m, nv), np.zeros(m), arrival.cost.H, arrival.cost.g)
+        parts = [Part(arrival.cost, np.eye(m, nv), np.zeros(m))]
         nodes, U = [(a, G)], np.zeros((self.nu, nv))
         still = np.zeros(self.nu)
         for k in range(steps):
             U = np.zeros((self.nu, nv))
             U[self.free, m + k * nf + np.arange(nf)] = 1.0
-            for part in (e.begins[k], e.seen[k]):
-                cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *part)
-            a, G = e.A[k] @ a + e.c[k], e.A[k] @ G + e.B[k] @ U
-            cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *e.ends[k])
+            rows, offset = np.concatenate([G, U]), np.concatenate([a, still])
+            parts += [Part(e.begins[k], rows, offset), Part(e.seen[k], rows, offset)]
+            a, G = e.A[k] @ a + e.c[k], cleaned(e.A[k] @ G, e.A[k], G) + e.B[k] @ U
+            parts.append(Part(e.ends[k], np.concatenate([G, U]), np.concatenate([a, still])))
             nodes.append((a, G))
         if last:
-            cost = cost.plus(np.concatenate([G, U]), np.concatenate([a, still]), *e.seen[steps])
+            parts.append(Part(e.seen[steps], np.concatenate([G, U]), np.concatenate([a, still])))
+        cost = Quadratic.of_parts(nv, parts)
+        require_finite(*cost, G)
         return cost, nodes
 
     def passed_on(self, motion: HorizonMotion, seen: list[Seen], arrival: Arrival) -> Arrival:
@@ -173,7 +171,6 @@ class Window:
         motion, seen = HorizonMotion(motion.x[:2], motion.u[:1], motion.z[:1]), seen[:2]
         e = self.expanded(motion, seen)
         cost, nodes = self.joined(e, motion, arrival, 1, False)
-        require_finite(cost)
         a, G = nodes[1]
         K, left = least_to(cost, G)
         return Arrival(motion.x[1].copy(), e.inverse[1].copy(), a, K, left)
