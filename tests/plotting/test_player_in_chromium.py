@@ -29,6 +29,16 @@ MIDDLE = """(() => {
     return [(p.x + 1) / 2 * sheet.clientWidth, (1 - p.y) / 2 * sheet.clientHeight];
 })()"""
 """Where on the page the first body is."""
+PROJECTED = """(() => {
+    const { eye, drawn } = player.view, { group, body } = drawn[0].bodies[0], found = [];
+    for (let i = 0; i < body.place.length; i += 3) {
+        const p = group.position.clone().set(...body.place.slice(i, i + 3));
+        p.applyMatrix4(group.parent.matrix).project(eye);
+        found.push([p.x, p.y]);
+    }
+    return found;
+})()"""
+"""Where on the picture, −1 to 1, the nodes of the first body's track are."""
 RGB = """window.rgb = name => {
     const colour = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
     return player.channels(colour.slice(0, 7));
@@ -174,6 +184,36 @@ def test_boxes_ellipsoids_rods_and_meshes_are_drawn_where_they_are(browser, tmp_
     assert ball == pytest.approx(np.pi / 4 * of_ball**2 / (of_ball**2 - 0.25), rel=0.03)
     assert 0.4 < stick < 0.4 * (of_stick / (of_stick - 0.2)) ** 2
     assert surface == pytest.approx(0.5, rel=0.03)
+
+
+@pytest.mark.parametrize(("width", "height"), [(960, 540), (390, 700)])
+def test_the_camera_of_all_has_the_whole_of_every_track_in_the_picture(browser, tmp_path, width, height):
+    deep = np.linspace([0, 0, 1], [2, 1.5, 12], 50)
+    shown(browser, tmp_path, dataset(50, **VEHICLE | {"q": deep}), width=width, height=height)
+    for yaw, pitch in ((0.7, 0.45), (0.0, 0.0), (2.3, 1.4), (-1.0, -0.9)):
+        browser.value(f"Object.assign(player.camera, {{ yaw: {yaw}, pitch: {pitch} }}); player.redraw()")
+        browser.frames()
+        places = np.array(browser.value(PROJECTED))
+        assert np.max(np.abs(places)) < 1
+        if abs(pitch) < 0.5:  # seen from the side it fills the picture; along it, it looks shorter
+            assert np.max(np.ptp(places, axis=0)) / 2 > 0.55
+        if width > 700:
+            assert np.min(places[:, 0] + 1) / 2 * width > browser.value("document.getElementById('read').offsetWidth")
+
+
+@pytest.mark.parametrize(("seconds", "rate"), [(0.01, 0.01), (1, 0.2), (10, 1), (30, 1), (300, 10), (90_000, 1e4)])
+def test_a_run_opens_as_fast_as_it_was_unless_that_is_too_short_or_long(browser, tmp_path, seconds, rate):
+    run = turning(50)
+    run["time"] = run.time * seconds / 10
+    shown(browser, tmp_path, run)
+    assert browser.value("player.time.rate") == rate
+
+
+def test_no_reading_is_a_negative_zero(browser, tmp_path):
+    down = np.tile([0.0, -1e-5, 1.0], (50, 1))  # rolled by −0.0006°
+    shown(browser, tmp_path, dataset(50, a_down=down))
+    told = browser.value("document.getElementById('read').textContent")
+    assert "0.0 °" in told and "-0.0" not in told
 
 
 def test_names_of_vehicles_do_no_harm(browser, tmp_path):

@@ -97,7 +97,8 @@ function build(member) {
   const note = element("div", "", rows);
   cells.push(() => note.textContent = view.note());
 }
-const said = (m, r) => (r.wraps ? r.values[m.index + Math.round(m.part)] : between(r.values, m)).toFixed(r.digits) + " " + r.unit;
+const digits = (x, count) => { const text = x.toFixed(count); return +text === 0 ? text.replace("-", "") : text; };  // no −0.0
+const said = (m, r) => digits(r.wraps ? r.values[m.index + Math.round(m.part)] : between(r.values, m), r.digits) + " " + r.unit;
 function read() {
   if (cellsOf !== camera.follow) build(members.length > 1 ? members[camera.follow] : members[0]);
   cells.forEach(write => write());
@@ -110,9 +111,13 @@ function choices(id, pairs, chosen, act) {
   box.onchange = () => { act(+box.value); changed = true; };
   act(chosen);
 }
-const nearest = (values, x) => values.reduce((a, b) => Math.abs(Math.log(b / x)) < Math.abs(Math.log(a / x)) ? b : a);
-const rates = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000], talls = [1, 2, 5, 10, 20, 50];
-choices("rate", rates.map(r => ["× " + r, r]), nearest(rates, Math.max((last - first) / 40, 0.01)), v => time.rate = v);
+const rates = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 1e4, 1e5], talls = [1, 2, 5, 10, 20, 50];
+/** As fast as it was; but no run takes more than 30 s, and none less than 3 s. */
+function opening(long) {
+  if (long > 30) return rates.find(r => long / r <= 30) ?? rates.at(-1);
+  return long < 3 ? rates.findLast(r => long / r >= 3) ?? rates[0] : 1;
+}
+choices("rate", rates.map(r => ["× " + r, r]), opening(last - first), v => time.rate = v);
 choices("follow", [["all", -1], ...members.map((m, k) => [m.label, k])], given.follow, v => { camera.follow = v; camera.zoom = 1; });
 choices("tall", talls.map(r => ["× " + r, r]), 1, v => camera.tall = v);
 part("stretch").hidden = extent.deep > 0.3 * extent.wide || members.some(m => m.bodies.length > 1);

@@ -167,16 +167,29 @@ function solid() {
 
   // Hulls that would be dots are drawn larger; `enlarged` says how much.
   let enlarged = 1;
+  /** From how far all tracks and bodies are in the picture, of whose width the share `free` is theirs. */
+  function distance(stretch, free) {
+    const [a, b] = [camera.yaw, camera.pitch], [c, d] = [Math.cos(b), Math.sin(b)];
+    const right = new T.Vector3(Math.cos(a), 0, -Math.sin(a)), back = new T.Vector3(c * Math.sin(a), d, c * Math.cos(a)), up = back.clone().cross(right);
+    const half = 0.84 * Math.tan(Math.PI / 8), wide = half * eye.aspect * free;
+    const sides = [0, 1, 2].map(k => ((extent.high[k] - extent.low[k]) / 2 + 0.2 * least) * (k === 2 ? stretch : 1));
+    let away = 1e-6;
+    for (let k = 0; k < 8; k++) {
+      point.set(...sides.map((x, i) => k >> i & 1 ? x : -x)).applyMatrix4(world.matrix);
+      away = Math.max(away, point.dot(back) + Math.max(Math.abs(point.dot(right)) / wide, Math.abs(point.dot(up)) / half));
+    }
+    return away;
+  }
   function aim() {
     const followed = drawn[camera.follow], stretch = camera.tall;
     if (followed) placeOf(followed.member, followed.bodies[0].body, place); else extent.middle.forEach((x, k) => place[k] = x);
     target.set(place[0], place[1], place[2] * stretch).applyMatrix4(world.matrix);
-    const size = followed ? 3.4 * followed.bodies[0].body.size : Math.max(extent.wide, stretch * extent.deep) + 1.3 * least;
-    const away = size / camera.zoom / Math.min(1, 0.75 * eye.aspect), flat = Math.cos(camera.pitch) * away;
-    eye.position.set(target.x + flat * Math.sin(camera.yaw), target.y + away * Math.sin(camera.pitch), target.z + flat * Math.cos(camera.yaw));
-    eye.lookAt(target);
     // The readings stand on the left: where there is room, the middle of the scene is to their right.
     const [w, h] = [sheet.clientWidth, sheet.clientHeight], taken = w > 700 ? document.getElementById("read").offsetWidth / 2 : 0;
+    const whole = followed ? 3.4 * followed.bodies[0].body.size / Math.min(1, 0.75 * eye.aspect) : distance(stretch, 1 - 2 * taken / w);
+    const away = whole / camera.zoom, flat = Math.cos(camera.pitch) * away;
+    eye.position.set(target.x + flat * Math.sin(camera.yaw), target.y + away * Math.sin(camera.pitch), target.z + flat * Math.cos(camera.yaw));
+    eye.lookAt(target);
     eye.setViewOffset(w, h, -taken, 0, w, h);
     eye.near = away / 200; eye.far = away * 4 + 6 * stretch * extent.size; eye.updateProjectionMatrix();
     enlarged = given.enlarge ? Math.max(1, 0.08 * away / least) : 1;
