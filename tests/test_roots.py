@@ -1,10 +1,10 @@
-"""Zeros of functions of one number and of a few."""
+"""Zeros of functions of one number."""
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import brentq
 
-from coadjoint.roots import brent, broyden
+from coadjoint.roots import brent
 
 
 def functions():
@@ -35,20 +35,3 @@ def test_equal_signs_and_nan_are_refused():
         brent(lambda x: x * x + 1, -1.0, 1.0)
     with pytest.raises(ValueError, match="No zero"):
         brent(lambda x: x if abs(x) == 1 else float("nan"), -1.0, 1.0)
-
-
-def test_broydens_method_finds_the_zero_of_two_equations_that_scipy_finds_from_a_rough_slope():
-    def f(x):
-        return np.array([x[0] ** 3 + x[1] - 1.2, np.sin(x[0]) - x[1] ** 2 + 0.1])
-
-    x, slope = broyden(f, np.array([0.5, 0.8]), np.array([[1.0, 1.0], [1.0, -1.0]]), xtol=1e-12, most=30)
-    np.testing.assert_allclose(x, fsolve(f, [0.5, 0.8], xtol=1e-12), rtol=1e-12)
-    np.testing.assert_allclose(slope @ [1.0, 0.0], [3 * x[0] ** 2, np.cos(x[0])], atol=0.3)
-
-
-@pytest.mark.parametrize(
-    ("f", "slope"),
-    [(lambda x: x**2 + 1, np.eye(2)), (lambda x: x - 1, np.zeros((2, 2))), (lambda x: x * np.nan, np.eye(2))],
-)
-def test_broydens_method_tells_that_there_is_no_zero_where_slopes_vanish_and_of_nan(f, slope):
-    assert broyden(f, np.ones(2) / 2, slope, xtol=1e-9, most=50) is None

@@ -1,11 +1,9 @@
-"""Zeros of functions of one number and of a few."""
+"""The zero of a function of one number."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-
-import numpy as np
 
 MOST = 2000
 """How many points are tried; Brent's bound is the square of the 50 to 60 that bisection takes."""
@@ -59,32 +57,6 @@ def brent(f: Callable[[float], float], a: float, b: float, xtol: float = 1e-15, 
         if math.isnan(f_here):
             break
     raise ValueError(f"No zero was found between {a:g} and {b:g}: f({here:g}) = {f_here:g}.")
-
-
-def broyden(
-    f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, slope: np.ndarray, xtol: float, most: int
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """The zero of f: ℝᵏ → ℝᵏ near x by Broyden's method, and the slope (k, k) that it ends with; None if there is none.
-
-    slope: about f′(x). Each step is Newton's with the slope B, then B ← B + f(x) Δxᵀ/(ΔxᵀΔx), so that B Δx is the
-    change of f. It ends with the first step in which no x changes by more than `xtol`, and gives up after `most`.
-
-    Source: C. G. Broyden, Mathematics of Computation 19, 1965, 577.
-    """
-    value = f(x)
-    for _ in range(most):
-        try:
-            change = np.linalg.solve(slope, -value)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.all(np.isfinite(change)):
-            return None
-        x = x + change
-        if np.abs(change).max() <= xtol:
-            return x, slope
-        value = f(x)
-        slope = slope + np.outer(value, change) / (change @ change)
-    return None
 
 
 def _same_sign(x: float, y: float) -> bool:

@@ -15,7 +15,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
-from coadjoint.roots import brent, broyden
+from coadjoint.roots import brent
 from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.model.craft import Craft
 
@@ -142,21 +142,26 @@ def steady(motion: UnderWay, across: int, row: int, shares: np.ndarray, most: fl
     across, row: 1 and 5 for yaw, 2 and 4 for pitch. shares: of the commands in δ. Slip and δ balance force and torque.
     Where δ < 0 the turn is unstable, and UNSTABLE of the fastest rate is given.
     """
-    level, rows = motion.level, [across, row]
+    level = motion.level
 
-    def balance(x: np.ndarray, rate: float) -> np.ndarray:
-        nu, commands = motion.speed * np.eye(6)[0], level.rest.copy()
-        nu[rows] = x[0], rate
-        commands[motion.acting] = motion.trim + shares * x[1]
-        return level.rates(nu, commands)[rows]
+    def balance(x: Array, rate: Array) -> Array:
+        nu = jnp.zeros(6).at[0].set(motion.speed).at[across].set(x[0]).at[row].set(rate)
+        commands = jnp.asarray(level.rest).at[np.flatnonzero(motion.acting)].set(motion.trim + shares * x[1])
+        found = level.push(nu, commands)
+        return jnp.stack([found[across], found[row]])
 
-    x, turns = np.zeros(2), [(0.0, 0.0)]
-    slope = np.column_stack([motion.damping[rows, across], motion.effects[rows] @ shares])
+    x = np.zeros(2)
+    both = tabulate(lambda x, rate: (balance(x, rate), jax.jacfwd(balance)(x, rate)), x, np.float64(0))
+    turns = [(0.0, 0.0)]
     for rate in np.geomspace(0.01, 1.0, 14):
-        found = broyden(lambda x, rate=rate: balance(x, rate), x, slope, xtol=1e-9, most=8)
-        if found is None:
+        for _ in range(8):
+            value, slope = both(x, np.float64(rate))
+            change = np.linalg.solve(slope, -value)
+            x = x + change
+            if np.abs(change).max() < 1e-6:
+                break
+        else:
             break
-        x, slope = found
         if abs(x[1]) > most or abs(x[0]) > motion.speed:
             break
         turns.append((float(rate), float(x[1])))
