@@ -359,9 +359,11 @@ def test_a_folder_that_may_not_be_written_is_told_and_a_finished_run_in_it_is_re
 import os, sys
 sys.path.insert(0, {str(Path(interrupted.__file__).parent)!r})
 import coadjoint as co, interrupted
+from coadjoint.simulation.configuration import versions
 vehicle = interrupted.system()
 co.simulate(vehicle, interrupted.start(vehicle), dt=0.01, steps=2)
 co.load({str(done)!r})
+versions()  # what is loaded late lies where others may not read
 if os.geteuid() == 0:
     os.setuid(65534)
 for attempt in (
