@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import FileError
-from coadjoint.texts import text_of
+from coadjoint.texts import told_text
 
 LARGEST = 128_000_000
 """The most bytes of a table."""
@@ -59,7 +59,7 @@ def read_sheet(path: str | os.PathLike[str]) -> Sheet:
     Raises FileError for a file that cannot be read or has no rows, for a column without a name and for two of one name,
     and for a row of another length.
     """
-    text = _text(Path(path))
+    text = told_text(Path(path), most=LARGEST)
     lines = list(enumerate(text.splitlines(), 1))
     kept = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if len(kept) < 2:
@@ -85,19 +85,6 @@ def csv_text(columns: Mapping[str, Any], shown: Callable[[float], str] = "{:.12g
     lists = [(values if values.dtype.kind in "iu" else values + 0.0).tolist() for values in arrays]
     rows = (",".join(["" if x != x else shown(x) for x in row]) for row in zip(*lists, strict=True))
     return "\n".join([",".join(columns), *rows]) + "\n"
-
-
-def _text(path: Path) -> str:
-    try:
-        return text_of(path, LARGEST)
-    except FileNotFoundError as error:
-        raise FileError(f"There is no file {path}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {path} is not a text in UTF-8.") from error
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
 
 
 def _require_names(where: str, names: list[str]) -> None:

@@ -25,6 +25,20 @@ def text_of(source: Path, most: int = LARGEST) -> str:
     return content.decode("utf-8-sig")
 
 
+def told_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
+    """The text in a file, as `text_of`; raises FileError alone, with `what` the file is in the sentence."""
+    try:
+        return text_of(path, most)
+    except FileNotFoundError as error:
+        raise FileError(f"There is no {what} {path}.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"The file {path} is not a text in UTF-8.") from error
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
+
+
 def too_large(name: object, most: int) -> FileError:
     """What to raise for a text of more than `most` bytes."""
     return FileError(

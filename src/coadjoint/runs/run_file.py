@@ -16,7 +16,7 @@ from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.sections import MethodSection, OutputSection, RunSection, SystemSection
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import in_si, unknown, without_unit
-from coadjoint.texts import read_table, text_of, too_long
+from coadjoint.texts import read_table, told_text, too_long
 
 if TYPE_CHECKING:
     from coadjoint.runs.setup import Setup
@@ -85,7 +85,7 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
     Raises FileError for a file that cannot be read or is no TOML, ArgumentError for what does not belong there.
     """
     source = Path(path)
-    text = _text(source)
+    text = told_text(source, "run file")
     table = read_table(text, source)
     try:
         _require_short(table)
@@ -143,19 +143,6 @@ def _require_short(value: Any) -> None:
             _require_short(inner)
     elif isinstance(value, int):
         float(value)
-
-
-def _text(source: Path) -> str:
-    try:
-        return text_of(source)
-    except FileNotFoundError as error:
-        raise FileError(f"There is no run file {source}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {source} is not a text in UTF-8.") from error
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The run file {source} cannot be read: {error.strerror or error}.") from error
 
 
 def _require_rectangular(name: str, given: dict[str, Any]) -> None:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, FileError
+from coadjoint.errors import ArgumentError
 from coadjoint.runs.run_file import of_table, put
 from coadjoint.runs.sections import section
 from coadjoint.runs.toml_text import to_toml
 from coadjoint.runs.units import unknown
 from coadjoint.sweeps.numbers import DIGEST, DRAWN, MOST, SAMPLINGS, Design, Varied, design, digest, read
-from coadjoint.texts import read_table, text_of
+from coadjoint.texts import read_table, told_text
 
 if TYPE_CHECKING:
     from coadjoint.runs.runnable import Runnable
@@ -258,13 +258,4 @@ def read_sweep(path: Path) -> Sweep:
 
 def table_of(path: Path, word: str) -> dict[str, Any]:
     """The table in a TOML file; raises FileError."""
-    try:
-        return read_table(text_of(path), path)
-    except FileNotFoundError as error:
-        raise FileError(f"There is no {word} {path}.") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"The file {path} is not a text in UTF-8.") from error
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"The {word} {path} cannot be read: {error.strerror or error}.") from error
+    return read_table(told_text(path, word), path)

@@ -88,11 +88,10 @@ class StepperSlave(Fmi2Slave):
     def to_xml(self, model_options: Any = None) -> Element:
         """The model's description: starts to the last bit, and outputs as unknowns of the start (FMI 2.0, 2.2.8)."""
         root = super().to_xml(model_options or {})
-        structure = next(root.iter("ModelStructure"))
-        first = SubElement(structure, "InitialUnknowns")
-        for unknown in root.iter("Unknown"):
-            if unknown not in list(first):
-                SubElement(first, "Unknown", dict(unknown.attrib))
+        if outputs := list(root.iter("Unknown")):
+            first = SubElement(next(root.iter("ModelStructure")), "InitialUnknowns")
+            for output in outputs:
+                SubElement(first, "Unknown", dict(output.attrib))
         for real, start in zip(root.iter("Real"), self._commands, strict=False):  # inputs come first
             real.set("start", repr(float(start)))
         return root
