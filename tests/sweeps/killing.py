@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import random
 import threading
 from pathlib import Path
 from typing import Any
+
+import xarray
 
 TOP = """
 [system]
@@ -42,10 +45,17 @@ save_every = 2000
 
 
 def bits(folder: Path) -> dict[str, bytes]:
-    """All files but those with times, by their names."""
+    """All files but those with times, by their names; of a netCDF file what it says: HDF5 may keep the time in it."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     times = ("summary.json", "manifest.json")
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files if path.name not in times}
+    return {str(path.relative_to(folder)): _content(path) for path in files if path.name not in times}
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix != ".nc":
+        return path.read_bytes()
+    with xarray.open_dataset(path, engine="h5netcdf") as dataset:
+        return json.dumps(dataset.to_dict(), default=repr).encode()
 
 
 def workers() -> list[Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from killing import bits
 
 import coadjoint as co
 from coadjoint.runs.run_file import read
@@ -55,16 +56,6 @@ def written(folder: Path, text: str = SWEEP) -> Path:
     file = folder / "sweep.toml"
     file.write_text(text)
     return file
-
-
-def bits(folder: Path) -> dict[str, bytes]:
-    """All files but those with times."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in files
-        if path.name not in ("summary.json", "manifest.json")
-    }
 
 
 @pytest.fixture(scope="module")
