@@ -22,7 +22,7 @@ class Made:
         q[:failed] = np.nan
         numbers = {"parameters.mass": mass, "initial.position_m[2]": depth}
         coordinates = {name: ("member", values, {"swept": 1}) for name, values in numbers.items()}
-        held = {"code": ("member", code), "final_q": (("member", "additional"), q)}
+        held = {"code": ("member", code), "final_q": (("member", "additional"), q, {"units": "m"})}
         self.dataset = xarray.Dataset(held, coords=coordinates)
 
 
@@ -30,7 +30,8 @@ def test_all_members_that_did_not_fail_are_lines_through_what_varies():
     figure = parallel(Made())  # pyright: ignore[reportArgumentType]
     (lines,) = figure.axes[0].collections
     assert len(lines.get_segments()) == 380
-    assert [label.get_text() for label in figure.axes[0].get_xticklabels()][:2] == ["mass", "position_m[2]"]
+    labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]
+    assert labels[:3] == ["mass", "position_m[2]", "final_q[0] (m)"]
 
 
 def test_a_response_surface_has_the_means_of_its_cells():
@@ -46,7 +47,7 @@ def test_a_response_surface_has_the_means_of_its_cells():
 def test_the_result_that_varies_with_the_numbers_is_chosen():
     numbers, results = columns(Made())  # pyright: ignore[reportArgumentType]
     assert list(numbers) == ["parameters.mass", "initial.position_m[2]"] and len(results) == 3
-    assert responses(Made()).axes[-1].get_ylabel() == "final_q[2]"  # pyright: ignore[reportArgumentType]
+    assert responses(Made()).axes[-1].get_ylabel() == "final_q[2] (m)"  # pyright: ignore[reportArgumentType]
 
 
 def test_failures_are_marked_by_cause():

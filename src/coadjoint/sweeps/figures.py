@@ -74,7 +74,7 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
             lines = LineCollection(rows, cmap="viridis", norm=scale, linewidths=0.5, alpha=0.5)
             lines.set_array(values[:, -1])
             axes.add_collection(lines)
-            figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, label=[*table][-1], pad=0.02)
+            figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, label=_with_unit(made, [*table][-1]), pad=0.02)
         for place in range(len(table)):
             axes.axvline(place, color="#555555", linewidth=0.6)
             for end, at, side in ((low, 0.0, "top"), (high, 1.0, "bottom")):
@@ -82,7 +82,7 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
                     axes.text(
                         place, at + (0.02 if at else -0.02), f"{end[place]:.4g}", ha="center", va=side, fontsize=7
                     )
-        axes.set_xticks(range(len(table)), [_short(name) for name in table], fontsize=7)
+        axes.set_xticks(range(len(table)), [_short(_with_unit(made, name)) for name in table], fontsize=7)
         axes.tick_params(axis="x", length=0, pad=12)
         axes.set(xlim=(-0.3, len(table) - 0.7), ylim=(-0.1, 1.1), yticks=[])
         axes.grid(False)
@@ -114,12 +114,12 @@ def responses(made: SweepResults, result: str = "") -> Figure:
             axes.set_xlabel(_short(a, 1))
             if not b:
                 axes.plot(numbers[a][good], found[name][good], ".", markersize=2)
-                axes.set_ylabel(name)
+                axes.set_ylabel(_with_unit(made, name))
                 continue
             shades = _surface(axes, numbers[a][good], numbers[b][good], found[name][good], limits)
             axes.set(ylabel=_short(b, 1), xlim=_ends(numbers[a]), ylim=_ends(numbers[b]))
         if shades is not None:
-            figure.colorbar(shades, ax=figure.axes, label=name)
+            figure.colorbar(shades, ax=figure.axes, label=_with_unit(made, name))
     return figure
 
 
@@ -218,6 +218,13 @@ def _chosen(given: Sequence[str], found: dict[str, np.ndarray], usual: Sequence[
         if name not in found:
             raise ArgumentError(unknown(f"result `{name}`", "The sweep", name, list(found)))
     return list(given) or list(usual)
+
+
+def _with_unit(made: SweepResults, name: str) -> str:
+    """A result with its unit in the dataset, as "final_q[2] (m)"; what varies has its unit in its own name."""
+    array = made.dataset.data_vars.get(name.split("[")[0])
+    unit = "" if array is None else array.attrs.get("units", "")
+    return f"{name} ({unit})" if unit not in ("", "1") else name
 
 
 def _short(name: str, lines: int = 2) -> str:
