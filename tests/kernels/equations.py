@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
+from coadjoint.kernels.newton.solver import DenseStage
+
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(DenseStage):
     """Unknowns with A z + ε sin z = s, as a program without motion."""
 
     curved: float

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.trace.evaluate import evaluate
 
 
@@ -65,7 +66,7 @@ def cayley(x):
 
 
 @dataclass(frozen=True)
-class LeftRectangle:
+class LeftRectangle(DenseStage):
     """The stage; `limit` bounds h|ξ| as a chart would."""
 
     fraction: float = 1.0

@@ -53,6 +53,23 @@ class Told(enum.IntFlag):
     NOT_FINITE = 2
 
 
+class Structure(Protocol):
+    """How the equations of a stage are solved: a static, hashable object."""
+
+    @property
+    def native(self) -> bool:
+        """Whether Newton's method of native code, which is dense, serves these equations too."""
+        ...
+
+    def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: Any = ()) -> Any:
+        """`newton.solver.Root` of residual(z) = 0 from `guess` (m,), differentiable by the implicit function theorem.
+
+        h: the length of the stage. blocks: as in `Stage`. carried: what the last step left in its `Root.carried`, a
+        PyTree of fixed shapes, () where nothing is carried over.
+        """
+        ...
+
+
 class Stage(Protocol):
     """One implicit stage of a substep; `h` is the stage's own step, `fraction` times the substep."""
 
@@ -67,6 +84,19 @@ class Stage(Protocol):
     @property
     def blocks(self) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: sizes that add up to m, or () if all are."""
+        ...
+
+    @property
+    def structure(self) -> Structure:
+        """How its equations are solved."""
+        ...
+
+    def carried(self, state: State) -> Any:
+        """What the solution of the last step left in the state for this one; () where nothing is carried over."""
+        ...
+
+    def carry(self, after: State, carried: Any) -> State:
+        """The state after a step with what its solution leaves for the next one."""
         ...
 
     def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns:

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
+from coadjoint.kernels.program import Structure
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.forces import INPUTS, INTERNAL
@@ -173,6 +174,18 @@ class StepStage:
     @property
     def blocks(self) -> tuple[int, ...]:
         return self.step.blocks(self.skeleton)
+
+    @property
+    def structure(self) -> Structure:
+        return self.step.structure(self.skeleton)
+
+    def carried(self, state: State) -> Any:
+        """What the solution of the last step left in the state, () where nothing is carried over."""
+        return self.step.carried(state)
+
+    def carry(self, after: State, carried: Any) -> State:
+        """The state with what the solution of its step leaves for the next one."""
+        return self.step.carry(after, carried)
 
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.program import FLOOR
+from coadjoint.kernels.newton.solver import Dense
+from coadjoint.kernels.program import FLOOR, Structure
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
@@ -37,6 +38,18 @@ class Step(ABC):
     def blocks(self, system: System) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: Newton stops by each block's own scale."""
         return system.group.dim, system.additional.dim(system.group)
+
+    def structure(self, system: System) -> Structure:
+        """How the equations are solved, `kernels.program.Structure`: by default Newton's method with all unknowns."""
+        return Dense()
+
+    def carried(self, state: State) -> Any:
+        """What the solution of the last step left in the state for this one; by default (), nothing."""
+        return ()
+
+    def carry(self, after: State, carried: Any) -> State:
+        """The state after a step with what its solution leaves for the next one, where the structure has such."""
+        return after
 
     def require_fit(self, system: System) -> None:
         """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""

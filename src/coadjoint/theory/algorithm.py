@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.difference_maps import DifferenceMap, Exponential
 from coadjoint.errors import ArgumentError, StepError
 from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend
 from coadjoint.spaces import Space
@@ -24,7 +25,7 @@ def whole_steps(steps: object) -> int:
     return int(steps)
 
 
-class Algorithm:
+class Algorithm(DenseStage):
     """A program of one stage whose unknowns are the increment F and the point s: the next pair follows from them.
 
     A subclass gives `group`, `space`, `last`, `conditions` and `following`. Newton's unknowns are (ξ, y) with

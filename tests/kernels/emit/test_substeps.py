@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from vehicle import PAPER, VehicleProgram, start
 
+from coadjoint.kernels.newton.solver import DenseStage
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import ensemble, native, xla
 
@@ -101,7 +102,7 @@ class Root(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SquareRoot:
+class SquareRoot(DenseStage):
     """Solves x² = y, which fails for y < 0, and moves y on by −h."""
 
     fraction: float = 1.0
@@ -128,7 +129,7 @@ class SquareRoot:
 
 
 @dataclass(frozen=True)
-class Halving:
+class Halving(DenseStage):
     """Solves 2x = y."""
 
     fraction: float = 1.0

@@ -14,7 +14,7 @@ from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
 from coadjoint.kernels.program import Program, Stage
 from coadjoint.kernels.trace.symbolic import nodes
 from coadjoint.kernels.trace.tracer import Tracer, flat
-from coadjoint.kernels.untraceable import Untraceable
+from coadjoint.kernels.untraceable import Structured, Untraceable
 
 MAX_UNKNOWNS = 60
 """A larger stage would be mostly linear algebra, which XLA does as well."""
@@ -92,6 +92,8 @@ def plan(
 
     `unrolled`: substeps are written out, stage after stage, rather than run in a loop.
     """
+    if not all(stage.structure.native for stage in program.stages):
+        raise Structured
     tracer = Tracer()
     graph = tracer.graph
     p = _specialise(graph, tracer.symbols("p", parameters), pattern)

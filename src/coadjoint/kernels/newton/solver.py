@@ -3,22 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Code, Structure
 
 
 class Root(NamedTuple):
-    """Where Newton ended: unknowns (m,), iterations done, and the code."""
+    """Where Newton ended: unknowns (m,), iterations done, the code, and what is carried over to the next step."""
 
     unknowns: jax.Array
     iterations: jax.Array
     code: jax.Array
+    carried: Any = ()
+
+
+@dataclass(frozen=True)
+class Dense:
+    """The structure of equations that all unknowns may enter: Newton's method with the whole Jacobian, `solve`."""
+
+    native = True
+
+    def root(
+        self,
+        residual: Callable[[jax.Array], jax.Array],
+        guess: jax.Array,
+        h: jax.Array,
+        blocks: tuple[int, ...],
+        carried: Any = (),
+    ) -> Root:
+        """residual(z) = 0 from `guess`, both (m,); see `solve`. Nothing is carried over."""
+        return solve(residual, guess, h, blocks)
+
+
+class DenseStage:
+    """What a stage with such equations says of them: nothing is carried over from one step to the next."""
+
+    structure: Structure = Dense()
+
+    def carried(self, state: Any) -> Any:
+        """()."""
+        return ()
+
+    def carry(self, after: Any, carried: Any) -> Any:
+        """The state as it is."""
+        return after
 
 
 class _Iterate(NamedTuple):

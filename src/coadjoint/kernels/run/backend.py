@@ -35,7 +35,7 @@ def choose(
     raises ArgumentError there.
     """
     require_backend(backend)
-    if backend == "xla":
+    if backend == "xla" or (backend == "auto" and not all(stage.structure.native for stage in program.stages)):
         return "xla"
     try:
         if axes is None:
@@ -68,7 +68,7 @@ def fall_back(reason: Untraceable, backend: Backend) -> None:
     sentence = f"{what} It runs by XLA, which is slower for small systems."
     if backend == "native":
         raise ArgumentError(f'{reason} Use backend="xla" or "auto".') from reason
-    if sentence not in _told:
+    if sentence not in _told and not reason.quiet:
         _told.add(sentence)
         warnings.warn(sentence, stacklevel=4)
 

@@ -12,7 +12,6 @@ import numpy as np
 from jax import lax
 
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
-from coadjoint.kernels.newton import solver
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 from coadjoint.kernels.trace.forked import require_own_xla
@@ -67,11 +66,12 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
     for stage in program.stages:
         part = stage.fraction * h
         residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
-        root = solver.solve(residual, guess, part, stage.blocks)
+        root = stage.structure.root(residual, guess, part, stage.blocks, stage.carried(state))
         inside = stage.chart(parameters, state, part, root.unknowns) < 1.0
         found = (root.code == 0) & inside
         z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns
         after = stage.advance(parameters, state, part, z, jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0)
+        after = stage.carry(after, root.carried)
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
         here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))
         here = jnp.asarray(int(Code.CONVERGED)) if stage.tolerant else here
