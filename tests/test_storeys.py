@@ -45,7 +45,8 @@ STOREYS = (
 )
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
-    *("axes", "parts", "water", "hydrodynamics", "model", "trim", "controllers", "files", "remus", "logs", "figures"),
+    *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
+    *("logs", "figures"),
     *("serving", "missions", "environments", "extension"),
 )
 """From the ground up, too."""

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from coadjoint import units as u
+from coadjoint.errors import ArgumentError
 
 SYMBOLS = {
     "1": 1, "%": 0.01,
@@ -59,3 +60,19 @@ def test_every_symbol_and_every_ending_is_in_the_tables():
 )  # fmt: skip
 def test_products_quotients_and_powers(unit, dimension, factor):
     assert u.factor_to(dimension, unit, "x") == pytest.approx(factor, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    "unit, dimension, expected",
+    [
+        ("deg/s/√Hz", u.per_root(u.ANGULAR_VELOCITY, "Hz"), math.radians(1.0)),
+        ("deg/√h", u.per_root(u.ANGULAR_VELOCITY, "Hz"), math.radians(1.0) / 60),
+        ("m/s/sqrt(h)", u.per_root(u.ACCELERATION, "Hz"), 1 / 60),
+        ("mm/s^2/√Hz", u.per_root(u.ACCELERATION, "Hz"), 1e-3),
+        ("cm/√min", u.per_root(u.LENGTH, "s"), 0.01 / math.sqrt(60)),
+    ],
+)
+def test_densities_and_random_walks_have_roots_in_their_units(unit, dimension, expected):
+    assert u.in_si(1.0, unit, dimension, "It") == pytest.approx(expected, rel=1e-14)
+    with pytest.raises(ArgumentError, match="give a unit of that kind"):
+        u.in_si(1.0, unit, u.SPEED, "It")

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from coadjoint.errors import ArgumentError
 
-Powers = tuple[int, int, int, int, int, int]
-"""Of mass, length, time, angle (rad), revolutions and electric current."""
+Powers = tuple[float, float, float, float, float, float]
+"""Of mass, length, time, angle (rad), revolutions and electric current; halves are roots, as in rad/s/√Hz."""
 
 
 class Dimension(NamedTuple):
@@ -79,12 +79,25 @@ ENDINGS: dict[str, str] = {
 
 _LONGEST_FIRST = sorted(ENDINGS, key=len, reverse=True)
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ", "0123456789-µ")  # and the Greek letter as the sign of micro
-_FACTOR = re.compile(r"^([A-Za-zµ°%]+|1)(?:\^?(-?\d))?$")
+_FACTOR = re.compile(r"^(√?)([A-Za-zµ°%]+|1)(?:\^?(-?\d))?$")
+_ROOT = re.compile(r"sqrt\(([A-Za-zµ]+)\)")
+
+
+def per_root(dimension: Dimension, unit: str) -> Dimension:
+    """What a number of a dimension for each root of a frequency or a time measures: per_root(SPEED, "Hz") is m/s/√Hz.
+
+    unit: "Hz", of the density of a noise, or "s", of a random walk.
+    """
+    powers, half = list(dimension.powers), 0.5 if unit == "Hz" else -0.5
+    powers[2] += half
+    word = "density of the noise of" if unit == "Hz" else "random walk of"
+    return Dimension(tuple(powers), f"{dimension.si}/√{unit}", f"{word} {dimension.word}")  # pyright: ignore[reportArgumentType]
 
 
 def unit_of(unit: str, what: str = "This") -> tuple[float, Powers]:
     """The SI value and the powers of a unit; raises ArgumentError, which begins with `what`."""
-    above, *below = unit.translate(_SUPERSCRIPTS).replace("·", " ").replace("*", " ").split("/")
+    plain = _ROOT.sub(r"√\1", unit.translate(_SUPERSCRIPTS))
+    above, *below = plain.replace("·", " ").replace("*", " ").split("/")
     factor, powers = 1.0, NUMBER.powers
     for text, sign in [(above, 1), *((part, -1) for part in below)]:
         symbols = text.strip().strip("()").split()
@@ -92,13 +105,13 @@ def unit_of(unit: str, what: str = "This") -> tuple[float, Powers]:
             raise ArgumentError(f'{what} has the unit "{unit}", which is not complete; write it like "N s/m".')
         for symbol in symbols:
             found = _FACTOR.match(symbol)
-            if found is None or found.group(1) not in _SYMBOLS:
+            if found is None or found.group(2) not in _SYMBOLS:
                 raise ArgumentError(
                     f'{what} has the unit "{unit}", in which `{symbol}` is not known: known are {", ".join(_SYMBOLS)}, '
                     'their products, quotients and powers, as in "kg m^2" or "N s/m".'
                 )
-            size, dimension = _SYMBOLS[found.group(1)]
-            power = sign * int(found.group(2) or 1)
+            size, dimension = _SYMBOLS[found.group(2)]
+            power = sign * int(found.group(3) or 1) * (0.5 if found.group(1) else 1)
             factor *= size**power
             powers = tuple(p + power * q for p, q in zip(powers, dimension.powers, strict=True))
     return factor, powers  # pyright: ignore[reportReturnType]

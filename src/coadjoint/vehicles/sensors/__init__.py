@@ -1,0 +1,25 @@
+"""Sensors of vehicles: what each reads of a motion, a pure function, and its errors by the numbers of data sheets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.sensors.altimeter import Altimeter as Altimeter
+    from coadjoint.vehicles.sensors.compass import Ahrs as Ahrs
+    from coadjoint.vehicles.sensors.compass import Compass as Compass
+    from coadjoint.vehicles.sensors.depth import Depth as Depth
+    from coadjoint.vehicles.sensors.dvl import Dvl as Dvl
+    from coadjoint.vehicles.sensors.dvl import DvlBeams as DvlBeams
+    from coadjoint.vehicles.sensors.errors import Channel as Channel
+    from coadjoint.vehicles.sensors.errors import Errors as Errors
+    from coadjoint.vehicles.sensors.gps import Gps as Gps
+    from coadjoint.vehicles.sensors.imu import Imu as Imu
+    from coadjoint.vehicles.sensors.kinematics import Kinematics as Kinematics
+    from coadjoint.vehicles.sensors.kinematics import at_node as at_node
+    from coadjoint.vehicles.sensors.sensor import Sensor as Sensor
+    from coadjoint.vehicles.sensors.usbl import Usbl as Usbl
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,180 @@
+"""What a sensor is: a pure function of the motion, with a place on the vehicle, a rate, and errors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint import units as u
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.models.quantities import angles, not_negative, positive, vector
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles.axes import body_axes
+from coadjoint.vehicles.parts.measured import check_fields, measured, place, share
+from coadjoint.vehicles.parts.numbers import Numbers
+from coadjoint.vehicles.sensors.errors import Channel, Errors, checked
+from coadjoint.vehicles.sensors.kinematics import Kinematics
+
+
+def _pose(value: Any, name: str) -> Any:
+    return angles(vector(value, name), name)
+
+
+def _turned_pose(value: Any, axes: Any) -> Any:
+    """Yaw, pitch and roll from the body's axes, where both, the sensor's and the body's, are other ones."""
+    yaw_pitch_roll = np.asarray(value, dtype=float)
+    if yaw_pitch_roll.shape != (3,):
+        raise ArgumentError(f"Yaw, pitch and roll are three numbers, but there is the shape {yaw_pitch_roll.shape}.")
+    return yaw_pitch_roll @ np.diag(np.diag(body_axes(axes))[::-1])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor(Numbers, ABC):
+    """A sensor of a vehicle: what it would read without errors is a pure function of the motion, traced by JAX.
+
+    name: a word, unique on a vehicle. rate: readings in a second, 1/s; the k-th is taken k/rate after it is switched
+    on. latency: s from the time of a reading until it is there. position: r in the body, (3,) m. euler_zyx: yaw, pitch
+    and roll of its axes in those of the body, (3,) rad. dropout: the share of readings that never come. outliers: the
+    share of those that come with the error `outlier` of their channel. Fields that hold numbers are its parameters:
+    `measured(motion, own)` takes others. Raises ArgumentError for what no sensor can have.
+    """
+
+    kind: ClassVar[str] = ""
+    """Its word in vehicle files."""
+    channels: ClassVar[tuple[Channel, ...]] = ()
+    """What it reads, in the order of a reading."""
+    name: str
+    rate: Any = measured(u.FREQUENCY, positive)
+    latency: Any = measured(u.TIME, not_negative, default=0.0)
+    position: Any = place(default=(0.0, 0.0, 0.0))
+    euler_zyx: Any = measured(u.ANGLE, _pose, turn=_turned_pose, default=(0.0, 0.0, 0.0))
+    dropout: Any = measured(u.NUMBER, share, default=0.0)
+    outliers: Any = measured(u.NUMBER, share, default=0.0)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ArgumentError(f"The name of a sensor must be a word such as 'imu', but is {shown(self.name)}.")
+        check_fields(self, self.title)
+        for channel in self.channels:
+            object.__setattr__(self, channel.name, checked(self.errors(channel), channel, f"{self.title}`"))
+
+    @property
+    def title(self) -> str:
+        """What it is in sentences, without the quote at the end."""
+        return f"sensor `{self.name}"
+
+    def errors(self, channel: Channel) -> Errors:
+        """The errors of one of its channels."""
+        return getattr(self, channel.name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the m numbers of a reading."""
+        return tuple(name for channel in self.channels for name in channel.components)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The units of the m numbers of a reading."""
+        return tuple(channel.unit for channel in self.channels for _ in channel.components)
+
+    @property
+    def size(self) -> int:
+        """m, how many numbers a reading has."""
+        return len(self.names)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Which of the numbers of a reading are angles, (m,) of bool."""
+        return np.array([channel.angle for channel in self.channels for _ in channel.components])
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """The standard deviations of the white noise of one reading, (m,), with that of rounding, resolution/√12."""
+        found = []
+        for channel in self.channels:
+            errors, size = self.errors(channel), len(channel.components)
+            found.append(np.hypot(errors.white(float(self.rate), size), errors.of("resolution", size) / np.sqrt(12)))
+        return np.concatenate(found)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """The covariance of the white noise of one reading, (m, m); biases and outliers are not in it."""
+        return np.diag(self.deviation**2)
+
+    def measured(self, motion: Kinematics, own: Any = None) -> Array:
+        """What it reads of a motion without errors, (m,) in `units`; differentiable, and traced inside jit and grad.
+
+        own: its numbers, by name as `parameters()` gives them; by default those that it has. Raises ArgumentError for
+        a motion that lacks what it reads.
+        """
+        return self._evaluated(self.reading, motion, own)
+
+    def available(self, motion: Kinematics, own: Any = None) -> Array:
+        """Whether it reads at all in a motion, one truth value: whether that is within its limits."""
+        return self._evaluated(self.within, motion, own)
+
+    def _evaluated(self, function: Any, motion: Any, own: Any) -> Any:
+        if not isinstance(motion, Kinematics):
+            raise ArgumentError(f"Argument `motion` must be Kinematics(…), but is {shown(motion)}.")
+        own = Named(**self.parameters()) if own is None else own
+        own = Named(**own) if isinstance(own, dict) else own
+        return evaluate(lambda motion, own: function(_as_arrays(motion), own), motion, own)
+
+    def residual(self, reading: Any, expected: Any) -> Array:
+        """reading − expected, (m,), angles by the shorter way: in [−π, π). Raises ArgumentError for other shapes."""
+
+        def difference(reading: Any, expected: Any) -> Any:
+            left = reading - expected
+            return jnp.where(self.angles, wrapped(left), left)
+
+        return evaluate(difference, vector(reading, "reading", self.size), vector(expected, "expected", self.size))
+
+    @abstractmethod
+    def reading(self, motion: Kinematics, own: Any) -> Array:
+        """What it reads, (m,), of a motion and with its numbers; jax.numpy only."""
+
+    def within(self, motion: Kinematics, own: Any) -> Array:
+        """Whether the motion is within its limits; jax.numpy only."""
+        return jnp.asarray(True)
+
+
+def wrapped(angle: Any) -> Array:
+    """The angle in [−π, π), of the shape given, rad."""
+    return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
+
+
+def needs(motion: Kinematics, name: str, who: str) -> Any:
+    """A field of the motion that may be None; raises ArgumentError."""
+    value = getattr(motion, name)
+    if value is None:
+        raise ArgumentError(f"The {who} needs `{name}` of the motion, but it has none: give Kinematics({name}=…).")
+    return value
+
+
+def different(sensors: Sequence[Any]) -> tuple[Sensor, ...]:
+    """Sensors with names of their own; raises ArgumentError."""
+    names: set[str] = set()
+    for one in sensors:
+        if not isinstance(one, Sensor):
+            raise ArgumentError(f"Argument `sensors` must hold sensors such as Imu or Depth, but holds {shown(one)}.")
+        if one.name in names:
+            raise ArgumentError(f"Two sensors are named `{one.name}`: give each a name of its own.")
+        names.add(one.name)
+    return tuple(sensors)
+
+
+def _as_arrays(motion: Kinematics) -> Kinematics:
+    return Kinematics(*(None if value is None else jnp.asarray(value, dtype=float) for value in motion))
+
+
+def along_beams(directions: Any, vector: Array) -> Array:
+    """The components of a vector (3,) along unit vectors (k, 3)."""
+    return jax.vmap(lambda direction: direction @ vector)(jnp.asarray(directions))
