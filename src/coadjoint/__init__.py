@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from coadjoint.groups import SO3 as SO3
     from coadjoint.groups import SU2 as SU2
     from coadjoint.groups import DirectProduct as DirectProduct
+    from coadjoint.groups import GLn as GLn
     from coadjoint.groups import Heisenberg as Heisenberg
     from coadjoint.groups import LieGroup as LieGroup
     from coadjoint.groups import MatrixGroup as MatrixGroup
@@ -45,7 +46,9 @@ if TYPE_CHECKING:
     from coadjoint.groups import SLn as SLn
     from coadjoint.groups import SOn as SOn
     from coadjoint.groups import Sp as Sp
+    from coadjoint.groups import SUn as SUn
     from coadjoint.groups import Translation as Translation
+    from coadjoint.groups import Un as Un
     from coadjoint.groups import UnitQuaternion as UnitQuaternion
     from coadjoint.groups import attitude as attitude
     from coadjoint.groups import complex_form as complex_form

@@ -25,9 +25,9 @@ def close(found, expected, size=1.0):
 
 
 ALL_MAPS = MAPS | {"pade3": co.Pade(3)}
-UNFIT_PAIRS = {("SLn3", name) for name in ("cayley", "squared", "bent", "pade", "pade3")}
+UNFIT_PAIRS = {(group, name) for group in ("SLn3", "SUn3") for name in ("cayley", "squared", "bent", "pade", "pade3")}
 PAIRS = [(g, m) for g in GROUPS for m in ALL_MAPS if (g, m) not in UNFIT_PAIRS]
-EXPENSIVE = {"SOn4", "SLn3", "Sp2", "SL2_dual", "nested"}
+EXPENSIVE = {"SOn4", "SLn3", "SUn3", "Sp2", "SL2_dual", "nested"}
 """Groups of dimension 5 to 10 without closed forms: one map each by default, the others in the long tests."""
 
 

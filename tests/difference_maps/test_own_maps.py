@@ -29,7 +29,7 @@ ERRORS = {
     "_tangent_matrix": (result_scaled,),
     "chart": (lambda right, self, group, xi: jnp.nan, lambda right, self, group, xi: xi, broken),
 }
-UNFIT_PAIRS = {("SLn3", tau) for tau in ("cayley", "squared", "bent", "pade")}
+UNFIT_PAIRS = {(group, tau) for group in ("SLn3", "SUn3") for tau in ("cayley", "squared", "bent", "pade")}
 EXEMPT = {"require_fit": "a test itself; that of the base is applied beside it"}
 CASES = [(name, error) for name, errors in ERRORS.items() for error in errors]
 

@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units
-from coadjoint.groups.group import Array, LieGroup, basis_sizes
+from coadjoint.groups.group import Array, LieGroup
 from coadjoint.groups.overrides import (
     Identity,
     in_words,
@@ -60,7 +60,7 @@ def _given(difference_map: DifferenceMap, name: str) -> str:
 
 def _points(difference_map: DifferenceMap, group: LieGroup) -> list[tuple[np.ndarray, ...]]:
     """(ξ, χ, μ) with ξ at parts of the way to the end of the chart."""
-    random, sizes = np.random.default_rng(1791), basis_sizes(group)
+    random, sizes = np.random.default_rng(1791), group.basis_sizes()
     found = []
     for part in (0.1, 0.3, 0.6):
         xi, chi, mu = random.normal(size=(3, group.dim))

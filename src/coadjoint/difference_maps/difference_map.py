@@ -15,7 +15,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
-from coadjoint.groups.group import Array, Element, LieGroup, basis_sizes, transpose
+from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -114,6 +114,6 @@ def _measured(difference_map: DifferenceMap, group: LieGroup) -> dict[str, float
         return outside, jnp.max(jnp.abs(back - jnp.eye(back.shape[0])))
 
     random = np.random.default_rng(1879)
-    pairs = random.normal(scale=0.3, size=(3, 2, group.dim)) / basis_sizes(group)
+    pairs = random.normal(scale=0.3, size=(3, 2, group.dim)) / group.basis_sizes()
     outside, asymmetry = np.max([evaluate(measure, xi, chi) for xi, chi in pairs], axis=0)
     return {"outside": float(outside), "asymmetry": float(asymmetry)}

@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.groups import SO3, DirectProduct, LieGroup
-from coadjoint.groups.group import Array, Element, basis_sizes
+from coadjoint.groups.group import Array, Element
 from coadjoint.groups.small_angle import (
     BERNOULLI,
     cotangent_ratio,
@@ -76,7 +76,7 @@ def _by_series(ad_dual: Callable[[Array], Array], mu: Array) -> Array:
 
 def _size_of_bracket(group: LieGroup, xi: Array) -> Array:
     """|ad_ξ⁴|^{1/4}, at least the largest eigenvalue of ad_ξ, in the basis scaled to matrices of unit size."""
-    sizes = basis_sizes(group)
+    sizes = group.basis_sizes()
     ad = jax.vmap(lambda eta: group.ad(xi, eta / sizes) * sizes, out_axes=1)(jnp.eye(group.dim))
     square = ad @ ad
     return jnp.sum((square @ square) ** 2) ** 0.125

@@ -16,7 +16,7 @@ from coadjoint.difference_maps.cayley import Cayley
 from coadjoint.difference_maps.difference_map import DifferenceMap
 from coadjoint.difference_maps.exponential import Exponential
 from coadjoint.errors import GroupError
-from coadjoint.groups.group import Array, LieGroup, basis_sizes, transpose
+from coadjoint.groups.group import Array, LieGroup, transpose
 from coadjoint.groups.small_angle import cubic_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Space
@@ -73,7 +73,7 @@ def require_secant(difference_map: DifferenceMap, group: LieGroup, space: Space)
         raise GroupError(f"An energy–momentum step needs Cayley() or Exponential(), but got {difference_map!r}.")
     size = space.ambient(group)
     random = np.random.default_rng(1734)
-    hxi = random.normal(scale=0.3, size=group.dim) / basis_sizes(group)
+    hxi = random.normal(scale=0.3, size=group.dim) / group.basis_sizes()
 
     def misfit(hxi: Array, x: Array, v: Array) -> tuple[Array, Array]:
         forward, back = (difference_map.tau(group, s * hxi) for s in (0.5, -0.5))

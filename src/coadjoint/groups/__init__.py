@@ -1,6 +1,6 @@
 """Matrix Lie groups: elements, algebra coordinates, Ad, ad and their duals (mathematics: section 1)."""
 
-from coadjoint.groups.classical import SLn, SOn, Sp
+from coadjoint.groups.classical import GLn, SLn, SOn, Sp
 from coadjoint.groups.complex_form import complex_form, real_form
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import LieGroup
@@ -11,6 +11,7 @@ from coadjoint.groups.rigid_motions import SE2, SE3
 from coadjoint.groups.rotations import SO2, SO3
 from coadjoint.groups.semidirect_product import SemidirectProduct
 from coadjoint.groups.translation import Translation
+from coadjoint.groups.unitary import SUn, Un
 
 __all__ = [
     "SE2",
@@ -19,14 +20,17 @@ __all__ = [
     "SO3",
     "SU2",
     "DirectProduct",
+    "GLn",
     "Heisenberg",
     "LieGroup",
     "MatrixGroup",
     "SLn",
     "SOn",
+    "SUn",
     "SemidirectProduct",
     "Sp",
     "Translation",
+    "Un",
     "UnitQuaternion",
     "complex_form",
     "real_form",

@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.algebra import require_algebra
-from coadjoint.groups.group import Array, Element, LieGroup, basis_sizes
+from coadjoint.groups.group import Array, Element, LieGroup
 from coadjoint.groups.overrides import Identity, in_words, overrides, require_agreement, require_given
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -54,7 +54,7 @@ def in_units(group: LieGroup) -> tuple[Any, Any]:
 
 
 def _sizes(group: LieGroup) -> np.ndarray:
-    sizes = basis_sizes(group)
+    sizes = group.basis_sizes()
     return np.where(sizes > 0, sizes, 1.0)
 
 

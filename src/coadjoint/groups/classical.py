@@ -1,4 +1,4 @@
-"""The classical groups SO(n), Sp(2n, ℝ) and SL(n)."""
+"""The classical groups SO(n), Sp(2n, ℝ), GL(n) and SL(n)."""
 
 from __future__ import annotations
 
@@ -8,21 +8,9 @@ from itertools import combinations
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array
+from coadjoint.groups.matrix_coordinates import MatrixCoordinates, require_room, require_size, unit
 from coadjoint.groups.matrix_elements import MatrixElements
-
-
-def _require_size(group: str, size: object, least: int) -> None:
-    if not isinstance(size, int) or isinstance(size, bool) or size < least:
-        raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
-
-
-def _unit(size: int, i: int, j: int) -> np.ndarray:
-    """The matrix with one entry 1, at (i, j)."""
-    unit = np.zeros((size, size))
-    unit[i, j] = 1.0
-    return unit
 
 
 class _Quadratic(MatrixElements):
@@ -48,7 +36,7 @@ class _Quadratic(MatrixElements):
 
 
 @dataclass(frozen=True)
-class SOn(_Quadratic):
+class SOn(MatrixCoordinates, _Quadratic):
     """Rotations of ℝⁿ, n = `size`; an element is R (n, n); the basis E_ji − E_ij, i < j, turns e_i to e_j.
 
     size: n, a whole number from 2. Raises GroupError for another one.
@@ -57,16 +45,44 @@ class SOn(_Quadratic):
     size: int
 
     def __post_init__(self):
-        _require_size("SOn", self.size, 2)
+        require_size("SOn", self.size, 2)
 
     @property
     def leaf_names(self) -> tuple[str, ...]:
         return ("R",)
 
     @property
-    def basis(self) -> np.ndarray:
+    def dim(self) -> int:
+        return self.size * (self.size - 1) // 2
+
+    @property
+    def matrix_size(self) -> int:
+        return self.size
+
+    def _matrices(self) -> np.ndarray:
         pairs = combinations(range(self.size), 2)
-        return np.stack([_unit(self.size, j, i) - _unit(self.size, i, j) for i, j in pairs])
+        return np.stack([unit(self.size, j, i) - unit(self.size, i, j) for i, j in pairs])
+
+    def _hat(self, xi: Array) -> Array:
+        lower = jnp.zeros((self.size, self.size)).at[_below(self.size)].set(xi)
+        return lower - lower.T
+
+    def _vee(self, matrix: Array) -> Array:
+        return (0.5 * (matrix - matrix.T))[_below(self.size)]
+
+    def _Ad(self, g: Array, xi: Array) -> Array:
+        return self._vee(g @ self._hat(xi) @ g.T)
+
+    def _Ad_dual(self, g: Array, mu: Array) -> Array:
+        return self._vee(g.T @ self._hat(mu) @ g)
+
+    def _ad(self, xi: Array, eta: Array) -> Array:
+        """(ξ̂η̂ − η̂ξ̂)ᵛ, where η̂ξ̂ = (ξ̂η̂)ᵀ."""
+        return 2 * self._vee(self._hat(xi) @ self._hat(eta))
+
+    def _ad_dual(self, xi: Array, mu: Array) -> Array:
+        """−ad_ξ μ: the basis is orthogonal, and its matrices are of one length."""
+        return self._ad(mu, xi)
 
     @property
     def form(self) -> np.ndarray:
@@ -88,7 +104,7 @@ class Sp(_Quadratic):
     size: int
 
     def __post_init__(self):
-        _require_size("Sp", self.size, 1)
+        require_size("Sp", self.size, 1)
 
     @property
     def form(self) -> np.ndarray:
@@ -98,17 +114,77 @@ class Sp(_Quadratic):
     def basis(self) -> np.ndarray:
         n = self.size
         every = [(i, j) for i in range(n) for j in range(n)]
-        matrices = [_unit(2 * n, i, j) - _unit(2 * n, n + j, n + i) for i, j in every]
+        matrices = [unit(2 * n, i, j) - unit(2 * n, n + j, n + i) for i, j in every]
         for row, column in ((0, n), (n, 0)):
             for i, j in every:
                 if i <= j:
-                    both = _unit(2 * n, row + i, column + j) + _unit(2 * n, row + j, column + i)
+                    both = unit(2 * n, row + i, column + j) + unit(2 * n, row + j, column + i)
                     matrices.append(np.minimum(both, 1.0))
         return np.stack(matrices)
 
 
 @dataclass(frozen=True)
-class SLn(MatrixElements):
+class GLn(MatrixElements):
+    """Linear maps of ℝⁿ that have inverses, n = `size`; an element is g (n, n); the basis is E_ij by rows.
+
+    No basis is formed: ξ̂ is ξ by rows.
+
+    size: n, a whole number from 1. Raises GroupError for another one.
+    """
+
+    size: int
+
+    def __post_init__(self):
+        require_size("GLn", self.size, 1)
+
+    @property
+    def dim(self) -> int:
+        return self.size**2
+
+    @property
+    def matrix_size(self) -> int:
+        return self.size
+
+    @property
+    def basis(self) -> np.ndarray:
+        require_room(self)
+        return np.eye(self.dim).reshape(self.dim, self.size, self.size)
+
+    def basis_sizes(self) -> np.ndarray:
+        return np.ones(self.dim)
+
+    def hat(self, xi: Array) -> Array:
+        return jnp.reshape(xi, (self.size, self.size))
+
+    def vee(self, matrix: Array) -> Array:
+        return jnp.reshape(matrix, -1)
+
+    def Ad_dual(self, g: Array, mu: Array) -> Array:
+        """gᵀ M g⁻ᵀ of the matrix M of μ."""
+        return self.vee(g.T @ self.hat(mu) @ self.inverse(g).T)
+
+    def ad(self, xi: Array, eta: Array) -> Array:
+        X, Y = self.hat(xi), self.hat(eta)
+        return self.vee(X @ Y - Y @ X)
+
+    def ad_dual(self, xi: Array, mu: Array) -> Array:
+        """ξ̂ᵀM − Mξ̂ᵀ of the matrix M of μ."""
+        X, M = self.hat(xi).T, self.hat(mu)
+        return self.vee(X @ M - M @ X)
+
+    def defect(self, g: Array) -> Array:
+        return jnp.zeros(())
+
+    def project(self, g: Array) -> Array:
+        return g
+
+    def outside(self, g: Array) -> Array:
+        """Infinite where g has no inverse, else 0."""
+        return jnp.where(jnp.linalg.det(g) == 0, jnp.inf, 0.0)
+
+
+@dataclass(frozen=True)
+class SLn(MatrixCoordinates, MatrixElements):
     """Linear maps of ℝⁿ that keep volume, n = `size`; an element is g (n, n) with det g = 1.
 
     The basis is E_ii − E_nn, i < n, and E_ij, i ≠ j, by rows. The Cayley transform fits n = 2 only.
@@ -119,13 +195,50 @@ class SLn(MatrixElements):
     size: int
 
     def __post_init__(self):
-        _require_size("SLn", self.size, 2)
+        require_size("SLn", self.size, 2)
 
     @property
-    def basis(self) -> np.ndarray:
+    def dim(self) -> int:
+        return self.size**2 - 1
+
+    @property
+    def matrix_size(self) -> int:
+        return self.size
+
+    def _matrices(self) -> np.ndarray:
         n = self.size
-        rows = [_unit(n, i, j) - (i == j) * _unit(n, n - 1, n - 1) for i in range(n) for j in range(n)]
+        rows = [unit(n, i, j) - (i == j) * unit(n, n - 1, n - 1) for i in range(n) for j in range(n)]
         return np.stack(rows[:-1])
+
+    def _hat(self, xi: Array) -> Array:
+        return jnp.concatenate([xi, -jnp.sum(xi[:: self.size + 1])[None]]).reshape(self.size, self.size)
+
+    def _vee(self, matrix: Array) -> Array:
+        return (matrix - jnp.trace(matrix) / self.size * np.eye(self.size)).reshape(-1)[:-1]
+
+    def _covector(self, mu: Array) -> Array:
+        """The matrix M without trace with ⟨μ, ξ⟩ = tr(Mᵀξ̂)."""
+        diagonal_sum = jnp.sum(mu[:: self.size + 1])
+        rows = jnp.concatenate([mu, jnp.zeros(1)]).reshape(self.size, self.size)
+        return rows - diagonal_sum / self.size * np.eye(self.size)
+
+    def _of_covector(self, matrix: Array) -> Array:
+        """μ of M: ⟨M, e_k⟩ for every matrix of the basis."""
+        return (matrix - matrix[-1, -1] * np.eye(self.size)).reshape(-1)[:-1]
+
+    def _Ad(self, g: Array, xi: Array) -> Array:
+        return self._vee(g @ self._hat(xi) @ self.inverse(g))
+
+    def _Ad_dual(self, g: Array, mu: Array) -> Array:
+        return self._of_covector(g.T @ self._covector(mu) @ self.inverse(g).T)
+
+    def _ad(self, xi: Array, eta: Array) -> Array:
+        X, Y = self._hat(xi), self._hat(eta)
+        return self._vee(X @ Y - Y @ X)
+
+    def _ad_dual(self, xi: Array, mu: Array) -> Array:
+        X, M = self._hat(xi).T, self._covector(mu)
+        return self._of_covector(X @ M - M @ X)
 
     def defect(self, g: Array) -> Array:
         return jnp.abs(jnp.linalg.det(g) - 1)
@@ -133,3 +246,9 @@ class SLn(MatrixElements):
     def project(self, g: Array) -> Array:
         """g(1 − (det g − 1)/n): removes round-off quadratically."""
         return g * (1 - (jnp.linalg.det(g) - 1) / self.size)
+
+
+def _below(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns (j, i), i < j, in the order of the pairs (i, j)."""
+    i, j = np.triu_indices(size, 1)
+    return j, i

@@ -50,6 +50,10 @@ class LieGroup:
         """What the arrays of an element are called in a dataset."""
         return ("g",)
 
+    def basis_sizes(self) -> np.ndarray:
+        """The largest entry of every matrix of the basis, (dim,): the units in which coordinates are whole numbers."""
+        return np.max(np.abs(self.basis), axis=(1, 2), initial=0.0)
+
     def identity(self) -> Element:
         """e."""
         raise NotImplementedError
@@ -156,15 +160,10 @@ def _tidy(array: np.ndarray) -> np.ndarray:
     return np.where(np.abs(array - nearest) < 1e-13, nearest, array)
 
 
-def basis_sizes(group: LieGroup) -> np.ndarray:
-    """The largest entry of every matrix of the basis: the units in which coordinates are whole numbers."""
-    return np.max(np.abs(group.basis), axis=(1, 2), initial=0.0)
-
-
 @lru_cache(maxsize=256)
 def _projection(group: LieGroup) -> np.ndarray:
     """The matrix (dim, N²) that takes the entries of ξ̂ to its coordinates."""
-    sizes = basis_sizes(group)[:, None]
+    sizes = group.basis_sizes()[:, None]
     return _tidy(np.linalg.pinv((group.basis / sizes[..., None]).reshape(group.dim, -1).T)) / sizes
 
 
@@ -174,6 +173,6 @@ def _structure_constants(group: LieGroup) -> np.ndarray:
     products = np.einsum("iab,jbc->ijac", group.basis, group.basis)
     brackets = (products - products.transpose(1, 0, 2, 3)).reshape(group.dim**2, -1)
     found = (_projection(group) @ brackets.T).reshape(group.dim, group.dim, group.dim)
-    sizes = basis_sizes(group)
+    sizes = group.basis_sizes()
     units = sizes[:, None] * sizes / sizes[:, None, None]
     return _tidy(found / units) * units

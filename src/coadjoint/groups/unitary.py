@@ -1,0 +1,231 @@
+"""The unitary groups U(n) and SU(n), with real and imaginary parts apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.complex_form import real_form
+from coadjoint.groups.group import Array
+from coadjoint.groups.matrix_coordinates import MatrixCoordinates, diagonal, require_size
+
+
+class Parts(NamedTuple):
+    """A complex matrix A + iB by its parts, (n, n) each: an element of U(n), and a matrix of its algebra."""
+
+    real: Array
+    imaginary: Array
+
+    @property
+    def adjoint(self) -> Parts:
+        """The conjugate transpose."""
+        return Parts(self.real.T, -self.imaginary.T)
+
+
+def product(a: Parts, b: Parts) -> Parts:
+    """ab, by three products of real matrices."""
+    first, second = a[0] @ b[0], a[1] @ b[1]
+    both = (a[0] + a[1]) @ (b[0] + b[1])
+    return Parts(first - second, both - first - second)
+
+
+class _Unitary(MatrixCoordinates):
+    """{g: g†g = 1} and its subgroup with det g = 1, in a basis that is orthonormal for Re tr(X†Y)."""
+
+    size: int
+
+    @property
+    def matrix_size(self) -> int:
+        return 2 * self.size
+
+    @property
+    def leaf_names(self) -> tuple[str, ...]:
+        return ("real", "imaginary")
+
+    def basis_sizes(self) -> np.ndarray:
+        sizes = np.full((self.size, self.size), np.sqrt(0.5))
+        np.fill_diagonal(sizes, np.append(np.max(np.abs(self._diagonals()), axis=0), 1.0)[: self.size])
+        return sizes.ravel()[: self.dim]
+
+    def _diagonals(self) -> np.ndarray:
+        """The diagonals of the matrices of the basis that are diagonal, over i, a column each."""
+        raise NotImplementedError
+
+    def _matrices(self) -> np.ndarray:
+        n, found = self.size, []
+        diagonals = self._diagonals()
+        for i in range(n):
+            for j in range(n):
+                matrix = np.zeros((n, n), complex)
+                if i == j:
+                    if i == diagonals.shape[1]:
+                        continue
+                    np.fill_diagonal(matrix, 1j * diagonals[:, i])
+                else:
+                    matrix[i, j], matrix[j, i] = (np.sqrt(0.5), -np.sqrt(0.5)) if i < j else (1j * np.sqrt(0.5),) * 2
+                found.append(matrix)
+        return real_form(np.stack(found)) if found else np.zeros((0, 2 * n, 2 * n))
+
+    def parts(self, xi: Array) -> Parts:
+        """The matrix of coordinates ξ (dim,) by its parts, (n, n) each."""
+        n, above, below, _ = self.size, *_triangles(self.size)
+        rows = jnp.concatenate([xi, jnp.zeros(n * n - self.dim)]).reshape(n, n)
+        upper, lower = above * rows, below * rows
+        along = self._diagonals() @ diagonal(rows)[: self.dim - n * (n - 1)]
+        return Parts(upper - upper.T, lower + lower.T + np.eye(n) * along)
+
+    def coordinates(self, matrix: Parts) -> Array:
+        """The coordinates (dim,) of a matrix by its parts, of its orthogonal projection where it is outside 𝔤."""
+        A, B = matrix
+        above, below, eye = _triangles(self.size)
+        along = self._diagonals().T @ diagonal(B)
+        rest = jnp.zeros(self.size - along.shape[0])
+        rows = above * (A - A.T) + below * (B + B.T) + eye * jnp.concatenate([along, rest])
+        return rows.reshape(-1)[: self.dim]
+
+    def identity(self) -> Parts:
+        return Parts(jnp.eye(self.size), jnp.zeros((self.size, self.size)))
+
+    def compose(self, g: Parts, h: Parts) -> Parts:
+        return product(Parts(*g), Parts(*h))
+
+    def inverse(self, g: Parts) -> Parts:
+        return Parts(*g).adjoint
+
+    def matrix(self, g: Parts) -> Array:
+        A, B = g
+        return jnp.concatenate([jnp.concatenate([A, -B], axis=1), jnp.concatenate([B, A], axis=1)])
+
+    def from_matrix(self, matrix: Array) -> Parts:
+        return Parts(matrix[: self.size, : self.size], matrix[self.size :, : self.size])
+
+    def tangent(self, xi: Array) -> Parts:
+        return self.from_matrix(self.hat(xi)) if self.dense else self.parts(xi)
+
+    def _hat(self, xi: Array) -> Array:
+        return self.matrix(self.parts(xi))
+
+    def _vee(self, matrix: Array) -> Array:
+        n = self.size
+        A, B = matrix[:n, :n] + matrix[n:, n:], matrix[n:, :n] - matrix[:n, n:]
+        return self.coordinates(Parts(0.5 * A, 0.5 * B))
+
+    def _Ad(self, g: Parts, xi: Array) -> Array:
+        g = Parts(*g)
+        return self.coordinates(product(product(g, self.parts(xi)), g.adjoint))
+
+    def _Ad_dual(self, g: Parts, mu: Array) -> Array:
+        """Ad_{g⁻¹}, because the basis is orthonormal for a form that Ad keeps."""
+        return self._Ad(self.inverse(g), mu)
+
+    def _ad(self, xi: Array, eta: Array) -> Array:
+        """(ξ̂η̂ − η̂ξ̂)ᵛ, where η̂ξ̂ = (ξ̂η̂)†."""
+        return 2 * self.coordinates(product(self.parts(xi), self.parts(eta)))
+
+    def _ad_dual(self, xi: Array, mu: Array) -> Array:
+        """−ad_ξ μ."""
+        return self._ad(mu, xi)
+
+    def _mismatch(self, g: Parts) -> Parts:
+        """g†g − 1."""
+        A, B = product(g.adjoint, g)
+        return Parts(A - np.eye(self.size), B)
+
+    def defect(self, g: Parts) -> Array:
+        A, B = self._mismatch(Parts(*g))
+        return jnp.maximum(jnp.max(jnp.abs(A)), jnp.max(jnp.abs(B)))
+
+    def project(self, g: Parts) -> Parts:
+        """g − ½g(g†g − 1): removes round-off quadratically."""
+        g = Parts(*g)
+        A, B = product(g, self._mismatch(g))
+        return Parts(g.real - 0.5 * A, g.imaginary - 0.5 * B)
+
+
+@dataclass(frozen=True)
+class Un(_Unitary):
+    """The unitary group U(n), n = `size`; an element is (A, B) with A + iB unitary, (n, n) each.
+
+    ξ by rows is a real matrix r (n, n): over the diagonal r_ij (E_ij − E_ji)/√2, on it r_ii iE_ii, below it
+    r_ij i(E_ij + E_ji)/√2. This basis is orthonormal for Re tr(X†Y), so that μ as a matrix is that of its coordinates.
+    `matrix`, `hat` and `vee` have the real form [[A, −B], [B, A]]; `parts` and `coordinates` have the parts.
+
+    size: n, a whole number from 1. Raises GroupError for another one.
+    """
+
+    size: int
+
+    def __post_init__(self):
+        require_size("Un", self.size, 1)
+
+    @property
+    def dim(self) -> int:
+        return self.size**2
+
+    def _diagonals(self) -> np.ndarray:
+        return np.eye(self.size)
+
+
+@dataclass(frozen=True)
+class SUn(_Unitary):
+    """The special unitary group SU(n), n = `size`; an element is (A, B) with A + iB unitary, det = 1, (n, n) each.
+
+    The basis is that of `Un` without the last matrix, and with i diag(1, …, 1, −k, 0, …)/√(k(k + 1)) for the kth on the
+    diagonal. The Cayley transform fits n = 2 only: take U(n), with an energy that does not depend on the trace.
+
+    size: n, a whole number from 2. Raises GroupError for another one.
+    """
+
+    size: int
+
+    def __post_init__(self):
+        require_size("SUn", self.size, 2)
+
+    @property
+    def dim(self) -> int:
+        return self.size**2 - 1
+
+    def _diagonals(self) -> np.ndarray:
+        return _traceless(self.size)
+
+    def _determinant(self, g: Parts) -> tuple[Array, Array]:
+        """Re and Im of det g."""
+        if not self.dense:
+            found = jnp.linalg.det(g.real + 1j * g.imaginary)
+            return found.real, found.imag
+        # By Faddeev and Le Verrier: sums and products alone, which native code takes.
+        eye, power, c = np.eye(self.size), self.identity(), (1.0, 0.0)
+        for k in range(1, self.size + 1):
+            power = product(g, power)
+            c = tuple(-jnp.trace(part) / k for part in power)
+            power = Parts(*(part + value * eye for part, value in zip(power, c, strict=True)))
+        sign = (-1.0) ** self.size
+        return sign * c[0], sign * c[1]
+
+    def defect(self, g: Parts) -> Array:
+        real, imaginary = self._determinant(Parts(*g))
+        return jnp.maximum(super().defect(g), jnp.maximum(jnp.abs(real - 1), jnp.abs(imaginary)))
+
+    def project(self, g: Parts) -> Parts:
+        """That of U(n), then g(1 − i Im(det g)/n): removes round-off quadratically."""
+        A, B = super().project(g)
+        angle = self._determinant(Parts(A, B))[1] / self.size
+        return Parts(A + angle * B, B - angle * A)
+
+
+@lru_cache(maxsize=64)
+def _triangles(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """√½ over the diagonal, √½ below it, and 1 on it."""
+    above = np.triu(np.full((size, size), np.sqrt(0.5)), 1)
+    return above, above.T.copy(), np.eye(size)
+
+
+@lru_cache(maxsize=64)
+def _traceless(size: int) -> np.ndarray:
+    """(1, …, 1, −k, 0, …)/√(k(k + 1)) for k from 1 to size − 1, a column each."""
+    k = np.arange(1, size)
+    return (np.triu(np.ones((size, size - 1))) - np.eye(size, size - 1, -1) * k) / np.sqrt(k * (k + 1))

@@ -1,0 +1,99 @@
+"""Groups of matrices without a basis: their closed forms are those of the basis, and no array has dim · N² numbers."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+from jax.extend.core import jaxprs_in_params
+
+import coadjoint as co
+from coadjoint.errors import GroupError
+from coadjoint.groups import matrix_coordinates
+from coadjoint.groups.axioms import require_group
+from coadjoint.kernels.trace.evaluate import evaluate
+from systems import element, generator
+
+KINDS = [co.SOn(4), co.SLn(3), co.GLn(3), co.Un(3), co.SUn(3)]
+LARGE = [co.SOn(20), co.SLn(12), co.GLn(12), co.Un(10), co.SUn(10)]
+FORMS = ("hat", "vee", "Ad", "Ad_dual", "ad", "ad_dual")
+
+
+def _arguments(group, form, random):
+    """Arguments of a member, random."""
+    xi, eta = random.normal(size=(2, group.dim))
+    if form == "hat":
+        return (xi,)
+    if form == "vee":
+        return (random.normal(size=(group.matrix_size,) * 2),)
+    return (element(group, random, 0.1), eta) if form.startswith("Ad") else (xi, eta)
+
+
+@pytest.mark.parametrize("group", KINDS, ids=repr)
+def test_without_a_basis_the_axioms_hold(group, monkeypatch):
+    """Each closed form is the one that follows from the basis, also of a matrix outside the algebra."""
+    monkeypatch.setattr(matrix_coordinates, "DENSE", 0)
+    require_group.__wrapped__(group)
+    outside = generator("outside").normal(size=(group.matrix_size,) * 2)
+    expected = np.linalg.lstsq(group.basis.reshape(group.dim, -1).T, outside.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(evaluate(group.vee, outside), expected, atol=1e-13)
+    np.testing.assert_allclose(group.basis_sizes(), np.max(np.abs(group.basis), axis=(1, 2)))
+
+
+def _sizes(jaxpr):
+    """The sizes of all arrays in a program."""
+    for equation in jaxpr.eqns:
+        for inner in jaxprs_in_params(equation.params):
+            yield from _sizes(inner)
+        yield from (np.prod(out.aval.shape, dtype=int) for out in equation.outvars)
+    yield from (np.size(constant) for constant in getattr(jaxpr, "consts", ()))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("group", LARGE, ids=repr)
+def test_no_array_is_larger_than_some_matrices(group, form):
+    """Values and derivatives of all members: at most 8 N² numbers in an array, where a basis has dim · N²."""
+    arguments = _arguments(group, form, generator(form))
+
+    def member(*arguments):
+        return getattr(group, form)(*arguments)
+
+    def weighted(*arguments):
+        return jax.numpy.sum(member(*arguments) ** 2)
+
+    with jax.enable_x64(True):
+        for function in (member, jax.grad(weighted, argnums=len(arguments) - 1)):
+            closed = jax.make_jaxpr(function)(*arguments)
+            sizes = [*_sizes(closed.jaxpr), *(np.size(constant) for constant in closed.consts)]
+            assert max(sizes) <= 8 * group.matrix_size**2
+
+
+def test_elements_of_unitary_groups_are_unitary():
+    """(A, B) with A + iB unitary, and of determinant 1 in SU(n), after the exponential and a projection."""
+    for group in (co.Un(3), co.SUn(3), co.SUn(8)):
+        g = element(group, generator("unitary"))
+        moved = [part + 1e-5 * generator("moved").normal(size=part.shape) for part in g]
+        for A, B in (g, evaluate(lambda g, group=group: group.project(group.project(g)), moved)):
+            U = A + 1j * B
+            np.testing.assert_allclose(U.conj().T @ U, np.eye(group.size), atol=1e-13)
+            if isinstance(group, co.SUn):
+                np.testing.assert_allclose(np.linalg.det(U), 1, atol=1e-13)
+                assert evaluate(group.defect, (A, B)) < 1e-13
+                turned = U * np.exp(0.01j)
+                assert evaluate(group.defect, (turned.real, turned.imag)) > 1e-3
+
+
+def test_a_basis_that_does_not_fit_is_told():
+    for group, size in ((co.Un(128), "8.59"), (co.SOn(300), "32.3"), (co.GLn(200), "12.8")):
+        with pytest.raises(GroupError, match=rf"would take {size} GB of memory: use `hat` and `vee`"):
+            group.basis  # noqa: B018
+    with pytest.raises(GroupError, match="`size` of SUn must be a whole number from 2, but is 1"):
+        co.SUn(1)
+
+
+def test_cayley_is_refused_on_special_unitary_groups():
+    for group in (co.SUn(3), co.SUn(9)):
+        with pytest.raises(GroupError, match="does not map the algebra"):
+            co.Cayley().require_fit(group)
+    for group in (co.SUn(2), co.Un(9), co.GLn(9), co.SOn(12)):
+        co.Cayley().require_fit(group)
