@@ -14,23 +14,23 @@ from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates, diagonal, require_size
 
 
-class Parts(NamedTuple):
+class ComplexMatrix(NamedTuple):
     """A complex matrix A + iB by its parts, (n, n) each: an element of U(n), and a matrix of its algebra."""
 
     real: Array
     imaginary: Array
 
     @property
-    def adjoint(self) -> Parts:
+    def adjoint(self) -> ComplexMatrix:
         """The conjugate transpose."""
-        return Parts(self.real.T, -self.imaginary.T)
+        return ComplexMatrix(self.real.T, -self.imaginary.T)
 
 
-def product(a: Parts, b: Parts) -> Parts:
+def product(a: ComplexMatrix, b: ComplexMatrix) -> ComplexMatrix:
     """ab, by three products of real matrices."""
     first, second = a[0] @ b[0], a[1] @ b[1]
     both = (a[0] + a[1]) @ (b[0] + b[1])
-    return Parts(first - second, both - first - second)
+    return ComplexMatrix(first - second, both - first - second)
 
 
 class _Unitary(MatrixCoordinates):
@@ -70,15 +70,15 @@ class _Unitary(MatrixCoordinates):
                 found.append(matrix)
         return real_form(np.stack(found)) if found else np.zeros((0, 2 * n, 2 * n))
 
-    def parts(self, xi: Array) -> Parts:
+    def parts(self, xi: Array) -> ComplexMatrix:
         """The matrix of coordinates ξ (dim,) by its parts, (n, n) each."""
         n, above, below, _ = self.size, *_triangles(self.size)
         rows = jnp.concatenate([xi, jnp.zeros(n * n - self.dim)]).reshape(n, n)
         upper, lower = above * rows, below * rows
         along = self._diagonals() @ diagonal(rows)[: self.dim - n * (n - 1)]
-        return Parts(upper - upper.T, lower + lower.T + np.eye(n) * along)
+        return ComplexMatrix(upper - upper.T, lower + lower.T + np.eye(n) * along)
 
-    def coordinates(self, matrix: Parts) -> Array:
+    def coordinates(self, matrix: ComplexMatrix) -> Array:
         """The coordinates (dim,) of a matrix by its parts, of its orthogonal projection where it is outside 𝔤."""
         A, B = matrix
         above, below, eye = _triangles(self.size)
@@ -87,23 +87,23 @@ class _Unitary(MatrixCoordinates):
         rows = above * (A - A.T) + below * (B + B.T) + eye * jnp.concatenate([along, rest])
         return rows.reshape(-1)[: self.dim]
 
-    def identity(self) -> Parts:
-        return Parts(jnp.eye(self.size), jnp.zeros((self.size, self.size)))
+    def identity(self) -> ComplexMatrix:
+        return ComplexMatrix(jnp.eye(self.size), jnp.zeros((self.size, self.size)))
 
-    def compose(self, g: Parts, h: Parts) -> Parts:
-        return product(Parts(*g), Parts(*h))
+    def compose(self, g: ComplexMatrix, h: ComplexMatrix) -> ComplexMatrix:
+        return product(ComplexMatrix(*g), ComplexMatrix(*h))
 
-    def inverse(self, g: Parts) -> Parts:
-        return Parts(*g).adjoint
+    def inverse(self, g: ComplexMatrix) -> ComplexMatrix:
+        return ComplexMatrix(*g).adjoint
 
-    def matrix(self, g: Parts) -> Array:
+    def matrix(self, g: ComplexMatrix) -> Array:
         A, B = g
         return jnp.concatenate([jnp.concatenate([A, -B], axis=1), jnp.concatenate([B, A], axis=1)])
 
-    def from_matrix(self, matrix: Array) -> Parts:
-        return Parts(matrix[: self.size, : self.size], matrix[self.size :, : self.size])
+    def from_matrix(self, matrix: Array) -> ComplexMatrix:
+        return ComplexMatrix(matrix[: self.size, : self.size], matrix[self.size :, : self.size])
 
-    def tangent(self, xi: Array) -> Parts:
+    def tangent(self, xi: Array) -> ComplexMatrix:
         return self.from_matrix(self.hat(xi)) if self.dense else self.parts(xi)
 
     def _hat(self, xi: Array) -> Array:
@@ -112,13 +112,13 @@ class _Unitary(MatrixCoordinates):
     def _vee(self, matrix: Array) -> Array:
         n = self.size
         A, B = matrix[:n, :n] + matrix[n:, n:], matrix[n:, :n] - matrix[:n, n:]
-        return self.coordinates(Parts(0.5 * A, 0.5 * B))
+        return self.coordinates(ComplexMatrix(0.5 * A, 0.5 * B))
 
-    def _Ad(self, g: Parts, xi: Array) -> Array:
-        g = Parts(*g)
+    def _Ad(self, g: ComplexMatrix, xi: Array) -> Array:
+        g = ComplexMatrix(*g)
         return self.coordinates(product(product(g, self.parts(xi)), g.adjoint))
 
-    def _Ad_dual(self, g: Parts, mu: Array) -> Array:
+    def _Ad_dual(self, g: ComplexMatrix, mu: Array) -> Array:
         """Ad_{g⁻¹}, because the basis is orthonormal for a form that Ad keeps."""
         return self._Ad(self.inverse(g), mu)
 
@@ -130,20 +130,20 @@ class _Unitary(MatrixCoordinates):
         """−ad_ξ μ."""
         return self._ad(mu, xi)
 
-    def _mismatch(self, g: Parts) -> Parts:
+    def _mismatch(self, g: ComplexMatrix) -> ComplexMatrix:
         """g†g − 1."""
         A, B = product(g.adjoint, g)
-        return Parts(A - np.eye(self.size), B)
+        return ComplexMatrix(A - np.eye(self.size), B)
 
-    def defect(self, g: Parts) -> Array:
-        A, B = self._mismatch(Parts(*g))
+    def defect(self, g: ComplexMatrix) -> Array:
+        A, B = self._mismatch(ComplexMatrix(*g))
         return jnp.maximum(jnp.max(jnp.abs(A)), jnp.max(jnp.abs(B)))
 
-    def project(self, g: Parts) -> Parts:
+    def project(self, g: ComplexMatrix) -> ComplexMatrix:
         """g − ½g(g†g − 1): removes round-off quadratically."""
-        g = Parts(*g)
+        g = ComplexMatrix(*g)
         A, B = product(g, self._mismatch(g))
-        return Parts(g.real - 0.5 * A, g.imaginary - 0.5 * B)
+        return ComplexMatrix(g.real - 0.5 * A, g.imaginary - 0.5 * B)
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class SUn(_Unitary):
     def _diagonals(self) -> np.ndarray:
         return _traceless(self.size)
 
-    def _determinant(self, g: Parts) -> tuple[Array, Array]:
+    def _determinant(self, g: ComplexMatrix) -> tuple[Array, Array]:
         """Re and Im of det g."""
         if not self.dense:
             found = jnp.linalg.det(g.real + 1j * g.imaginary)
@@ -202,19 +202,19 @@ class SUn(_Unitary):
         for k in range(1, self.size + 1):
             power = product(g, power)
             c = tuple(-jnp.trace(part) / k for part in power)
-            power = Parts(*(part + value * eye for part, value in zip(power, c, strict=True)))
+            power = ComplexMatrix(*(part + value * eye for part, value in zip(power, c, strict=True)))
         sign = (-1.0) ** self.size
         return sign * c[0], sign * c[1]
 
-    def defect(self, g: Parts) -> Array:
-        real, imaginary = self._determinant(Parts(*g))
+    def defect(self, g: ComplexMatrix) -> Array:
+        real, imaginary = self._determinant(ComplexMatrix(*g))
         return jnp.maximum(super().defect(g), jnp.maximum(jnp.abs(real - 1), jnp.abs(imaginary)))
 
-    def project(self, g: Parts) -> Parts:
+    def project(self, g: ComplexMatrix) -> ComplexMatrix:
         """That of U(n), then g(1 − i Im(det g)/n): removes round-off quadratically."""
         A, B = super().project(g)
-        angle = self._determinant(Parts(A, B))[1] / self.size
-        return Parts(A + angle * B, B - angle * A)
+        angle = self._determinant(ComplexMatrix(A, B))[1] / self.size
+        return ComplexMatrix(A + angle * B, B - angle * A)
 
 
 @lru_cache(maxsize=64)
