@@ -46,7 +46,7 @@ STOREYS = (
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
-    *("logs", "figures"),
+    *("importing", "logs", "figures"),
     *("serving", "missions", "environments", "extension"),
 )
 """From the ground up, too."""

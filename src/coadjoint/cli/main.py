@@ -12,6 +12,7 @@ import tyro
 from coadjoint.cli import commands, terminal
 from coadjoint.cli.comparing import Compare
 from coadjoint.cli.identify import Identify
+from coadjoint.cli.importing import Import
 from coadjoint.cli.reporting import Report
 from coadjoint.cli.serving import Serve
 from coadjoint.cli.stability import Stability
@@ -37,6 +38,7 @@ Command = (
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[commands.Models, tyro.conf.subcommand("models")]
     | Annotated[commands.Vehicles, tyro.conf.subcommand("vehicles")]
+    | Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[commands.Audit, tyro.conf.subcommand("audit")]
     | Annotated[Stability, tyro.conf.subcommand("stability")]
     | Annotated[Identify, tyro.conf.subcommand("identify")]

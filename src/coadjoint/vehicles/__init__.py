@@ -6,7 +6,7 @@
     run = co.vehicles.load_mission("square.toml").run()
 
 The rooms: `parts`, `water`, `hydrodynamics` (added mass), `model` (vehicle and craft), `controllers`, `trim`, `files`,
-`logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
+`importing` (from other simulators), `logs`, `figures`, `missions`, `serving` (for other programs, over UDP),
 `environments` (for learning, by Gymnasium). Axes are north, east, down and forward,
 starboard, down; see `axes`.
 """
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import figures as figures
     from coadjoint.vehicles import files as files
     from coadjoint.vehicles import hydrodynamics as hydrodynamics
+    from coadjoint.vehicles import importing as importing
     from coadjoint.vehicles import logs as logs
     from coadjoint.vehicles import missions as missions
     from coadjoint.vehicles import model as model
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.files.file import read_vehicle as read  # noqa: F401
     from coadjoint.vehicles.files.registry import load_vehicle as load  # noqa: F401
     from coadjoint.vehicles.files.registry import vehicle_names as names  # noqa: F401
+    from coadjoint.vehicles.importing.importing import import_vehicle as import_vehicle
     from coadjoint.vehicles.missions.mission import load_mission as load_mission
     from coadjoint.vehicles.model.controller import Controller as Controller
     from coadjoint.vehicles.model.controller import Feedback as Feedback

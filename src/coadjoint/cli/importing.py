@@ -1,0 +1,62 @@
+"""`coadjoint import FILE`: a vehicle of another simulator as a vehicle file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from coadjoint.cli import terminal
+from coadjoint.errors import ArgumentError
+
+
+@dataclass(frozen=True)
+class Import:
+    """Read a vehicle of another simulator into a vehicle file, and tell what was lost.
+
+    `coadjoint import rexrov_default.xacro --folder uuv_descriptions --out rexrov.toml`.
+    """
+
+    file: tyro.conf.Positional[Path]
+    """URDF or xacro of uuv_simulator."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
+    """The vehicle file to write; without it the report alone is printed."""
+    folder: Path | None = None
+    """Files that it includes must lie below it; by default the folder of the file."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    """Arguments of xacro, as in `--set namespace=rexrov`."""
+    gravity: float | None = None
+    """m/s²; by default what the file says, or 9.8."""
+    json: bool = False
+    """Print the report as JSON, and nothing else."""
+
+    def __call__(self) -> int:
+        from coadjoint.plotting.whole_file import write_text
+        from coadjoint.report.summary import to_json
+        from coadjoint.vehicles.importing import import_vehicle
+
+        if self.out is not None and (self.out.suffix != ".toml" or self.out.exists()):
+            raise ArgumentError(f"Argument --out must be a file .toml that is not there yet, but is {self.out}.")
+        found = import_vehicle(
+            self.file, folder=self.folder, arguments=dict(map(_pair, self.set)), gravity=self.gravity
+        )
+        if self.out is not None:
+            write_text(self.out, found.text)
+        if self.json:
+            print(to_json(found.report.summary()), end="")
+            return 0
+        terminal.line(str(found.report))
+        for sentence in found.vehicle.warnings:
+            terminal.line(f"\nWarning: {sentence}")
+        if self.out is not None:
+            terminal.line(f"\nWritten: {self.out}. `coadjoint vehicles show {self.out}` shows it.")
+        return 0
+
+
+def _pair(given: str) -> tuple[str, str]:
+    name, sign, value = given.partition("=")
+    if not (name and sign):
+        raise ArgumentError(f"Argument --set must be NAME=VALUE, but is {given!r}.")
+    return name, value

@@ -1,0 +1,14 @@
+"""Vehicles of other simulators: SDF of Gazebo, URDF and xacro of uuv_simulator, read into vehicle files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.importing.importing import Imported as Imported
+    from coadjoint.vehicles.importing.importing import import_vehicle as import_vehicle
+    from coadjoint.vehicles.importing.report import Report as Report
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,99 @@
+"""From a file of another simulator to a vehicle file, and what was lost on the way."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.models.quantities import not_negative
+from coadjoint.vehicles.files.file import vehicle_from_text
+from coadjoint.vehicles.files.writing import vehicle_to_toml
+from coadjoint.vehicles.importing.draft import Draft, untouched
+from coadjoint.vehicles.importing.report import Report
+from coadjoint.vehicles.importing.uuv import read_uuv
+from coadjoint.vehicles.importing.xacro import Xacro
+from coadjoint.vehicles.model.vehicle import Vehicle
+
+UNSAID = (
+    "uncertainties of the numbers",
+    'a controller: give one under [controller], such as kind = "manoeuvre" of a vehicle with thrusters',
+)
+GRAVITY = 9.8
+"""m/s², of worlds of Gazebo that give none."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """vehicle: as the library reads it. text: its vehicle file. report: what was taken over, what differs, what was
+    left."""
+
+    vehicle: Vehicle
+    text: str
+    report: Report
+
+
+def import_vehicle(
+    path: str | os.PathLike[str],
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    arguments: Mapping[str, str] | None = None,
+    gravity: float | None = None,
+) -> Imported:
+    """The vehicle of a file of another simulator: URDF or xacro of uuv_simulator.
+
+        found = import_vehicle("rexrov_default.xacro", folder="uuv_descriptions")
+        print(found.report)
+
+    path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
+    name, or NAME in it; by default the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by
+    default 9.8 where no file says it. Raises FileError, with file and line, for what cannot be read or what no vehicle
+    can have, and ArgumentError. Nothing of the files is run, and no address is opened.
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise FileError(f"There is no file {source}.")
+    below = source.parent if folder is None else Path(folder)
+    if not below.is_dir():
+        raise FileError(f"There is no folder {below}.")
+    xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
+    root = xacro.read(source)
+    draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
+    if root.tag != "robot":
+        raise FileError(f"{source.name}: the root is {root.label}, but URDF begins with <robot>.")
+    read_uuv(root, draft)
+    _gravity(draft, gravity)
+    untouched(root, draft)
+    return _finished(draft, xacro)
+
+
+def _finished(draft: Draft, xacro: Xacro) -> Imported:
+    """The vehicle, written and read again, and its report."""
+    report = draft.report
+    report.files += dict.fromkeys(xacro.files)
+    report.unsaid += UNSAID
+    for sentence in xacro.missing:
+        place, _, said = sentence.partition(": ")
+        draft.left(place, "what is included or called there", said)
+    draft.source = f"{report.format}: {', '.join(report.files)}"
+    text = vehicle_to_toml(draft.vehicle())
+    try:
+        vehicle = vehicle_from_text(text, draft.name)
+    except ArgumentError as error:
+        raise FileError(f"{draft.source}: no vehicle can be made of it: {error}") from error
+    return Imported(vehicle, text, report)
+
+
+def _gravity(draft: Draft, given: Any) -> None:
+    if "gravity" in draft.body and given is None:
+        return
+    value = GRAVITY if given is None else float(not_negative(given, "gravity"))
+    note = "given" if given is not None else "that of worlds of Gazebo which give none"
+    draft.body["gravity"] = draft.given("body.gravity", value, "m/s^2", note)
+
+
+def _name(given: str | None, source: Path) -> str:
+    return (given or "").strip() or source.stem

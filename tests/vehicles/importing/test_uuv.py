@@ -1,0 +1,84 @@
+"""Vehicles of uuv_simulator: they move here as by the equations of its plugins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from other_simulators import moved, rigid, turned
+
+import coadjoint as co
+from coadjoint import vehicles
+from coadjoint.vehicles.importing import import_vehicle
+
+HERE = Path(__file__).parent / "descriptions"
+FLIP = np.array([1.0, -1.0, -1.0])
+PLACES = np.array([[-0.890895, y, 0.528822] for y in (0.334385, -0.334385)])
+PLACES = np.vstack([PLACES, [[-0.412125, y, 0.129] for y in (0.505415, -0.505415)]])
+ANGLES = np.radians([[0, -74.53, -53.21], [0, -74.53, 53.21], [0, 0, 45], [0, 0, -45]])
+ADDED = np.array(
+    [
+        [779.79, -6.8773, -103.32, 8.5426, -165.54, -7.8033],
+        [-6.8773, 1222, 51.29, 409.44, -5.8488, 62.726],
+        [-103.32, 51.29, 3659.9, 6.1112, -386.42, 10.774],
+        [8.5426, 409.44, 6.1112, 534.9, -10.027, 21.019],
+        [-165.54, -5.8488, -386.42, -10.027, 842.69, -1.1162],
+        [-7.8033, 62.726, 10.775, 21.019, -1.1162, 224.32],
+    ]
+)
+LINEAR = np.array([-74.82, -69.48, -728.4, -268.8, -309.77, -105])
+QUADRATIC = np.array([-748.22, -992.53, -1821.01, -672, -774.44, -523.27])
+
+
+def test_a_rov_of_uuv_simulator_swims_as_by_its_plugins() -> None:
+    """60 s from a slant, with its rotors held after a lag: within 5 mm of where the plugins' equations lead."""
+    found = import_vehicle(HERE / "rov" / "rov.xacro", gravity=9.81)
+    commands = np.array([250.0, 180.0, 500.0, 420.0])
+    craft = vehicles.Craft(found.vehicle)
+    angles = np.array([0.3, 0.1, -0.05])
+    start = craft.start(position=(1.0, 2.0, -20.0), velocity=(0.2, 0.1, 0.0), euler_zyx=angles, axes="ENU/FLU")
+    run = co.simulate(craft.system, start, dt=0.0025, duration=60.0, inputs={"thrusters": commands}, save_every=24000)
+
+    blades = [turned(*angle) for angle in ANGLES]
+    inertia = np.array([[525.39, 1.44, 33.41], [1.44, 794.20, 2.6], [33.41, 2.6, 691.23]])
+    lumps = [(0.5, r, R @ np.diag([0.001, 0.002, 0.002]) @ R.T) for r, R in zip(PLACES, blades, strict=True)]
+    body = rigid([(1862.87, np.zeros(3), inertia), *lumps])
+    both = np.concatenate([FLIP, FLIP])
+
+    def wrench(t, q, R, v, w):
+        nu = np.concatenate([v, w]) * both
+        damping = (LINEAR * nu + QUADRATIC * np.abs(nu) * nu) * both
+        up = R.T @ np.array([0.0, 0.0, 9.81])
+        rotors = commands * (1 - np.exp(-t / 0.05))
+        pushes = [0.00031 * n * abs(n) * B[:, 0] for n, B in zip(rotors, blades, strict=True)]
+        acting = [(np.array([0, 0, 0.3]), 1028.0 * 1.83826 * up), (np.zeros(3), -1862.87 * up)]
+        acting += [(r, push - 0.5 * up) for r, push in zip(PLACES, pushes, strict=True)]
+        return damping + sum(np.concatenate([force, np.cross(r, force)]) for r, force in acting)
+
+    first = np.concatenate([[1.0, 2.0, -20.0], turned(-0.05, 0.1, 0.3).ravel(), [0.2, 0.1, 0.0], np.zeros(3)])
+    last = moved(body, ADDED * np.outer(both, both), wrench, first, 60.0)
+    here = np.asarray(run.final.q)[[1, 0, 2]] * [1, 1, -1]
+    assert np.linalg.norm(here - first[:3]) > 5.0
+    assert np.linalg.norm(here - last[:3]) < 5e-3
+    np.testing.assert_allclose(np.asarray(run.final.nu) * FLIP, last[12:15], atol=2e-3)
+
+
+def test_every_number_of_an_imported_vehicle_has_its_line() -> None:
+    found = import_vehicle(HERE / "rov" / "rov.xacro")
+    notes = {key: told.note for key, told in found.vehicle.provenance.items()}
+    lines = (HERE / "rov" / "hydrodynamics.xacro").read_text().splitlines()
+    for key, tag in (("body.volume", "<volume>"), ("damping.linear", "<linear_damping>")):
+        file, number = notes[key].split(";")[0].split(":")
+        assert file == "hydrodynamics.xacro" and tag in lines[int(number) - 1]
+    assert notes["thrusters.positions"] == "rov.xacro:25, 26, 27, 28"
+    assert {row.key for row in found.report.taken} == set(notes)
+    assert found.vehicle.mass == pytest.approx(1862.87 + 4 * 0.5, rel=1e-12)
+
+
+def test_what_is_not_taken_over_is_told() -> None:
+    report = import_vehicle(HERE / "rov" / "rov.xacro").report
+    left = " ".join(row.what for row in report.left)
+    assert all(tag in left for tag in ("<visual>", "<collision>", "<debug>"))
+    assert any("row 3, column 6 is 10.774" in sentence for sentence in report.differs)
+    assert "controller" in str(report) and "Not taken over" in str(report)
