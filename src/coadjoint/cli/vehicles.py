@@ -52,6 +52,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
         "summary": summary(vehicle)._asdict(),
         "driven": {name: _listed(found) for name, found in _driven(vehicle).items()},
         "parts": [_part(part) for part in vehicle.parts],
+        "sensors": [_sensor(one) for one in vehicle.sensors],
         "controller": _controller(vehicle),
         "numbers": {key: told._asdict() for key, told in vehicle.provenance.items()},
         "sources": dict(vehicle.sources),
@@ -92,6 +93,10 @@ def show(vehicle: Vehicle) -> None:
         terminal.line("")
         rows = [(part["name"], part["kind"], part["command"] or "") for part in found["parts"]]
         terminal.table(("part", "kind", "command"), rows)
+    if found["sensors"]:
+        terminal.line("")
+        rows = [(one["name"], one["kind"], f"{one['rate']:g}", ", ".join(one["reads"])) for one in found["sensors"]]
+        terminal.table(("sensor", "kind", "rate (Hz)", "reads"), rows)
     terminal.line("")
     rows = [(key, _value(told), told.unit, told.source, told.note) for key, told in vehicle.provenance.items()]
     terminal.table(("number", "value", "unit", "source", "note"), rows)
@@ -130,6 +135,11 @@ def _kind(part: Any) -> str:
     from coadjoint.vehicles.files.kinds import kind_of
 
     return kind_of(part)
+
+
+def _sensor(one: Any) -> dict[str, Any]:
+    reads = [f"{name} ({unit})" for name, unit in zip(one.names, one.units, strict=True)]
+    return {"name": one.name, "kind": one.kind, "rate": float(one.rate), "latency": float(one.latency), "reads": reads}
 
 
 def _part(part: Any) -> dict[str, Any]:

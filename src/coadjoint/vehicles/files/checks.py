@@ -26,7 +26,7 @@ def check(vehicle: Vehicle) -> tuple[str, ...]:
     Nothing here stops a run: mechanics allows it all. What it does not allow, `Vehicle` and its parts refuse.
     """
     rules: tuple[Callable[[Vehicle], Iterator[str]], ...] = (
-        _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, part_warnings,
+        _balance, _righting, _trim, _inertia, _added_mass, _axes, _surroundings, _sizes, _sensors, part_warnings,
     )  # fmt: skip
     return tuple(sentence for rule in rules for sentence in rule(vehicle))
 
@@ -168,3 +168,15 @@ def _sizes(vehicle: Vehicle) -> Iterator[str]:
         r = float(np.linalg.norm(getattr(vehicle, name)))
         if r > size:
             yield f"its {name} is {r:.3g} m from the origin, but its size is {size:.3g} m: millimetres?"
+
+
+def _sensors(vehicle: Vehicle) -> Iterator[str]:
+    """Sensors whose places are in another unit."""
+    size = vehicle.length if vehicle.length is not None else 2 * np.cbrt(vehicle.volume)
+    for one in vehicle.sensors:
+        r = float(np.linalg.norm(one.position))
+        if r > size:
+            yield (
+                f"its sensor `{one.name}` sits {r:.3g} m from the origin, but its size is {size:.3g} m: is that in "
+                "millimetres?"
+            )

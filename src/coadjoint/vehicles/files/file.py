@@ -16,13 +16,14 @@ from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.files.added_masses import read_added_mass
 from coadjoint.vehicles.files.checks import check
 from coadjoint.vehicles.files.read_parts import read_controller, read_part
+from coadjoint.vehicles.files.read_sensors import read_sensors
 from coadjoint.vehicles.files.table import BODY_AXES, Notebook, Section, axes_of
 from coadjoint.vehicles.model.loads import held
 from coadjoint.vehicles.model.vehicle import Quantity, Vehicle
 
 VOLUMES = ("volume", "buoyancy", "neutral")
 SIZES = ("length", "diameter", "width", "height")
-SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "controller")
+SECTIONS = ("vehicle", "sources", "body", "added_mass", "part", "sensors", "controller")
 
 
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:
@@ -74,6 +75,7 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
     parts = _parts(book, table.get("part", []), axes, body)
     body["volume"] = _volume(section, body, parts)
     section.done()
+    sensors = read_sensors(book, table.get("sensors", {}), axes)
     controller = None
     if "controller" in table:
         controller = read_controller(
@@ -85,6 +87,7 @@ def _vehicle(book: Notebook, table: dict[str, Any], folder: Path) -> Vehicle:
             description=said["description"],
             note=said["note"],
             parts=tuple(parts),
+            sensors=sensors,
             controller=controller,
             provenance=book.provenance,
             sources=book.sources,

@@ -35,12 +35,12 @@ def read_part(section: Section, axes: border.Axes, body: dict[str, Any], before:
         raise section.fail(f"name is that of another part too: give each a name of its own, such as {name}_2.")
     cls = kinds("parts")[kind]
     if kind == "thrusters":
-        return _built(section, lambda: _thrusters(section, name, axes))
+        return built(section, lambda: _thrusters(section, name, axes))
     if kind == "derivatives":
-        return _built(section, lambda: read_derivatives(section, name, read_fields(section, cls, axes), axes, body))
+        return built(section, lambda: read_derivatives(section, name, read_fields(section, cls, axes), axes, body))
     values = read_fields(section, cls, axes)
     section.done()
-    return _built(section, lambda: cls(name=name, **values))
+    return built(section, lambda: cls(name=name, **values))
 
 
 def read_fields(
@@ -55,7 +55,9 @@ def read_fields(
     for name, found in measures(cls).items():
         if name not in section and name not in needed:
             continue
-        if found.dimension == COMMANDED and commands is not None:
+        if found.words:
+            values[name] = section.text(name, None, found.words)
+        elif found.dimension == COMMANDED and commands is not None:
             unit, size, dimension = commands
             value, told = section.quantity(name, dimension, special=(unit, "SI"))
             values[name] = value if told in (unit, "SI") else (np.asarray(value) / size).tolist()
@@ -94,7 +96,7 @@ def read_controller(section: Section, parts: set[str]) -> Any:
             value, _ = section.quantity(field.name, known and known.dimension)
             values[field.name] = tuple(value) if isinstance(value, list) and np.ndim(value) == 1 else value
     section.done()
-    return _built(section, lambda: cls(**values))
+    return built(section, lambda: cls(**values))
 
 
 def _named_parts(section: Section, key: str, given: Any, parts: set[str]) -> Any:
@@ -156,7 +158,7 @@ def _published(section: Section, name: str) -> str:
     return name
 
 
-def _built(section: Section, make: Callable[[], Any]) -> Any:
+def built(section: Section, make: Callable[[], Any]) -> Any:
     """What `make` builds, with file and part in front of its complaints."""
     try:
         return make()

@@ -19,6 +19,8 @@ from coadjoint.vehicles.parts.measured import measures
 from coadjoint.vehicles.parts.part import Part
 from coadjoint.vehicles.parts.published_curves import PUBLISHED
 from coadjoint.vehicles.parts.thrusters import Thrusters
+from coadjoint.vehicles.sensors.errors import dimensions
+from coadjoint.vehicles.sensors.sensor import Sensor
 
 
 def vehicle_to_toml(vehicle: Vehicle) -> str:
@@ -57,6 +59,8 @@ def _lines(vehicle: Vehicle) -> Iterator[str]:
     for part in vehicle.parts:
         yield f"\n[[part]]\nkind = {_text(kind_of(part))}\nname = {_text(part.name)}"
         yield from _part(part, vehicle)
+    for sensor in vehicle.sensors:
+        yield from _sensor(sensor, vehicle)
     if vehicle.controller is not None:
         yield f"\n[controller]\nkind = {_text(kind_of(vehicle.controller))}"
         yield from _controller(vehicle)
@@ -68,11 +72,31 @@ def _part(part: Part, vehicle: Vehicle) -> Iterator[str]:
     elif isinstance(part, Thrusters):
         yield from _thrusters(part, vehicle)
     else:
-        defaults: dict[str, Any] = {field.name: field.default for field in fields(part)}
-        for key, found in measures(part).items():
-            value, told = getattr(part, key), vehicle.provenance.get(f"{part.name}.{key}")
-            if told is not None or not (value is None or np.array_equal(value, defaults[key])):
-                yield _line(key, value, found.dimension, told)
+        yield from _fields(part, part.name, vehicle)
+
+
+def _fields(of: Any, owner: str, vehicle: Vehicle) -> Iterator[str]:
+    """The measured fields of a part or a sensor that are not what they are when they are left out."""
+    defaults: dict[str, Any] = {field.name: field.default for field in fields(of)}
+    for key, found in measures(of).items():
+        value, told = getattr(of, key), vehicle.provenance.get(f"{owner}.{key}")
+        if told is None and (value is None or np.array_equal(value, defaults[key])):
+            continue
+        yield f"{key} = {_text(value)}" if found.words else _line(key, value, found.dimension, told)
+
+
+def _sensor(sensor: Sensor, vehicle: Vehicle) -> Iterator[str]:
+    key = f"sensors.{sensor.name}"
+    yield f"\n[{key}]\nkind = {_text(kind_of(sensor))}"
+    yield from _fields(sensor, key, vehicle)
+    for channel in sensor.channels:
+        errors, inner = sensor.errors(channel), f"{key}.{channel.name}"
+        given = [name for name in dimensions(channel) if getattr(errors, name) is not None]
+        if given:
+            yield f"\n[{inner}]"
+        for name in given:
+            told = vehicle.provenance.get(f"{inner}.{name}")
+            yield _line(name, getattr(errors, name), dimensions(channel)[name], told)
 
 
 def _derivatives(part: Derivatives, vehicle: Vehicle) -> Iterator[str]:

@@ -16,6 +16,7 @@ from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.parts.measured import check_fields, measured, not_negative, place
 from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.sensors.sensor import Sensor, different
 
 
 class Quantity(NamedTuple):
@@ -42,8 +43,8 @@ class Vehicle:
     mass: m, kg. inertia: I_c of the body alone about its mass centre, (3, 3) or its diagonal, kg m². added_mass: M_A
     about O, (6, 6) or its diagonal, order surge, sway, heave, roll, pitch, yaw. center_of_mass, center_of_buoyancy:
     from O, (3,) m. volume: m³, by default that of m in water of `fluid_density` (kg/m³): neutrally buoyant. length,
-    diameter, or width and height of a hull that is not round: m. parts: their names are different. controller: the one
-    that it is shipped with.
+    diameter, or width and height of a hull that is not round: m. parts: their names are different. sensors: theirs,
+    too. controller: the one that it is shipped with.
     provenance: Quantity by key, such as "body.mass" or "rudder.area". Raises ArgumentError for what cannot be.
     """
 
@@ -63,6 +64,7 @@ class Vehicle:
     width: Any = measured(u.LENGTH, positive, default=None)
     height: Any = measured(u.LENGTH, positive, default=None)
     parts: tuple[Part, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
     controller: Controller | None = None
     provenance: Mapping[str, Quantity] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
@@ -71,6 +73,7 @@ class Vehicle:
     def __post_init__(self) -> None:
         check_fields(self)
         object.__setattr__(self, "parts", _different(self.parts))
+        object.__setattr__(self, "sensors", different(self.sensors))
         if self.volume is None:
             object.__setattr__(self, "volume", self.mass / self.fluid_density)
         _require_inside(self)
@@ -88,6 +91,14 @@ class Vehicle:
         known = ", ".join(part.name for part in self.parts) or "none"
         raise ArgumentError(f"The vehicle `{self.name}` has no part `{name}`; its parts are: {known}.")
 
+    def sensor(self, name: str) -> Sensor:
+        """The sensor of this name; raises ArgumentError."""
+        for one in self.sensors:
+            if one.name == name:
+                return one
+        known = ", ".join(one.name for one in self.sensors) or "none"
+        raise ArgumentError(f"The vehicle `{self.name}` has no sensor `{name}`; its sensors are: {known}.")
+
     @property
     def commanded(self) -> tuple[Part, ...]:
         """The parts that a controller may set."""
@@ -104,6 +115,7 @@ def _require_inside(vehicle: Vehicle) -> None:
     """Raise ArgumentError for centres and parts that are far beyond the hull."""
     places = {name: getattr(vehicle, name) for name in ("center_of_mass", "center_of_buoyancy")}
     places |= {f"position` of the {part.title}": getattr(part, "position", None) for part in vehicle.parts}
+    places |= {f"position` of the {one.title}": one.position for one in vehicle.sensors}
     if traced(places, vehicle.length, vehicle.volume):
         return
     size = float(2 * np.cbrt(vehicle.volume) if vehicle.length is None else vehicle.length)
