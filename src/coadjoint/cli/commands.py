@@ -57,6 +57,8 @@ class Run:
     """Output folder, instead of the run file's; one that holds this run is finished, or told as it is."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SECTION.KEY=VALUE")] = ()
     """A change to the run file, as in `--set run.dt=0.02`; repeatable, and `--set run.steps=` leaves a key out."""
+    log: Literal["mcap"] | None = None
+    """A log of a mission beside its results: mcap, messages of ROS 2, as `--set output.mcap=true`."""
     check: bool = False
     """Tell what `run` would refuse, without a step; nothing is written."""
     json: bool = False
@@ -68,7 +70,7 @@ class Run:
         from coadjoint.runs.run_file import read
         from coadjoint.runs.running import check, execute
 
-        file = read(self.file, self.set)
+        file = read(self.file, (*self.set, *["output.mcap=true"] * (self.log == "mcap")))
         folder = self.out or file.folder
         if self.check:
             warnings = check(file, folder, self.overwrite)

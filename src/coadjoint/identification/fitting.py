@@ -19,6 +19,10 @@ ATTEMPTS = 3
 ROUNDS, SAME = 6, 0.01
 """How often noise is estimated anew from residuals, until it changes by less than this."""
 
+QUIETEST = 1e-8
+"""The least noise that is estimated, in parts of the largest number of a column, or of 1: a log without noise holds
+round-off."""
+
 SHIFT = 0.1
 """How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
 
@@ -229,7 +233,7 @@ def _lost(shooting: Shooting, solution: Solution, trips: int) -> str:
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − what the fit took up) of each channel."""
+    """σ̂² = Σ r²/(N − what the fit took up) of each channel, at least what round-off may be."""
     B, taken = reduced(solution.jacobian, d)
     flat = B.reshape(-1, B.shape[2])
     flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
@@ -238,4 +242,5 @@ def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
     shape = problem.there.shape
     squares = np.sum(solution.residual.reshape(shape) ** 2, axis=(0, 1))
     left = np.sum(np.where(problem.there, 1 - taken.reshape(shape), 0.0), axis=(0, 1))
-    return problem.sigma * np.sqrt(squares / np.maximum(left, 1.0))
+    size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
+    return np.maximum(problem.sigma * np.sqrt(squares / np.maximum(left, 1.0)), QUIETEST * size)

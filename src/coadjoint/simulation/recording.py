@@ -63,7 +63,7 @@ class Recording:
         return Plots(self.dataset)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, **options: Any) -> Path:
-        """Write the dataset as netCDF, or as text in the format of the name's ending, atomically.
+        """Write the dataset as netCDF, or in the format of the name's ending, atomically.
 
         A name that ends in .csv writes the log of a vehicle, with the option `axes` (`coadjoint.vehicles.logs`), of
         another system a line a node and a column a number; one that ends in .nc, or in nothing, netCDF.
@@ -80,7 +80,7 @@ class Recording:
         try:
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             if text is not None:
-                temporary.write_text(text, encoding="utf-8")
+                temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
             else:
                 whole = self.dataset.assign(self._last_record())
                 whole.to_netcdf(temporary, engine="h5netcdf")
@@ -98,8 +98,8 @@ class Recording:
         """Variables of a netCDF file from which a run goes on."""
         return {}
 
-    def _text(self, ending: str, options: dict[str, Any]) -> str | None:
-        """The file as text in a format that a package above adds; None where it is netCDF."""
+    def _text(self, ending: str, options: dict[str, Any]) -> str | bytes | None:
+        """The file in a format that a package above adds; None where it is netCDF."""
         if ending == ".csv" and not {"a_down", "a_north"} <= set(self.dataset) and not options:
             return csv_table(self.dataset)
         if ending not in FORMATS:

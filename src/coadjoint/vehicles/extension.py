@@ -84,7 +84,10 @@ SCENES = {
 NUMBERS = {"vehicle": "coadjoint.vehicles.missions.provenance:numbers"}
 """To reports."""
 
-FORMATS = {".csv": "coadjoint.vehicles.logs.saving:log_text"}
+FORMATS = {
+    ".csv": "coadjoint.vehicles.logs.saving:log_text",
+    ".mcap": "coadjoint.vehicles.logs.bags.writing:mcap_bytes",
+}
 """To `run.save`."""
 
 RUN_FILES = {"vehicle": "coadjoint.vehicles.missions.file:from_table"}

@@ -1,4 +1,4 @@
-"""Logs of vehicles: a run in the words of engineers, and tables of it as CSV."""
+"""Logs of vehicles: a run in the words of engineers, as CSV and as messages of ROS."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint.vehicles.logs.bags.reading import read_bag as read_bag
+    from coadjoint.vehicles.logs.bags.writing import write_mcap as write_mcap
     from coadjoint.vehicles.logs.inputs import inputs_from_csv as inputs_from_csv
     from coadjoint.vehicles.logs.measured import read_log as read_log
     from coadjoint.vehicles.logs.measured import write_log as write_log

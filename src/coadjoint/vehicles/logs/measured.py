@@ -6,44 +6,65 @@ import os
 import re
 from collections.abc import Collection
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from coadjoint.csv_tables import csv_text, read_sheet
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.groups import attitude
-from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY
 from coadjoint.identification.log import Log
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.vehicles.axes import Axes, body_axes, rotation, space_axes
+from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.columns import written
 from coadjoint.vehicles.logs.headers import NAMES, Column, column
+from coadjoint.vehicles.logs.turned import turned
 
-_QUATERNION = ("qw", "qx", "qy", "qz")
 _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
 _COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
 _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
 
+BAGS = (".mcap",)
+"""The ends of names of what robots record."""
+
 IRREGULAR = 1.2
 """From which ratio of the longest to the median interval on a log counts as irregular."""
 
 
-def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Collection[str] = ()) -> Log:
-    """The log of a CSV file, whose headers are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
+def read_log(
+    path: str | os.PathLike[str], *, axes: Axes | None = None, ignore: Collection[str] = (), **options: Any
+) -> Log:
+    """The log in a file: a table as CSV, or what a robot recorded, an MCAP file of ROS, by the end of its name.
 
+    axes: of the log, "NED/FRD" or "ENU/FLU"; by default the first for a table, and the second of ROS for an MCAP file.
+    ignore: columns to leave out. options: those of `co.vehicles.logs.read_bag`, for what a robot recorded.
+
+    The headers of a table are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
     quaternion qw, qx, qy, qz; u, v, w; p, q, r. `heading` is that of a compass in any axes, `yaw` that of the `axes`.
     Every other column is an input; name[1], name[2], … are one of several
     numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
     `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
     Lines that begin with # and columns named in `ignore`, with their unit or without, are skipped. Attitude, velocity
-    and rates are of body axes, turned from `axes`, "NED/FRD" or "ENU/FLU".
+    and rates are of body axes, turned from `axes`.
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
     Raises FileError naming file, line and column.
     """
+    if Path(path).suffix.lower() in BAGS:
+        from coadjoint.vehicles.logs.bags.reading import read_bag
+
+        return read_bag(path, axes=axes, ignore=ignore, **options)
+    if options:
+        raise ArgumentError(
+            f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAGS)}."
+        )
+    return read_table(path, "NED/FRD" if axes is None else axes, ignore)
+
+
+def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]) -> Log:
+    """The log of a CSV file, as `read_log` tells; raises FileError naming file, line and column."""
     space_axes(axes)
     file = str(path)
     sheet = read_sheet(path)
@@ -63,7 +84,7 @@ def read_log(path: str | os.PathLike[str], *, axes: Axes = "NED/FRD", ignore: Co
     if "time" not in found:
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
     time = _time(file, sheet.lines, found.pop("time")[1])
-    columns = _vehicle(file, found, axes)
+    columns = turned(file, {name: values for name, (_, values) in found.items() if name in NAMES}, axes)
     driving, did = _driving(file, found)
     inputs, units, notes = _inputs(file, sheet.lines, driving)
     actual, *_ = _inputs(file, sheet.lines, did)
@@ -114,54 +135,6 @@ def _time(file: str, lines: list[int], time: np.ndarray) -> np.ndarray:
             "the lines and give each time once."
         )
     return time
-
-
-def _vehicle(file: str, found: dict[str, tuple[Column, np.ndarray]], axes: Axes) -> dict[str, np.ndarray]:
-    """Columns of the vehicle in north, east, down and forward, starboard, down."""
-    given = {name: values for name, (_, values) in found.items() if name in NAMES}
-    columns: dict[str, np.ndarray] = {}
-    turn = np.diag(body_axes(axes))
-    if axes == "NED/FRD":
-        aliases = {"x": ("north", 1), "y": ("east", 1), "z": ("depth", 1), "down": ("depth", 1), "up": ("depth", -1)}
-    else:
-        aliases = {"x": ("east", 1), "y": ("north", 1), "z": ("depth", -1), "down": ("depth", 1), "up": ("depth", -1)}
-    for name, (inside, sign) in {**{name: (name, 1) for name in POSITION}, **aliases}.items():
-        if name in given:
-            if inside in columns:
-                raise FileError(f"{file}: `{name}` says again what another column says, `{inside}`: leave one out.")
-            columns[inside] = sign * given[name]
-    for names in (VELOCITY, RATES):
-        columns.update({name: sign * given[name] for name, sign in zip(names, turn, strict=True) if name in given})
-    columns.update(_attitude(file, given, axes))
-    return {name: columns[name] for name in VEHICLE if name in columns}
-
-
-def _attitude(file: str, given: dict[str, np.ndarray], axes: Axes) -> dict[str, np.ndarray]:
-    """Roll, pitch and heading of north, east, down."""
-    if any(name in given for name in _QUATERNION):
-        missing = [name for name in _QUATERNION if name not in given]
-        if missing:
-            raise FileError(f"{file}: a quaternion needs qw, qx, qy and qz, but {', '.join(missing)} is missing.")
-        if any(name in given for name in (*ATTITUDE, "yaw")):
-            raise FileError(f"{file}: attitude is given twice, by a quaternion and by angles: leave one out.")
-        both = np.stack([given[name] for name in _QUATERNION], axis=-1)
-        good = np.all(np.isfinite(both), axis=1)
-        length = np.linalg.norm(both[good], axis=1, keepdims=True)
-        if np.any(np.abs(length - 1) > 0.05):
-            worst = float(length.flat[np.argmax(np.abs(length - 1))])
-            raise FileError(f"{file}: quaternions must have length 1, but one has {worst:.3g}.")
-        R = rotation(attitude.from_quaternion(both[good] / length), axes)
-        angles = np.full((3, len(both)), np.nan)
-        angles[:, good] = attitude.zyx_angles(R)
-        return dict(zip(("heading", "pitch", "roll"), angles, strict=True))
-    if "yaw" in given and "heading" in given:
-        raise FileError(f"{file}: `yaw` says again what `heading` says: leave one out.")
-    found = {name: given[name] for name in ATTITUDE if name in given}
-    if "yaw" in given:
-        found["heading"] = given["yaw"] if axes == "NED/FRD" else np.pi / 2 - given["yaw"]
-    if axes == "ENU/FLU" and "pitch" in found:
-        found["pitch"] = -found["pitch"]
-    return found
 
 
 _Found = dict[str, tuple[Column, np.ndarray]]

@@ -96,4 +96,5 @@ save_every = 2
 [output]
 figures = ["mission"]  # or true, all of them
 csv = true
+# mcap = true  # trajectory.mcap for Foxglove, Lichtblick, Rerun and rosbags
 animation = "html"  # or "gif" """

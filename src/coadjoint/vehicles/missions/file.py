@@ -41,13 +41,14 @@ class MissionRunSection(RunSection):
 
 @dataclass(frozen=True)
 class MissionOutputSection(OutputSection):
-    """Where results go, whether a log as `csv` is among them, and an `animation`: none, "gif" or "html".
+    """Where results go, whether logs as `csv` and `mcap` are among them, and an `animation`: none, "gif" or "html".
 
     figures: by default `mission` alone, which holds the others in small.
     """
 
     figures: bool | list[str] = field(default_factory=lambda: ["mission"])
     csv: bool = True
+    mcap: bool = False
     ALWAYS: ClassVar = ("mission",)
     animation: str = ""
 
@@ -91,8 +92,11 @@ class MissionFile(Runnable):
         return list(dict.fromkeys(name for name in names if isinstance(name, str) and name))
 
     def set_up(self) -> Setup:
+        from coadjoint.vehicles.logs.bags.optional import library
         from coadjoint.vehicles.missions.craft import set_up
 
+        if self.output.mcap:
+            library("mcap.writer", "[output] mcap = true")
         return set_up(self)
 
     def warnings(self, run: Run) -> list[str]:
@@ -115,6 +119,8 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
     made = MissionFile.sections({name: given for name, given in table.items() if name != "axes"}, path)
     if made["run"].members > 1 and not made["perturb"]:
         raise ArgumentError("[run] members > 1 needs a section [perturb], which says in what the members differ.")
+    if made["run"].members > 1 and made["output"].mcap:
+        raise ArgumentError("[output] mcap is the log of one run, but [run] members are several: leave it out.")
     if made["perturb"] and made["run"].members == 1:
         raise ArgumentError("Section [perturb] needs [run] members, how many swim, 2 or more.")
     return MissionFile(path=path, text=text, axes=axes, **made)

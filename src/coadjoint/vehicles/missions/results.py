@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
     from coadjoint.vehicles.missions.file import MissionFile
 
-LOG, MEMBERS = "trajectory.csv", "members.csv"
+LOG, BAG, MEMBERS = "trajectory.csv", "trajectory.mcap", "members.csv"
 DRAWN = (*(name for name, added in FIGURES.items() if not added.film), "attitude", "budget")
 """The figures of a mission where [output] has `figures = true`."""
 MOST_DRAWN = 100
@@ -64,6 +64,8 @@ def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
     """Write the log and the animation of one run, and return what the summary says of the mission."""
     if file.output.csv:
         run.save(folder / LOG, overwrite=True)
+    if file.output.mcap:
+        run.save(folder / BAG, overwrite=True)
     if file.output.animation:
         run.plot.animation(path=folder / f"animation.{file.output.animation}")
     ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}

@@ -1,0 +1,129 @@
+"""Samples of several sensors as one log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.identification.channels import VEHICLE
+from coadjoint.identification.log import Log
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What one sensor measured: times, ns, that grow, and columns by name, (samples,), with their rank."""
+
+    topic: str
+    times: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    rank: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k)."""
+
+    topic: str
+    name: str
+    times: np.ndarray
+    values: np.ndarray
+    unit: str
+    did: bool
+
+
+def merged(
+    file: str,
+    sensors: Sequence[Samples],
+    driven: Sequence[Actuation],
+    notes: Sequence[str],
+    step: float | None = None,
+    telling: bool = True,
+) -> Log:
+    """One log at all times of all sensors and commands, NaN where a sensor was silent, from the first one on.
+
+    Of the sensors that measure a column the one of the lowest rank is taken. Commands are held until the next one.
+    telling: whether notes tell which sensor was taken where several measure a column.
+    Raises FileError where two of one rank measure a column, and where nothing is left.
+    """
+    chosen = _chosen(file, sensors)
+    inputs = _one_each(file, [one for one in driven if not one.did])
+    actual = {name: one for name, one in _one_each(file, [one for one in driven if one.did]).items() if name in inputs}
+    times = [chosen[name].times[np.isfinite(chosen[name].columns[name])] for name in chosen]
+    times += [one.times for one in inputs.values()]
+    clock = np.unique(np.concatenate([np.zeros(0, np.int64), *times]))
+    told = list(notes)
+    begin = max((int(one.times[0]) for one in inputs.values()), default=None)
+    if begin is not None and len(clock) and begin > clock[0]:
+        told.append(
+            f"The first {(begin - int(clock[0])) * 1e-9:.3g} s are left out, because commands begin after them."
+        )
+        clock = clock[clock >= begin]
+    if len(clock) < 2:
+        raise FileError(f"{file} holds fewer than two samples of what was asked for.")
+    columns = {name: _placed(clock, chosen[name].times, chosen[name].columns[name]) for name in chosen}
+    columns = {name: values for name, values in columns.items() if np.any(np.isfinite(values))}
+    time = (clock - clock[0]) * 1e-9
+    units = {name: one.unit for name, one in inputs.items()}
+    told += _choices(chosen, sensors) if telling else []
+    try:
+        return Log(
+            time,
+            columns,
+            {name: _held(clock, one) for name, one in inputs.items()},
+            units,
+            tuple(told),
+            step,
+            {name: _held(clock, one) for name, one in actual.items() if one.times[0] <= clock[0]},
+        )
+    except ArgumentError as error:
+        raise FileError(f"{file}: {error}") from error
+
+
+def _chosen(file: str, sensors: Sequence[Samples]) -> dict[str, Samples]:
+    """The sensor of each column."""
+    chosen: dict[str, Samples] = {}
+    for name in VEHICLE:
+        able = [one for one in sensors if name in one.columns and np.any(np.isfinite(one.columns[name]))]
+        able.sort(key=lambda one: one.rank.get(name, 1))
+        if len(able) > 1 and able[0].rank.get(name, 1) == able[1].rank.get(name, 1):
+            raise FileError(
+                f"{file}: both {able[0].topic} and {able[1].topic} measure `{name}`: say which to take, as in "
+                f'topics=["{able[0].topic}"] or --topics {able[0].topic}, or declare the sensors.'
+            )
+        if able:
+            chosen[name] = able[0]
+    return chosen
+
+
+def _one_each(file: str, driven: Sequence[Actuation]) -> dict[str, Actuation]:
+    found: dict[str, Actuation] = {}
+    for one in driven:
+        if one.name in found:
+            raise FileError(f"{file}: both {found[one.name].topic} and {one.topic} are `{one.name}`: take one of them.")
+        if len(one.times):
+            found[one.name] = one
+    return found
+
+
+def _placed(clock: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    found = np.full(len(clock), np.nan)
+    there = (times >= clock[0]) & np.isfinite(values)
+    found[np.searchsorted(clock, times[there])] = values[there]
+    return found
+
+
+def _held(clock: np.ndarray, one: Actuation) -> np.ndarray:
+    return one.values[np.searchsorted(one.times, clock, side="right") - 1]
+
+
+def _choices(chosen: Mapping[str, Samples], sensors: Sequence[Samples]) -> list[str]:
+    """A sentence for each sensor that was taken of columns that others measure, too."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, one in chosen.items():
+        others = [other.topic for other in sensors if name in other.columns and other is not one]
+        if others:
+            found.setdefault((one.topic, " and ".join(others)), []).append(name)
+    return [f"Taken from {one}, not from {others}: {', '.join(names)}." for (one, others), names in found.items()]

@@ -1,0 +1,88 @@
+"""What a topic of a bag measured, at its times, in the library's axes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from coadjoint.errors import FileError
+from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
+from coadjoint.vehicles.logs.bags.messages import Topic
+from coadjoint.vehicles.logs.bags.sensors import CommandTopic, Sensor, Stamp
+from coadjoint.vehicles.logs.turned import turned
+
+SECONDS, NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
+
+
+def samples(topic: Topic, sensor: Sensor, ignore: Collection[str] = ()) -> tuple[Samples, list[str]]:
+    """The samples of a sensor, and notes; raises FileError for messages that do not fit and times that decrease."""
+    own = {name: number for name, number in sensor.columns.items() if name not in ignore}
+    unless = {sensor.unless[name] for name in own if name in sensor.unless}
+    found = topic.numbers([*{number.path for number in own.values()}, *unless, *_stamped(topic, sensor.stamp)])
+    times, kept, notes = _times(topic, sensor.stamp, sensor.offset, found)
+    if sensor.every > 0 and len(kept):
+        bins = np.floor((times - times[0]) / (sensor.every * 1e9))
+        first = np.unique(bins, return_index=True)[1]
+        times, kept = times[first], kept[first]
+    given = {name: found[number.path][kept] * number.factor for name, number in own.items()}
+    for name, values in given.items():
+        if name in sensor.unless:
+            values[found[sensor.unless[name]][kept] == -1] = np.nan
+    columns = turned(f"{topic.where}: {topic.name}", given, sensor.axes)
+    return Samples(topic.name, times, {n: v for n, v in columns.items() if n not in ignore}, sensor.rank), notes
+
+
+def driving(topic: Topic, command: CommandTopic) -> tuple[Actuation, list[str]]:
+    """What an actuator was told or did, and notes; raises FileError as `samples`, and for values that are missing."""
+    paths = [number.path for number in command.numbers]
+    found = topic.numbers([*paths, *_stamped(topic, command.stamp)])
+    times, kept, notes = _times(topic, command.stamp, command.offset, found)
+    values = np.stack([found[number.path][kept] * number.factor for number in command.numbers], axis=-1)
+    if bad := np.count_nonzero(~np.isfinite(values).all(axis=1)):
+        raise FileError(f"{topic.where}: {bad} of {len(values)} messages of {topic.name} lack numbers of a command.")
+    values = values[:, 0] if len(paths) == 1 else values
+    return Actuation(topic.name, command.name, times, values, command.unit, command.did), notes
+
+
+def _stamped(topic: Topic, stamp: Stamp | None) -> tuple[str, ...]:
+    """The paths of the stamp in the head of messages; none where times are those of the log."""
+    has = any(field.name == "header" for field in topic.definition.types[topic.definition.name])
+    if stamp == "header" and not has:
+        raise FileError(
+            f'{topic.where}: messages of {topic.name} ({topic.definition.name}) have no head with a stamp: stamp="log" '
+            "takes when they were logged."
+        )
+    return (SECONDS, NANOSECONDS) if has and stamp != "log" else ()
+
+
+def _times(
+    topic: Topic, stamp: Stamp | None, offset: float, found: dict[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Times, ns, which messages are kept, in their order, and notes."""
+    by_log = SECONDS not in found
+    if by_log:
+        times = topic.times
+        order = np.argsort(times, kind="stable")
+    else:
+        times = found[SECONDS].astype(np.int64) * 1_000_000_000 + found[NANOSECONDS].astype(np.int64)
+        order = np.arange(len(times))
+        _require_growing(topic, times)
+    sorted_times = times[order] + round(offset * 1e9)
+    again = np.zeros(len(order), bool)
+    again[1:] = np.diff(sorted_times) == 0
+    notes = [f"{int(again.sum())} messages of {topic.name} are of the time of the one before, and are left out."]
+    return sorted_times[~again], order[~again], notes if again.any() else []
+
+
+def _require_growing(topic: Topic, times: np.ndarray) -> None:
+    where = f"{topic.where}: messages of {topic.name}"
+    if len(times) > 1 and not np.any(times):
+        raise FileError(f'{where} have no stamps, but 0 in all heads: stamp="log" takes when they were logged.')
+    late = np.flatnonzero(np.diff(times) < 0)
+    if len(late):
+        at = int(late[0])
+        raise FileError(
+            f"{where} go back in time: message {at + 2} is stamped {(times[at] - times[at + 1]) * 1e-9:.9g} s before "
+            'the one ahead of it: correct the stamps, or take when they were logged by stamp="log".'
+        )

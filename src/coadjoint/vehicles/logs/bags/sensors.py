@@ -1,0 +1,114 @@
+"""Sensors in a bag: which topic measures which quantities, in which axes, at which times."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from coadjoint.vehicles.axes import Axes
+
+Stamp = Literal["header", "log"]
+"""When a sample was taken: the stamp in the head of its message, or when it was logged."""
+
+
+class Number(NamedTuple):
+    """A number of messages: its path, and the factor to SI units and rad."""
+
+    path: str
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A topic and what it measures, names of `headers.NAMES` → number.
+
+    stamp: None is that of the head, where messages have one. offset: s, which is added to its times. every: s, of
+    which one sample is kept. rank: of the sensors that measure a column the one with the lowest is taken.
+    """
+
+    topic: str
+    columns: Mapping[str, Number]
+    axes: Axes = "ENU/FLU"
+    stamp: Stamp | None = None
+    offset: float = 0.0
+    every: float = 0.0
+    rank: Mapping[str, int] = field(default_factory=dict)
+    unless: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CommandTopic:
+    """A topic that drives an actuator, or tells what it did: the numbers of the input `name`, and their unit."""
+
+    topic: str
+    name: str
+    numbers: tuple[Number, ...]
+    unit: str = "1"
+    stamp: Stamp | None = None
+    offset: float = 0.0
+    did: bool = False
+
+
+def _three(names: str, path: str) -> dict[str, str]:
+    return {name: f"{path}.{axis}" for name, axis in zip(names.split(), "xyz", strict=True)}
+
+
+def _quaternion(path: str) -> dict[str, str]:
+    return {f"q{axis}": f"{path}.{axis}" for axis in "wxyz"}
+
+
+TYPES: dict[str, dict[str, str]] = {
+    "nav_msgs/Odometry": {
+        **_three("x y z", "pose.pose.position"), **_quaternion("pose.pose.orientation"),
+        **_three("u v w", "twist.twist.linear"), **_three("p q r", "twist.twist.angular"),
+    },
+    "sensor_msgs/Imu": {**_quaternion("orientation"), **_three("p q r", "angular_velocity")},
+    "geometry_msgs/PoseWithCovarianceStamped": {
+        **_three("x y z", "pose.pose.position"), **_quaternion("pose.pose.orientation"),
+    },
+    "geometry_msgs/PoseStamped": {**_three("x y z", "pose.position"), **_quaternion("pose.orientation")},
+    "geometry_msgs/TwistWithCovarianceStamped": {
+        **_three("u v w", "twist.twist.linear"), **_three("p q r", "twist.twist.angular"),
+    },
+    "geometry_msgs/TwistStamped": {**_three("u v w", "twist.linear"), **_three("p q r", "twist.angular")},
+}  # fmt: skip
+"""What messages of a type measure where nothing else is declared, by the paths of its numbers."""
+
+UNKNOWN: dict[str, dict[str, str]] = {
+    "sensor_msgs/Imu": {
+        **dict.fromkeys(("qw", "qx", "qy", "qz"), "orientation_covariance[0]"),
+        **dict.fromkeys("pqr", "angular_velocity_covariance[0]"),
+    },
+}
+"""The entry of a covariance that is -1 where a sensor does not know a quantity."""
+
+RANKS = {
+    "nav_msgs/Odometry": {"p": 2, "q": 2, "r": 2},
+    "sensor_msgs/Imu": {"roll": 2, "pitch": 2, "heading": 2},
+    "geometry_msgs/PoseWithCovarianceStamped": dict.fromkeys(("north", "east", "depth"), 3)
+    | dict.fromkeys(("roll", "pitch", "heading"), 3),
+    "geometry_msgs/TwistWithCovarianceStamped": dict.fromkeys("uvw", 3) | dict.fromkeys("pqr", 4),
+    "geometry_msgs/PoseStamped": dict.fromkeys(("north", "east", "depth", "roll", "pitch", "heading"), 4),
+    "geometry_msgs/TwistStamped": dict.fromkeys("uvw", 4) | dict.fromkeys("pqr", 5),
+}
+"""Which sensor is taken of a column that several measure: the lowest; 1 where nothing is said."""
+
+_DRIVEN = re.compile(r"(?:^|/)(command|actuator)/(\w+)$")
+DRIVING = {"std_msgs/Float64": ("data",), "std_msgs/Float32": ("data",)}
+SEVERAL = {"std_msgs/Float64MultiArray", "std_msgs/Float32MultiArray"}
+
+
+def usual(topic: str, kind: str, axes: Axes) -> Sensor | None:
+    """The sensor of a topic whose type says what it measures; None of other types."""
+    if kind not in TYPES:
+        return None
+    columns = {name: Number(path) for name, path in TYPES[kind].items()}
+    return Sensor(topic, columns, axes, rank=RANKS[kind], unless=UNKNOWN.get(kind, {}))
+
+
+def driven(topic: str, kind: str) -> tuple[str, bool] | None:
+    """The actuator of a topic `…/command/NAME` or `…/actuator/NAME` of plain numbers, and whether it is the latter."""
+    match = _DRIVEN.search(topic)
+    return (match[2], match[1] == "actuator") if match and (kind in DRIVING or kind in SEVERAL) else None
