@@ -28,7 +28,7 @@ _HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<BQHIQQ")
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE_KIND, _CHUNK, _METADATA, _DATA_END = 2, 3, 4, 5, 6, 12, 15
 
 
-class Channel(NamedTuple):
+class McapChannel(NamedTuple):
     """A row of messages: the topic, its type, how they are written, and the definition of the type."""
 
     topic: str
@@ -43,7 +43,7 @@ class Mcap:
     """What an MCAP file holds: its channels by their numbers, their messages, and its metadata."""
 
     path: str
-    channels: dict[int, Channel] = field(default_factory=dict)
+    channels: dict[int, McapChannel] = field(default_factory=dict)
     blocks: dict[int, list[Block]] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -61,7 +61,7 @@ class Mcap:
         blocks = tuple(block for number in numbers for block in self.blocks.get(number, ()))
         return Topic(name, self._definition(channel), channel.written, blocks, self.path)
 
-    def _definition(self, channel: Channel) -> Definition:
+    def _definition(self, channel: McapChannel) -> Definition:
         where = f"{self.path}: {channel.topic}"
         if channel.written not in ("cdr", "ros1"):
             raise FileError(
@@ -183,7 +183,7 @@ class _Reading:
         written, _ = _text(rest)
         if schema not in self.schemas:
             raise self.wrong(at, f"the topic {topic} is of the schema {schema}, which comes nowhere before it")
-        made = Channel(topic, self.schemas[schema][0], written, *self.schemas[schema][1:])
+        made = McapChannel(topic, self.schemas[schema][0], written, *self.schemas[schema][1:])
         if self.found.channels.setdefault(number, made) != made:
             raise self.wrong(at, f"the channel {number} is {self.found.channels[number].topic} and {topic}")
         if self.asked(topic, short(made.type)):

@@ -9,13 +9,13 @@ import numpy as np
 from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
 from coadjoint.vehicles.logs.bags.messages import Topic
-from coadjoint.vehicles.logs.bags.sensors import CommandTopic, Sensor, Stamp
+from coadjoint.vehicles.logs.bags.sensors import CommandTopic, SensorTopic, Stamp
 from coadjoint.vehicles.logs.turned import turned
 
 SECONDS, NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
 
 
-def samples(topic: Topic, sensor: Sensor, ignore: Collection[str] = ()) -> tuple[Samples, list[str]]:
+def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> tuple[Samples, list[str]]:
     """The samples of a sensor, and notes; raises FileError for messages that do not fit and times that decrease."""
     own = {name: number for name, number in sensor.columns.items() if name not in ignore}
     unless = {sensor.unless[name] for name in own if name in sensor.unless}

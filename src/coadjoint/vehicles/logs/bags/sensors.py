@@ -21,7 +21,7 @@ class Number(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sensor:
+class SensorTopic:
     """A topic and what it measures, names of `headers.NAMES` → number.
 
     stamp: None is that of the head, where messages have one. offset: s, which is added to its times. every: s, of
@@ -100,12 +100,12 @@ DRIVING = {"std_msgs/Float64": ("data",), "std_msgs/Float32": ("data",)}
 SEVERAL = {"std_msgs/Float64MultiArray", "std_msgs/Float32MultiArray"}
 
 
-def usual(topic: str, kind: str, axes: Axes) -> Sensor | None:
+def usual(topic: str, kind: str, axes: Axes) -> SensorTopic | None:
     """The sensor of a topic whose type says what it measures; None of other types."""
     if kind not in TYPES:
         return None
     columns = {name: Number(path) for name, path in TYPES[kind].items()}
-    return Sensor(topic, columns, axes, rank=RANKS[kind], unless=UNKNOWN.get(kind, {}))
+    return SensorTopic(topic, columns, axes, rank=RANKS[kind], unless=UNKNOWN.get(kind, {}))
 
 
 def driven(topic: str, kind: str) -> tuple[str, bool] | None:
