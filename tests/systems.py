@@ -82,6 +82,7 @@ GROUPS: dict[str, LieGroup] = {
     "Sp1": co.Sp(1),
     "Sp2": co.Sp(2),
     "H2": co.Heisenberg(2),
+    "opposite": co.Opposite(co.SE2()),
     "SO3_R3": co.SemidirectProduct(co.SO3(), co.Defining()),
     "SL2_dual": co.SemidirectProduct(SL2, co.Dual()),
     "nested": co.DirectProduct(

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from coadjoint.groups import Heisenberg as Heisenberg
     from coadjoint.groups import LieGroup as LieGroup
     from coadjoint.groups import MatrixGroup as MatrixGroup
+    from coadjoint.groups import Opposite as Opposite
     from coadjoint.groups import SemidirectProduct as SemidirectProduct
     from coadjoint.groups import SLn as SLn
     from coadjoint.groups import SOn as SOn

@@ -16,6 +16,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.groups.opposite import Opposite
 from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -23,7 +24,8 @@ from coadjoint.kernels.trace.evaluate import evaluate
 class DifferenceMap:
     """A group difference map; a new one gives `_tau`, and closed forms where it has them.
 
-    On a direct product every map acts factor by factor. Maps are static, hashable objects.
+    On a direct product every map acts factor by factor, on the opposite of a group as on the group, where dτ_ξ is the
+    group's dτ_{−ξ}. Maps are static, hashable objects.
     """
 
     def _tau(self, group: LieGroup, xi: Array) -> Element:
@@ -39,6 +41,8 @@ class DifferenceMap:
 
     def tau(self, group: LieGroup, xi: Array) -> Element:
         """τ(ξ), an element, of ξ (dim,)."""
+        if isinstance(group, Opposite):
+            return self.tau(group.group, xi)
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), strict=True)
             return tuple(self.tau(factor, part) for factor, part in parts)
@@ -46,6 +50,8 @@ class DifferenceMap:
 
     def dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         """dτ_ξ χ = (Dτ(ξ)·χ) τ(ξ)⁻¹, (dim,), of ξ and χ (dim,) (P32)."""
+        if isinstance(group, Opposite):
+            return self.dtau(group.group, -xi, chi)
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(chi), strict=True)
             return jnp.concatenate([self.dtau(factor, x, c) for factor, x, c in parts])
@@ -61,6 +67,8 @@ class DifferenceMap:
 
     def dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         """(dτ⁻¹_ξ)* μ, (dim,), of ξ and μ (dim,), with ⟨(dτ⁻¹_ξ)* μ, χ⟩ = ⟨μ, dτ⁻¹_ξ χ⟩."""
+        if isinstance(group, Opposite):
+            return self.dtau_inverse_dual(group.group, -xi, mu)
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(mu), strict=True)
             return jnp.concatenate([self.dtau_inverse_dual(factor, x, m) for factor, x, m in parts])
@@ -81,6 +89,9 @@ class DifferenceMap:
 
     def require_fit(self, group: LieGroup) -> None:
         """Raise GroupError unless (Dτ(ξ)χ) τ(ξ)⁻¹ lies in 𝔤 and τ(ξ)⁻¹ = τ(−ξ) at random ξ, χ."""
+        if isinstance(group, Opposite):
+            self.require_fit(group.group)
+            return
         if isinstance(group, DirectProduct):
             for factor in group.factors:
                 self.require_fit(factor)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.groups import SO3, DirectProduct, LieGroup
+from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.small_angle import (
     BERNOULLI,
@@ -56,6 +56,8 @@ class Exponential(DifferenceMap):
         return mu - 0.5 * once + (cotangent_ratio(t) - t * slope) * twice - slope * ad_dual(ad_dual(twice))
 
     def chart(self, group: LieGroup, xi: Array) -> Array | float:
+        if isinstance(group, Opposite):
+            return self.chart(group.group, xi)
         if isinstance(group, DirectProduct):
             return reduce(jnp.maximum, [self.chart(f, x) for f, x in zip(group.factors, group.split(xi), strict=True)])
         turned = group.rotation_angle(xi) / (2 * np.pi)

@@ -6,6 +6,7 @@ from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import LieGroup
 from coadjoint.groups.heisenberg import Heisenberg
 from coadjoint.groups.matrix_group import MatrixGroup
+from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.quaternions import SU2, UnitQuaternion
 from coadjoint.groups.rigid_motions import SE2, SE3
 from coadjoint.groups.rotations import SO2, SO3
@@ -24,6 +25,7 @@ __all__ = [
     "Heisenberg",
     "LieGroup",
     "MatrixGroup",
+    "Opposite",
     "SLn",
     "SOn",
     "SUn",

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.invariance import acted_on
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -26,7 +27,7 @@ def total_momentum(system: System, state: State) -> Array:
 
 
 def spatial_momentum(system: System, state: State) -> Array:
-    """Ad*_{g⁻¹} m ∈ 𝔤*, (dim G,), the total momentum in the space frame (P78)."""
+    """Ad*_{g⁻¹} m ∈ 𝔤*, (dim G,), the total momentum in the space frame (P78); Ad*_g m of right-invariant systems."""
     return system.group.Ad_dual(system.group.inverse(state.g), total_momentum(system, state))
 
 
@@ -75,7 +76,7 @@ class KelvinNoether:
     def momentum_map(self, system: System, state: State) -> Array:
         """𝒦(c, a) ∈ 𝔤, (dim G,), at a state."""
         group = system.group
-        c = self.space.act(group, group.inverse(state.g), self.c0)
+        c = acted_on(system.places, self.space).act(group, group.inverse(state.g), self.c0)
         return c if self.K is None else self.K(c, system.advected.view(group, state.a))
 
     def quantity(self, system: System, state: State) -> Array:
@@ -95,7 +96,8 @@ class KelvinNoether:
 
     def require_equivariant(self, system: System, state: State) -> None:
         """Raise ArgumentError unless 𝒦(gc, ga) = Ad_g 𝒦(c, a) at random group elements."""
-        size = self.space.ambient(system.group)
+        space = acted_on(system.places, self.space)
+        size = space.ambient(system.group)
         if np.shape(self.c0) != (size,):
             raise ArgumentError(f"Argument `c0` must have shape ({size},), but has shape {np.shape(self.c0)}.")
         group, V = system.group, system.advected
@@ -108,7 +110,7 @@ class KelvinNoether:
             def K(c, a):
                 return c if self.K is None else self.K(c, V.view(group, a))
 
-            moved = K(self.space.act(group, g, c0), V.act(group, g, state.a))
+            moved = K(space.act(group, g, c0), V.act(group, g, state.a))
             return jnp.max(jnp.abs(moved - group.Ad(g, K(c0, state.a))))
 
         eta = np.random.default_rng(7).normal(size=group.dim)

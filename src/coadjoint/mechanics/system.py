@@ -17,6 +17,7 @@ from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
+from coadjoint.mechanics.invariance import Invariance, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
@@ -77,6 +78,9 @@ class System(ReducedFunctions):
             by default True.
         checks: parameters that replace others, by name → the same as they are kept, or ArgumentError; by default every
             finite number may replace one.
+        invariance: "left" (the default), or "right": ξ = ġg⁻¹, n = gq, ν = gq̇ and a = ga₀ are in the space frame, and
+            the conserved momentum is in the body frame. μ and π, forces and F = g_{k+1}g_k⁻¹ go with them, and
+            `system.group` is `co.Opposite(group)`, on which all equations are those of left invariance.
 
     Raises ArgumentError, LagrangianError or GroupError for functions and spaces that do not fit.
     """
@@ -119,6 +123,7 @@ class System(ReducedFunctions):
         units: Mapping[str, str] | None = None,
         verify: bool = True,
         checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
+        invariance: Invariance = "left",
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
@@ -144,19 +149,25 @@ class System(ReducedFunctions):
             "parameters": parameters,
             "checks": checks,
         }
-        for key, value in values.items():
-            object.__setattr__(self, key, value)
-        spaces = self.additional, self.advected
+        spaces = values["additional"], values["advected"]
         if verify:
             require_own_forms(group, *spaces)
         for space in spaces:
             space.require_fit(group)
+        values |= places_of(group, *spaces, invariance)._asdict()
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
         require_functions(self)
 
     @property
     def places(self) -> Places:
         """G, Q and V*."""
         return Places(self.group, self.additional, self.advected)
+
+    @property
+    def invariance(self) -> Invariance:
+        """ "left", or "right" of a right-invariant system, whose `group` is the opposite of the group it was given."""
+        return "right" if is_right(self.places) else "left"
 
     @property
     def unknowns(self) -> int:

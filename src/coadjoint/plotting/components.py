@@ -31,24 +31,27 @@ class Panel:
 
 
 def velocities(runs: Sequence[Entry]) -> Figure:
-    """ξ = g⁻¹ġ and, where there are additional dynamics, ν = g⁻¹q̇, in the body frame."""
+    """ξ and, where there are additional dynamics, ν, in the body frame, or in space of right-invariant systems."""
     return _body(runs, "xi", "nu", "velocity", "No velocities were recorded.")
 
 
 def momenta(runs: Sequence[Entry]) -> Figure:
-    """μ = ∂ℓ/∂ξ and, where there are additional dynamics, π = ∂ℓ/∂ν, in the body frame."""
+    """μ = ∂ℓ/∂ξ and, where there are additional dynamics, π = ∂ℓ/∂ν, in the frame of ξ."""
     return _body(runs, "mu", "pi", "momentum", "No momenta were recorded.")
 
 
 def _body(runs: Sequence[Entry], first: str, second: str, what: str, sentence: str) -> Figure:
     require(runs[0], [first], sentence)
+    frame = "space" if runs[0].dataset.attrs.get("invariance") == "right" else "body"
     if not _rotates(runs[0]):
-        shown = [Panel(first, f"{what} ${_SYMBOLS[first]}$, body")]
+        shown = [Panel(first, f"{what} ${_SYMBOLS[first]}$, {frame}")]
     else:
-        shown = [Panel(first, f"angular {what}, body", slice(0, 3))]
+        shown = [Panel(first, f"angular {what}, {frame}", slice(0, 3))]
         if runs[0].values(first).shape[1] == 6:
-            shown.append(Panel(first, f"linear {what}, body", slice(3, 6)))
-    shown += [Panel(name, f"{what} ${_SYMBOLS[second]}$, body{_of(name, second)}") for name in _parts(runs[0], second)]
+            shown.append(Panel(first, f"linear {what}, {frame}", slice(3, 6)))
+    shown += [
+        Panel(name, f"{what} ${_SYMBOLS[second]}$, {frame}{_of(name, second)}") for name in _parts(runs[0], second)
+    ]
     return panels(runs, shown)
 
 

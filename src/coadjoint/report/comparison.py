@@ -96,12 +96,18 @@ def compare(first: Any, second: Any, names: tuple[str, str] = ("first", "second"
 
 
 def _require_one_system(first: Any, second: Any, names: tuple[str, str]) -> None:
-    groups = [str(dataset.attrs.get("group", "")) for dataset in (first, second)]
+    groups = [_group(dataset.attrs) for dataset in (first, second)]
     if groups[0] != groups[1]:
         raise ArgumentError(f"{names[0]} is on {groups[0]}, but {names[1]} on {groups[1]}: they cannot be compared.")
     shared = [name for name in ("mu", "q", "n", "x") if name in first and name in second]
     if not shared:
         raise ArgumentError(f"{names[0]} and {names[1]} have no state in common: they cannot be compared.")
+
+
+def _group(attributes: Any) -> str:
+    """The group of a run, and on which side it is invariant, if not on the left."""
+    right = ", right-invariant" if attributes.get("invariance") == "right" else ""
+    return f"{attributes.get('group', '')}{right}"
 
 
 def _common_times(first: Any, second: Any, names: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:

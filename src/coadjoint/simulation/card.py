@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.mechanics.invariance import in_words
 from coadjoint.simulation import step_sizes
 from coadjoint.simulation.budget import budget, momentum_gap, sentence
 from coadjoint.simulation.energy_warnings import energy_known
@@ -97,7 +98,7 @@ def card(run: Run) -> str:
     """The certificate as text."""
     c = certificate(run)
     lines = [
-        ("system", f"{c['system']} on {run.system.group!r}"),
+        ("system", f"{c['system']} on {in_words(run.system.places)}"),
         ("method", f"{c['method']}, {order(run.method, run.system)}"),
     ]
     done = f"{run.good_steps:,} steps of {run.dt:g} s"
@@ -147,7 +148,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     count, plan = ensemble.members.count, ensemble.plan
     failed = ensemble.failures
     lines = [
-        ("system", f"{count:,} × {ensemble.system.name} on {ensemble.system.group!r}"),
+        ("system", f"{count:,} × {ensemble.system.name} on {in_words(ensemble.system.places)}"),
         ("method", f"{ensemble.method.title}, {order(ensemble.method, ensemble.system)}"),
         ("steps", _members_steps(ensemble)),
         ("saved", f"{ensemble.count:,} nodes a member, every {plan.save_every}, float64"),

@@ -12,6 +12,7 @@ import xarray
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_rule import InternalRule, declared
+from coadjoint.mechanics.invariance import group_of, is_right
 from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -37,11 +38,31 @@ _MEANINGS = {
     "pi": "π = ∂ℓ/∂ν, body frame",
     "euler_angles": "yaw, pitch, roll (ZYX)",
 }
+_MEANINGS_RIGHT = {
+    "n": "n = g·q, space frame",
+    "nu": "ν = g·q̇ of the step that starts at the node, space frame",
+    "xi": "ξ = ġg⁻¹ of the step that starts at the node, space frame",
+    "xi_body": "Ad_{g⁻¹} ξ, body frame",
+    "q": "q = g⁻¹n, body frame",
+    "qdot": "q̇ = g⁻¹ν, body frame",
+    "a": "a = g·a₀, advected",
+    "mu": "μ = ∂ℓ/∂ξ, space frame",
+    "pi": "π = ∂ℓ/∂ν, space frame",
+    "euler_angles": _MEANINGS["euler_angles"],
+}
+"""Of right-invariant systems."""
 
 
-def _told() -> dict[str, str]:
+def _told(system: System) -> dict[str, str]:
     """What each variable means."""
-    return _MEANINGS | {one.name: one.meaning for one in watched()}
+    if not is_right(system.places):
+        return _MEANINGS | {one.name: one.meaning for one in watched()}
+    return _MEANINGS_RIGHT | {one.name: one.meaning.replace("body frame", "space frame") for one in watched()}
+
+
+def _seen_from_there(system: System) -> str:
+    """The name of the velocity in the other frame, Ad_g ξ of left-invariant systems."""
+    return "xi_body" if is_right(system.places) else "xi_spatial"
 
 
 def reserved(system: System) -> set[str]:
@@ -49,7 +70,7 @@ def reserved(system: System) -> set[str]:
     group, Q, V = system.places
     parts = [Q.components(group, name) for name in ("n", "nu", "pi", "q", "qdot")] + [V.components(group, "a")]
     always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
-    return always.union(_told(), *parts)
+    return always.union(_told(system), *parts)
 
 
 Variables = dict[str, tuple[tuple[str, ...], Any]]
@@ -148,7 +169,7 @@ def variables(
     rotation = more.pop("rotation")
     for name in ("xi", "mu"):
         found[name] = (("time", "algebra"), getattr(records, name))
-    found["xi_spatial"] = (("time", "algebra"), more.pop("xi_spatial"))
+    found[_seen_from_there(system)] = (("time", "algebra"), more.pop("xi_there"))
     for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
@@ -180,12 +201,12 @@ def reported(system: System, records: State) -> Variables:
 
 
 def derived(records: State) -> dict[str, Any]:
-    """Ad_g ξ, q = g·n, q̇ = g·ν and the rotation in g, if there is one, of every record."""
+    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record."""
 
     def one(state: State) -> dict[str, Any]:
         group, Q, _ = state.places
         return {
-            "xi_spatial": group.Ad(state.g, state.xi),
+            "xi_there": group.Ad(state.g, state.xi),
             "q": Q.act(group, state.g, state.n),
             "qdot": Q.push(group, state.g, state.n, state.nu),
             "rotation": group.rotation(state.g),
@@ -199,7 +220,7 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any
     units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
     units = {one.name: one.unit or units[one.like] for one in watched() if one.unit or one.like in units} | units
     found: dict[str, dict[str, Any]] = {}
-    own, known = dict(system.quantities), _told()
+    own, known = dict(system.quantities), _told(system)
     for name in (*map(str, made), "time"):
         base = name if name in known or name in own else name.split("_")[0]
         unit = units.get(name, units.get(base))
@@ -234,13 +255,18 @@ def attributes(run: Run) -> dict[str, Any]:
     found |= {f"events_{name}": count for name, count in found.pop("events", {}).items()}
     lows = {f"{name}_lowest": np.ravel(low) for name, (low, _) in run.extrema.items()}
     highs = {f"{name}_highest": np.ravel(high) for name, (_, high) in run.extrema.items()}
-    return {"group": repr(run.system.group), "card": str(run), **found, **lows, **highs}
+    return {**_place(run.system), "card": str(run), **found, **lows, **highs}
+
+
+def _place(system: System) -> dict[str, str]:
+    """The group, and "right" where a system is right-invariant."""
+    return {"group": repr(group_of(system.places)), **({"invariance": "right"} if is_right(system.places) else {})}
 
 
 def ensemble_attributes(ensemble: Ensemble) -> dict[str, Any]:
     """The certificate of an ensemble as the attributes of its dataset."""
     return {
-        "group": repr(ensemble.system.group),
+        **_place(ensemble.system),
         "system": ensemble.system.name,
         "method": ensemble.method.title,
         "dt": ensemble.plan.h,

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.invariance import in_words
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
@@ -54,10 +55,10 @@ def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System
         raise ArgumentError(
             "A record to go on from needs the system, which a file does not hold: load it with co.load(path, system)."
         )
-    if attributes.get("group") != repr(system.group):
+    where = f"{attributes.get('group')}" + (", right-invariant" if attributes.get("invariance") == "right" else "")
+    if where != in_words(system.places):
         raise ArgumentError(
-            f"The file is of a run on {attributes.get('group')}, but the system that was given lives on "
-            f"{system.group!r}."
+            f"The file is of a run on {where}, but the system that was given lives on {in_words(system.places)}."
         )
     record, parameters = (_parts(found[name]) for name in LAST_RECORD)
     if ("internal_time",) in record:

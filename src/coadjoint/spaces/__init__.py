@@ -1,5 +1,6 @@
 """What a group acts on, and the diamond (mathematics: section 2)."""
 
+from coadjoint.spaces.by_inverse import ByInverse
 from coadjoint.spaces.group_itself import GroupItself
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
@@ -10,6 +11,7 @@ from coadjoint.spaces.submanifold import Submanifold
 
 __all__ = [
     "Adjoint",
+    "ByInverse",
     "Coadjoint",
     "Defining",
     "Dual",

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.errors import GroupError
 from coadjoint.groups.axioms import in_units, points, require_group
 from coadjoint.groups.group import Array, LieGroup, transpose
+from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.overrides import (
     Identity,
     in_words,
@@ -25,6 +26,8 @@ from coadjoint.groups.overrides import (
 )
 from coadjoint.groups.semidirect_product import SemidirectProduct
 from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.spaces.by_inverse import ByInverse
+from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space, require_action
 
 _SEARCH = 300
@@ -49,6 +52,12 @@ def require_own_forms(group: LieGroup, *spaces: Space) -> None:
 
 def _require(space: Space, group: LieGroup) -> None:
     """`space` on `group`; one that ships and holds others only hands on to them."""
+    if isinstance(space, ByInverse) and isinstance(group, Opposite):
+        space, group = space.space, group.group
+    if type(space) is Several:
+        for part in space.factors:
+            _require(part, group)
+        return
     for piece in (*parts(space, Space), space):
         require_hashable(piece)
         hands_on = next(parts(piece, Space), None) is not None and not own(piece, Space)
