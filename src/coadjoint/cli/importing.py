@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -20,7 +20,7 @@ class Import:
     """
 
     file: tyro.conf.Positional[Path]
-    """URDF or xacro of uuv_simulator."""
+    """SDF of Gazebo, URDF or xacro of uuv_simulator."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")] = None
     """The vehicle file to write; without it the report alone is printed."""
     folder: Path | None = None
@@ -29,6 +29,8 @@ class Import:
     """Arguments of xacro, as in `--set namespace=rexrov`."""
     gravity: float | None = None
     """m/s²; by default what the file says, or 9.8."""
+    forward: Literal["x", "-x"] = "x"
+    """The axis of the model that its bow points along; some models of Gazebo face -x."""
     json: bool = False
     """Print the report as JSON, and nothing else."""
 
@@ -40,7 +42,11 @@ class Import:
         if self.out is not None and (self.out.suffix != ".toml" or self.out.exists()):
             raise ArgumentError(f"Argument --out must be a file .toml that is not there yet, but is {self.out}.")
         found = import_vehicle(
-            self.file, folder=self.folder, arguments=dict(map(_pair, self.set)), gravity=self.gravity
+            self.file,
+            folder=self.folder,
+            arguments=dict(map(_pair, self.set)),
+            gravity=self.gravity,
+            forward=self.forward,
         )
         if self.out is not None:
             write_text(self.out, found.text)

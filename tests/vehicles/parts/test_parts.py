@@ -13,7 +13,7 @@ import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles import Flow, Part
-from coadjoint.vehicles.parts import Damping, Derivatives, Fin, Hull, Propeller
+from coadjoint.vehicles.parts import Airfoil, Damping, Derivatives, Fin, Hull, Propeller
 from coadjoint.vehicles.parts.fin import lift_and_drag
 
 RHO = 1026.0
@@ -81,6 +81,28 @@ def test_a_fin_pushes_against_its_normal_by_its_lift_and_turns_the_craft_by_its_
     expected = half * np.array([-drag, -lift, 0.0])
     np.testing.assert_allclose(found[:3], expected, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(found[3:], np.cross(place, found[:3]), rtol=1e-12, atol=1e-13)
+
+
+def test_an_airfoil_has_the_lines_of_its_lift_and_drag_also_from_behind():
+    """½ρA|w|²(C_L across, C_D along) with C_L = ±(0.8 − 1.1·0.1) and C_D = 0.05 + 0.03·0.1 + 0.5α² past stall."""
+    numbers = {"area": 0.02, "lift_slope": 4.0, "stall": 0.2, "drag_slope": 0.25, "drag_square": 0.5}
+    numbers |= {"stalled_lift_slope": -1.1, "stalled_drag_slope": 0.03}
+    foil = Airfoil("foil", position=(0, 0, 0), chord=(1, 0, 0), normal=(0, 1, 0), **numbers)
+    half = 0.5 * RHO * 0.02 * 2.25
+    for alpha in (0.1, 0.3, -0.3):
+        size = abs(alpha)
+        lift = np.sign(alpha) * (4.0 * size if size < 0.2 else 0.8 - 1.1 * 0.1)
+        drag = (0.25 * size if size < 0.2 else 0.05 + 0.03 * 0.1) + 0.5 * alpha**2
+        sine, cosine = np.sin(alpha), np.cos(alpha)
+        expected = half * np.array([lift * sine - drag * cosine, -lift * cosine - drag * sine, 0.0])
+        found = pushed(foil, 1.5 * np.array([cosine, sine, 0.0]))[:3]
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(pushed(foil, -1.5 * np.array([cosine, sine, 0.0]))[:3], -expected, atol=1e-12)
+    one_way = Airfoil("foil", position=(0, 0, 0), chord=(1, 0, 0), normal=(0, 1, 0), **numbers, reversible=0.0)
+    assert not np.any(pushed(one_way, [-1.5, 0.2, 0]))
+    swept = Airfoil("foil", position=(0, 0, 0), chord=(1, 0, 0), normal=(0, 1, 0), **numbers, swept=1.0)
+    flow = [1.5 * np.cos(0.1), 1.5 * np.sin(0.1), 1.5]
+    np.testing.assert_allclose(pushed(swept, flow), 0.5 * pushed(foil, flow), rtol=1e-12)
 
 
 def test_a_fin_lifts_by_its_slope_stalls_and_is_a_plate_across_the_flow():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.vehicles.model.vehicle import Vehicle
+from coadjoint.vehicles.parts.airfoil import Airfoil
 from coadjoint.vehicles.parts.fin import Fin
 from coadjoint.vehicles.parts.hull import Hull
 from coadjoint.vehicles.parts.moving_mass import MovingMass
@@ -62,7 +63,7 @@ def _semi_axes(vehicle: Vehicle) -> np.ndarray:
 
 
 def _part(part: Any, size: float, width: float) -> Iterator[dict[str, Any]]:
-    if isinstance(part, Fin):
+    if isinstance(part, (Fin, Airfoil)):
         yield from _fin(part, size, width)
     elif isinstance(part, Propeller):
         at = np.asarray(part.position, dtype=float)
@@ -86,13 +87,13 @@ def _part(part: Any, size: float, width: float) -> Iterator[dict[str, Any]]:
         }
 
 
-def _fin(part: Fin, size: float, width: float) -> Iterator[dict[str, Any]]:
+def _fin(part: Fin | Airfoil, size: float, width: float) -> Iterator[dict[str, Any]]:
     """One plate, or a pair on both sides of the hull where the fin's place is on the middle line."""
     place, normal = np.asarray(part.position, dtype=float), np.asarray(part.normal, dtype=float)
     span = np.cross(normal, AHEAD)
     span /= np.linalg.norm(span)
     pair = float(np.linalg.norm(place[1:])) < 0.25 * width
-    area = float(part.area) / (2 if pair else 1)
+    area = min(float(part.area), 0.05 * size**2) / (2 if pair else 1)
     chord = np.sqrt(area / 1.3)
     wide = 1.3 * chord
     place = place + max(0.0, -0.5 * size + chord - place[0]) * np.asarray(AHEAD)

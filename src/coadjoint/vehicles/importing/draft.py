@@ -30,6 +30,8 @@ class Draft:
     parts: list[Part] = field(default_factory=list)
     provenance: dict[str, Quantity] = field(default_factory=dict)
     report: Report = field(default_factory=Report)
+    flip: np.ndarray = field(default_factory=lambda: np.array([1.0, -1.0, -1.0]))
+    """The signs of x, y, z from the axes of the files to forward, starboard, down."""
 
     def take(self, key: str, value: Any, unit: str, where: Element | str, note: str = "") -> Any:
         """Remember where a number is from, and return it. key: as in the provenance, "body.mass"."""

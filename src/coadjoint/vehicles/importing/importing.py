@@ -6,13 +6,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import not_negative
 from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.files.writing import vehicle_to_toml
 from coadjoint.vehicles.importing.draft import Draft, untouched
+from coadjoint.vehicles.importing.gazebo import read_gazebo
 from coadjoint.vehicles.importing.report import Report
 from coadjoint.vehicles.importing.uuv import read_uuv
 from coadjoint.vehicles.importing.xacro import Xacro
@@ -42,16 +45,18 @@ def import_vehicle(
     folder: str | os.PathLike[str] | None = None,
     arguments: Mapping[str, str] | None = None,
     gravity: float | None = None,
+    forward: Literal["x", "-x"] = "x",
 ) -> Imported:
-    """The vehicle of a file of another simulator: URDF or xacro of uuv_simulator.
+    """The vehicle of a file of another simulator: SDF of Gazebo, URDF or xacro of uuv_simulator.
 
         found = import_vehicle("rexrov_default.xacro", folder="uuv_descriptions")
         print(found.report)
 
     path: the file. folder: files that it includes must lie below it, $(find NAME) is the folder itself, if it has this
     name, or NAME in it; by default the folder of the file. arguments: values of <xacro:arg>. gravity: g, m/s², by
-    default 9.8 where no file says it. Raises FileError, with file and line, for what cannot be read or what no vehicle
-    can have, and ArgumentError. Nothing of the files is run, and no address is opened.
+    default 9.8 where no file says it. forward: the axis of the model that its bow points along. Raises FileError, with
+    file and line, for what cannot be read or what no vehicle can have, and ArgumentError. Nothing of the files is run,
+    and no address is opened.
     """
     source = Path(path)
     if not source.is_file():
@@ -62,9 +67,16 @@ def import_vehicle(
     xacro = Xacro(below, {key: str(value) for key, value in (arguments or {}).items()})
     root = xacro.read(source)
     draft = Draft(_name(root.attributes.get("name"), source), f"{source.name}, a file of another simulator")
-    if root.tag != "robot":
-        raise FileError(f"{source.name}: the root is {root.label}, but URDF begins with <robot>.")
-    read_uuv(root, draft)
+    if forward not in ("x", "-x"):
+        raise ArgumentError(f'Argument `forward` must be "x" or "-x", but is {forward!r}.')
+    if forward == "-x":
+        draft.flip = np.array([-1.0, 1.0, -1.0])
+    if root.tag == "robot":
+        read_uuv(root, draft)
+    elif root.tag == "sdf":
+        read_gazebo(root, below, draft)
+    else:
+        raise FileError(f"{source.name}: the root is {root.label}, but SDF begins with <sdf> and URDF with <robot>.")
     _gravity(draft, gravity)
     untouched(root, draft)
     return _finished(draft, xacro)

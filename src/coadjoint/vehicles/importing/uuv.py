@@ -17,7 +17,7 @@ from coadjoint.vehicles.importing.draft import Draft
 from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import Placement, flag_in, number_in, numbers, text_in
 from coadjoint.vehicles.importing.urdf import joints_of, links_of, plugins_named, plugins_of
-from coadjoint.vehicles.importing.uuv_actuators import FLIP, thrusters
+from coadjoint.vehicles.importing.uuv_actuators import fins, thrusters
 from coadjoint.vehicles.parts.damping import Damping
 
 DENSITY = 1028.0
@@ -47,6 +47,7 @@ def read_uuv(root: Element, draft: Draft) -> None:
     _body(draft, model, base, links, poses, density)
     _hydrodynamics(draft, model, base)
     thrusters(draft, plugins_named(plugins, "thruster"), links, joints, poses)
+    fins(draft, plugins_named(plugins, "uuv_fin"), links, joints, poses)
 
 
 def _model(plugin: Element) -> Element:
@@ -75,8 +76,8 @@ def _body(
     note = f"with {len(loose)} links that joints hold, at their position 0" if loose else ""
     at = base.place or base.element.place
     draft.body["mass"] = draft.take("body.mass", body.mass, "kg", at, note)
-    draft.body["center_of_mass"] = draft.take("body.center_of_mass", body.center * FLIP, "m", at, note)
-    turned = body.inertia * np.outer(FLIP, FLIP)
+    draft.body["center_of_mass"] = draft.take("body.center_of_mass", body.center * draft.flip, "m", at, note)
+    turned = body.inertia * np.outer(draft.flip, draft.flip)
     draft.body["inertia"] = draft.take("body.inertia", turned, "kg m^2", at, note)
     if loose:
         draft.differs(
@@ -89,7 +90,7 @@ def _body(
         center = numbers(element, element.text, (3,), "the centre of buoyancy")
     note = "from the link's centre of mass there, from its origin here" if np.any(base.center) else ""
     draft.body["center_of_buoyancy"] = draft.take(
-        "body.center_of_buoyancy", (base.center + center) * FLIP, "m", _at(model, "center_of_buoyancy"), note
+        "body.center_of_buoyancy", (base.center + center) * draft.flip, "m", _at(model, "center_of_buoyancy"), note
     )
     if flag_in(model, "neutrally_buoyant", False):
         volume, where = base.mass / density, _at(model, "neutrally_buoyant")
@@ -125,11 +126,12 @@ def _hydrodynamics(draft: Draft, model: Element, base: Link) -> None:
         raise fossen.fail(f"is of the type {kind!r}, but only 'fossen' is read: give its matrices.")
     found = _matrix(fossen, "added_mass", (36,))
     mass = np.zeros((6, 6)) if found is None else draft.symmetric(found, _at(fossen, "added_mass"))
+    turn = np.outer(*2 * [np.tile(draft.flip * [1, -1, -1], 2)])  # from the axes of the plugin, turned already
     if np.linalg.eigvalsh(mass)[0] < -1e-9 * np.max(np.abs(mass), initial=1e-300):
         raise _at(fossen, "added_mass").fail(
             "must have no negative eigenvalue: uuv_simulator counts it positive, unlike derivatives such as X_u̇."
         )
-    draft.body["added_mass"] = draft.take("added_mass.matrix", mass, "SI", _at(fossen, "added_mass"))
+    draft.body["added_mass"] = draft.take("added_mass.matrix", mass * turn, "SI", _at(fossen, "added_mass"))
     given = {}
     for key, tag in (
         ("linear", "linear_damping"),
@@ -143,7 +145,7 @@ def _hydrodynamics(draft: Draft, model: Element, base: Link) -> None:
         if key == "quadratic" and np.any(matrix - np.diag(np.diag(matrix))):
             draft.left(where, "its entries beside the diagonal", "the plugin does not use them either")
             matrix = np.diag(np.diag(matrix))
-        given[key] = draft.take(f"damping.{key}", -matrix, "SI", where, "with the other sign")
+        given[key] = draft.take(f"damping.{key}", -matrix * turn, "SI", where, "with the other sign")
         if np.linalg.eigvalsh(-matrix - matrix.T)[0] < -1e-9:
             draft.differs(f"{where.place}: <{tag}> does not only brake: some motions gain energy by it.")
     if "forward" in given:

@@ -1,4 +1,4 @@
-"""Thrusters of uuv_simulator."""
+"""Thrusters and fins of uuv_simulator."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from coadjoint.vehicles.importing.bodies import Joint, Link, link_named
 from coadjoint.vehicles.importing.draft import Draft, places
 from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import Placement, number_in, numbers, text_in
+from coadjoint.vehicles.importing.gazebo_actuators import add_foil
 from coadjoint.vehicles.parts.thrusters import Thrusters
 
-FLIP = np.array([1.0, -1.0, -1.0])
-"""From forward, port, up to forward, starboard, down, and back."""
 SAMPLES = 201
 """Rows of a curve that has to be tabulated."""
 
@@ -95,7 +94,7 @@ def _thruster(
     lag = _lag(draft, plugin)
     identifier = int(number_in(plugin, "thrusterID", 0.0))
     at = link.element if joint is None else joint.element.first("origin") or joint.element
-    return Thruster(identifier, where * FLIP, direction * FLIP, curve, limit, lag, plugin, at)
+    return Thruster(identifier, where * draft.flip, direction * draft.flip, curve, limit, lag, plugin, at)
 
 
 def _share(plugin: Element, tag: str) -> float:
@@ -188,6 +187,46 @@ def _limited(
     if not low < 0 < high:
         raise plugin.fail(f"has limits from {low:g} to {high:g} rad/s, which must lie about 0.")
     return (low if math.isfinite(low) else -10 * size, high if math.isfinite(high) else 10 * size)
+
+
+def fins(
+    draft: Draft, plugins: list[Element], links: dict[str, Link], joints: list[Joint], poses: dict[str, Placement]
+) -> None:
+    """The fins of their plugins: lift and drag in the plane across the z axis of their links."""
+    density = draft.body["fluid_density"]
+    for plugin in plugins:
+        number_in(plugin, "fin_id", 0.0)
+        link = link_named(links, text_in(plugin, "link_name"), plugin)
+        if link.name not in poses:
+            raise plugin.fail(f"moves the link {link.name!r}, which no joint connects with the vehicle.")
+        wanted = text_in(plugin, "joint_name", "")
+        joint = next((one for one in joints if one.name == wanted), None)
+        if joint is None:
+            raise plugin.fail(f"names the joint {wanted!r}, which is not there.")
+        model = plugin.first("liftdrag")
+        if model is None:
+            raise plugin.fail("needs <liftdrag>.")
+        kind, zero = text_in(model, "type"), 0.0
+        if kind == "Quadratic":
+            area = 1.0
+            found = {"lift_slope": 2 * number_in(model, "lift_constant") / density, "stall": 0.5 * math.pi}
+            found["drag_square"] = 2 * number_in(model, "drag_constant") / density
+        elif kind == "TwoLines":
+            area = number_in(model, "area") * number_in(model, "fluid_density") / density
+            names = {"lift_slope": "cla", "stall": "alpha_stall", "drag_slope": "cda"}
+            names |= {"stalled_lift_slope": "cla_stall", "stalled_drag_slope": "cda_stall"}
+            found = {key: number_in(model, tag) for key, tag in names.items()}
+            zero = number_in(model, "a0")
+            draft.differs(
+                f"{model.place}: at negative angles the plugin's drag pushes, and its stalled lift takes the slope of "
+                "the drag; here both angles are alike."
+            )
+        else:
+            raise model.fail(f"is of the type {kind!r}; Quadratic and TwoLines are read.")
+        pose = poses[link.name]
+        x, y = pose.R[:, 0], pose.R[:, 1]
+        given = {"area": area, **found}
+        add_foil(draft, plugin, link.name, pose.place(link.center), x, y, joint, pose, zero, given, _lag(draft, plugin))
 
 
 def numbers_in(element: Element, tag: str) -> np.ndarray:

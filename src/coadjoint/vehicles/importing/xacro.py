@@ -15,8 +15,8 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.vehicles.importing.arithmetic import value_of
 from coadjoint.vehicles.importing.elements import Element, read_elements
 
-DEEPEST, MOST, LONGEST = 32, 50_000, 100_000
-"""The most macros and includes within each other, steps of making, and characters of a text."""
+DEEPEST, MOST, LONGEST = 64, 50_000, 100_000
+"""The most elements, macros, includes and properties within each other, steps of making, and characters of a text."""
 _DOLLAR = re.compile(r"\$\$|\$\{([^{}]*)\}|\$\(([^()]*)\)")
 
 
@@ -62,6 +62,7 @@ class Xacro:
     missing: list[str] = field(default_factory=list)
     """Sentences on includes and macros that are not there."""
     made: int = 0
+    open: int = 0
 
     def read(self, path: Path) -> Element:
         """The root of a file with everything in it made; raises FileError."""
@@ -88,7 +89,7 @@ class Xacro:
         """What an element becomes: itself with values in place, what it stands for, or nothing."""
         self._count(element)
         if depth > DEEPEST:
-            raise element.fail(f"is within more than {DEEPEST} macros and includes.")
+            raise element.fail(f"is within more than {DEEPEST} elements, macros and includes.")
         if not element.tag.startswith("xacro:"):
             yield self._copied(element, scope, depth, beside)
             return
@@ -249,11 +250,15 @@ class Xacro:
                 return raw
             if name in where.asked:
                 raise ArgumentError(f"the property `{name}` is defined by itself")
+            if self.open > DEEPEST:
+                raise ArgumentError(f"more than {DEEPEST} properties are defined by one another")
             where.asked.add(name)
+            self.open += 1
             try:
                 return self.text(raw, where, element)
             finally:
                 where.asked.discard(name)
+                self.open -= 1
 
         try:
             value = value_of(expression, held)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint.vehicles.parts.airfoil import Airfoil as Airfoil
     from coadjoint.vehicles.parts.ballast import Ballast as Ballast
     from coadjoint.vehicles.parts.damping import Damping as Damping
     from coadjoint.vehicles.parts.derivatives import Derivatives as Derivatives
