@@ -36,6 +36,7 @@ STOREYS = (
         "stability",
         "identification",
         "control",
+        "estimation",
         "report",
         "audit",
         "runs",

@@ -13,6 +13,7 @@ from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint import control as control
+    from coadjoint import estimation as estimation
     from coadjoint import identification as identification
     from coadjoint import models as models
     from coadjoint import stability as stability

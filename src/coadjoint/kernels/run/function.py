@@ -32,13 +32,13 @@ class NativeFunction:
         slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
         self.shape = len(value), m
         self._machine = machine(_assemble(flat(symbols[0]), flat(symbols[1]), dict(enumerate(value)), slopes, m))
-        self._function = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
+        self.code = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
 
     def __call__(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (rows, n) and Jacobians (rows, n, m) at x (rows, m), y (rows, k)."""
         x, y = np.ascontiguousarray(x, np.float64), np.ascontiguousarray(y, np.float64)
         value, slopes = np.zeros((len(x), self.shape[0])), np.zeros((len(x), *self.shape))
-        self._function(*(a.ctypes.data for a in (x, y, value, slopes)), len(x))
+        self.code(*(a.ctypes.data for a in (x, y, value, slopes)), len(x))
         return value, slopes
 
 

@@ -1,0 +1,93 @@
+"""How numbers drift that a filter estimates with the motion: random walks and Gauss–Markov processes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.trace.evaluate import traced
+
+
+class Drift(ABC):
+    """θ between two nodes: θ_{k+1} = φ(h) θ_k + w, w normal with a variance q(h); each number drifts by itself."""
+
+    @abstractmethod
+    def factor(self, h: Any) -> Any:
+        """φ(h), one number."""
+
+    @abstractmethod
+    def variance(self, h: Any) -> Any:
+        """q(h), one number or one for each of θ."""
+
+
+@dataclass(frozen=True)
+class RandomWalk(Drift):
+    """θ̇ = w with a white w: a deviation of density·√t after t. density: unit of θ per √s, one number or an array.
+
+    density = 0 is an unknown constant. Raises ArgumentError for a density that is negative or not finite.
+    """
+
+    density: Any = 0.0
+
+    def __post_init__(self):
+        object.__setattr__(self, "density", not_negative(self.density, "density", "co.estimation.RandomWalk"))
+
+    def factor(self, h: Any) -> Any:
+        """1."""
+        return 1.0
+
+    def variance(self, h: Any) -> Any:
+        """density² h."""
+        return self.density**2 * h
+
+
+@dataclass(frozen=True)
+class GaussMarkov(Drift):
+    """θ̇ = −θ/τ + w, of first order: a stationary deviation, and a correlation exp(−t/τ).
+
+    deviation: in the unit of θ, one number or an array. time: τ, s, positive. Raises ArgumentError for others.
+    """
+
+    deviation: Any
+    time: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "deviation", not_negative(self.deviation, "deviation", "co.estimation.GaussMarkov"))
+        time = not_negative(self.time, "time", "co.estimation.GaussMarkov")
+        if np.ndim(time) or not time > 0:
+            raise ArgumentError(
+                f"Argument `time` of co.estimation.GaussMarkov must be a positive number of seconds, but is "
+                f"{shown(self.time)}."
+            )
+        object.__setattr__(self, "time", float(time))
+
+    def factor(self, h: Any) -> Any:
+        """exp(−h/τ)."""
+        return _of(h).exp(-h / self.time)
+
+    def variance(self, h: Any) -> Any:
+        """deviation² (1 − exp(−2h/τ))."""
+        return -(self.deviation**2) * _of(h).expm1(-2.0 * h / self.time)
+
+
+def _of(h: Any) -> Any:
+    """The functions that h goes through: NumPy's, unless JAX traces it."""
+    return jnp if traced(h) else np
+
+
+def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
+    """A standard deviation or a density as float64; raises ArgumentError unless it is finite and not negative."""
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.asarray(np.nan)
+    if not np.all(np.isfinite(found) & (found >= 0)):
+        raise ArgumentError(
+            f"Argument `{name}` of {whose} must be numbers that are finite and not negative, but is {shown(value)}."
+        )
+    return found

@@ -1,0 +1,217 @@
+"""The extended Kalman filter of errors on the group.
+
+Sources: A. Barrau, S. Bonnabel, *The invariant extended Kalman filter as a stable observer*, IEEE Trans. Automat.
+Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*
+(2001), 5.4 (NEES and NIS) and 5.2 (Joseph's form).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
+from coadjoint.estimation.filtered import Filtered, filtered
+from coadjoint.estimation.measurements import Measurement, semidefinite
+from coadjoint.estimation.process import Process
+from coadjoint.estimation.timetable import Timetable, series
+from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
+
+
+class Innovation(NamedTuple):
+    """What a measurement told: NIS = νᵀS⁻¹ν with ν = y − ŷ, NaN where nothing was measured, and whether it was used.
+
+    Of many members both are (members,).
+    """
+
+    nis: Any
+    used: Any
+
+
+class Filter:
+    """A Kalman filter whose errors are those of a process: on the group, invariant under it.
+
+        process = co.estimation.ModelProcess(vehicle, start, inputs=("thrust",), noise={"force": 0.5})
+        filter = co.estimation.Filter(process, start, measurements={"depth": depth}, deviations={"q": 2.0, "nu": 0.1})
+        filter.predict(0.1, {"thrust": 3.0})
+        filter.update({"depth": 4.2})
+
+    With x̂⁻ = Φ(x̂), P⁻ = ΦPΦᵀ + Q before and ν = y − h(x̂⁻), K = P⁻Hᵀ(HP⁻Hᵀ + R)⁻¹ at a measurement, x̂ goes to
+    retract(x̂⁻, Kν), and P by Joseph's form, symmetric and positive. Derivatives are exact to round-off.
+
+    Arguments:
+        process: a `ModelProcess`, a `StrapdownProcess` or another `Process`.
+        start: the state about which it begins, as the process takes it.
+        measurements: name → `Measurement`.
+        deviations: standard deviations of the errors at the start, name → one number or one for each coordinate; what
+            is not named is known exactly. Of a `ModelProcess` the names are g, q, xi, nu and those of `drifting`.
+        covariance: P, (n, n), of the process's errors, instead of `deviations`.
+        members: how many filters are run at once, as for many seeds, by default None: one, whose arrays have no axis
+            of members.
+
+    Raises ArgumentError for names and shapes that are not those of the process.
+    """
+
+    def __init__(
+        self,
+        process: Process,
+        start: Any,
+        *,
+        measurements: Mapping[str, Measurement],
+        deviations: Mapping[str, Any] | None = None,
+        covariance: Any = None,
+        members: int | None = None,
+    ):
+        if not isinstance(process, Process):
+            raise ArgumentError(f"Argument `process` must be one such as ModelProcess, but is {shown(process)}.")
+        self.process, self.members = process, _members(members)
+        row = process.row(start)
+        P = _first(process, row, deviations, covariance)
+        count = 1 if self.members is None else self.members
+        self.rows, self.P = np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0)
+        self.measurements = dict(measurements)
+        self._prepared = {
+            name: _prepared(process, name, measurement) for name, measurement in self.measurements.items()
+        }
+        self._sizes = {name: len(one.covariance) for name, one in self._prepared.items()}
+        self._numbers = {name: i for i, name in enumerate(self._prepared)}
+        self._engine = FilterEngine(process, list(self._prepared.values()))
+
+    @property
+    def t(self) -> float:
+        """The time of the estimate, s."""
+        return float(self.process.time(self.rows[0]))
+
+    @property
+    def state(self) -> Any:
+        """The estimated state; of many members with a leading axis in every leaf."""
+        return self.process.state(self.rows[0] if self.members is None else self.rows)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """P, (n, n), of the errors by the `names` of the process; (members, n, n) of many."""
+        return self.P[0].copy() if self.members is None else self.P.copy()
+
+    @property
+    def deviations(self) -> dict[str, Any]:
+        """Standard deviations by the names of the coordinates of the error."""
+        roots = np.sqrt(np.maximum(np.diagonal(self.P, axis1=1, axis2=2), 0.0))
+        rows = roots[0].tolist() if self.members is None else roots.T
+        return dict(zip(self.process.names, rows, strict=True))
+
+    def predict(self, dt: float, inputs: Mapping[str, Any] | None = None) -> None:
+        """Go on by one step of dt, s; inputs: name → value, held over it; those that are not named stay.
+
+        Raises StepError where the model has no step from the estimate, ArgumentError for other names.
+        """
+        if not (isinstance(dt, (int, float, np.floating)) and 0.0 < dt < np.inf):
+            raise ArgumentError(f"Argument `dt` of a prediction must be a positive number of seconds, but is {dt!r}.")
+        if inputs:
+            self._require_inputs(inputs)
+            self.rows = self.process.with_inputs(self.rows, inputs)
+        self._follow([(PREDICT, 0, 0, 0)], np.full((1, 1), float(dt)), 0)
+
+    def update(self, measured: Mapping[str, Any]) -> dict[str, Innovation]:
+        """Take what was measured at the time of the estimate, name → value; what is NaN was not measured.
+
+        Returns an `Innovation` for each. Raises ArgumentError for names that are no measurements and for other shapes,
+        StepError where the covariance does not stay finite.
+        """
+        return {name: self._take(name, value) for name, value in measured.items()}
+
+    def _take(self, name: str, value: Any) -> Innovation:
+        one = series(name, ([0.0], [value]), "measured", self._sizes, self.members)
+        data = one.values if one.values.ndim == 2 else one.values[0]
+        told = self._follow([(CORRECT, self._numbers[name], 0, 0)], data, 2)
+        nis, used = told[:, 0], told[:, 1] > 0
+        return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
+
+    def _follow(self, orders: Any, data: np.ndarray, size: int) -> np.ndarray:
+        """Carry out orders, and what they write, (members, size); where one fails the filter stays as it was."""
+        rows, P, output = self.rows.copy(), self.P.copy(), np.empty((len(self.rows), max(size, 1)))
+        self._engine.follow(rows, P, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
+        self.rows, self.P = rows, P
+        return output
+
+    def run(
+        self,
+        measured: Mapping[str, tuple[Any, Any]],
+        *,
+        dt: float,
+        until: float | None = None,
+        inputs: Mapping[str, tuple[Any, Any]] | None = None,
+        save_every: int = 1,
+        covariances: bool = False,
+    ) -> Filtered:
+        """All measurements of a log in the order of their times, with steps of dt, at most, between them.
+
+        measured: name → (times (K,) s, values (K, m), or (K, members, m)); NaN where nothing was measured. until: the
+        last time, s, by default that of the last measurement. inputs: name → (times, values), each held until the next
+        time. save_every: every how many nodes are kept, by default 1. covariances: whether P is kept, not only its
+        diagonal.
+        """
+        if not isinstance(save_every, int) or save_every < 1:
+            raise ArgumentError(f"Argument `save_every` must be a positive whole number, but is {shown(save_every)}.")
+        seen = self._series(measured, "measured", self._sizes)
+        known = {name: seen[name] for name in self.measurements if name in seen}
+        table = Timetable(self.t, dt, until, known, self._series(inputs, "inputs", self.process.input_sizes))
+        numbers = [self._numbers[name] for name in known]
+        sizes = self.process.input_sizes
+        places = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
+        given = (len(self.process.example), self.process.width)
+        plan = table.orders(given, places, save_every, covariances, numbers)
+        output = self._follow(plan.orders, plan.data, plan.size)
+        return filtered(self.process, plan, output, covariances, self.members is None)
+
+    def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
+        if given is not None and not isinstance(given, Mapping):
+            raise ArgumentError(f"Argument `{argument}` must be name → (times, values), but is {shown(given)}.")
+        return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
+
+    def _require_inputs(self, inputs: Mapping[str, Any]) -> None:
+        for name in inputs:
+            if name not in self.process.input_sizes:
+                known = ", ".join(self.process.input_sizes) or "none"
+                raise ArgumentError(f"The process has no input `{name}`: there are {known}.")
+
+
+def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
+    """A measurement with its function of rows, R and the largest NIS that is believed."""
+    if not isinstance(measurement, Measurement):
+        raise ArgumentError(
+            f"`{name}` of `measurements` must be a co.estimation.Measurement, but is {shown(measurement)}."
+        )
+    function = process.measurement(measurement.function)
+    seen, _ = function(np.zeros((1, process.width)), process.example[None])
+    if not np.all(np.isfinite(seen)):
+        raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
+    size = seen.shape[1]
+    gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
+    return PreparedMeasurement(name, function, measurement.noise(size, name), gate)
+
+
+def _members(members: Any) -> int | None:
+    if members is None or (isinstance(members, int) and not isinstance(members, bool) and members > 0):
+        return members
+    raise ArgumentError(f"Argument `members` must be a positive whole number or None, but is {shown(members)}.")
+
+
+def _first(process: Process, row: np.ndarray, deviations: Any, covariance: Any) -> np.ndarray:
+    if (deviations is None) == (covariance is None):
+        raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
+    if covariance is None:
+        return process.first_covariance(row, deviations)
+    try:
+        P = np.asarray(covariance, dtype=float)
+    except (TypeError, ValueError):
+        P = np.asarray(np.nan)
+    if P.shape != (process.width, process.width) or not semidefinite(P):
+        raise ArgumentError(
+            f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "
+            f"eigenvalues, of the errors {', '.join(process.error_sizes)}, but is {shown(covariance)}."
+        )
+    return 0.5 * (P + P.T)

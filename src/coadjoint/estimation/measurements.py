@@ -1,0 +1,80 @@
+"""What is measured: a function of the motion, its covariance, and which values are too unlikely to be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """y = function(motion [, p]) + v, v normal with a covariance R.
+
+    function: of a `co.NodeMotion`, and of the parameters of the system, if it takes two arguments; a number or an
+        array, written with `jax.numpy`.
+    covariance: R, (m, m), or the variances (m,), or one number for all.
+    gate: the probability with which a value of the model is believed, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
+        and S its covariance, is beyond this quantile of χ² is left out. By default None, all are believed.
+
+    Raises ArgumentError for covariances that are not positive and for a gate that is no probability.
+    """
+
+    function: Callable[..., Any]
+    covariance: Any
+    gate: float | None = None
+
+    def __post_init__(self):
+        if not callable(self.function):
+            raise ArgumentError(
+                f"co.estimation.Measurement takes a function of the motion, but got {shown(self.function)}."
+            )
+        try:
+            found = np.asarray(self.covariance, dtype=float)
+        except (TypeError, ValueError):
+            found = np.asarray(np.nan)
+        if not positive(found):
+            raise ArgumentError(
+                "Argument `covariance` of co.estimation.Measurement must be a positive number, positive variances (m,) "
+                f"or a symmetric positive definite matrix (m, m), but is {shown(self.covariance)}."
+            )
+        object.__setattr__(self, "covariance", found)
+        if self.gate is not None and not (isinstance(self.gate, (int, float)) and 0.0 < self.gate < 1.0):
+            raise ArgumentError(
+                "Argument `gate` of co.estimation.Measurement must be a probability between 0 and 1, as 0.999, but "
+                f"is {shown(self.gate)}."
+            )
+
+    def noise(self, size: int, name: str) -> np.ndarray:
+        """R, (m, m), of a function with m values."""
+        R = self.covariance
+        if R.ndim == 2 and R.shape == (size, size):
+            return R
+        if R.shape not in ((), (size,)):
+            raise ArgumentError(
+                f"`{name}` has a covariance of the shape {R.shape}, but its function returns {size} numbers."
+            )
+        return np.diag(np.broadcast_to(R, (size,)))
+
+
+def positive(R: np.ndarray) -> bool:
+    """Whether these are variances or a covariance that is symmetric and positive definite."""
+    if not np.all(np.isfinite(R)) or R.ndim > 2:
+        return False
+    if R.ndim < 2:
+        return bool(np.all(R > 0))
+    return R.shape[0] == R.shape[1] and semidefinite(R) and bool(np.all(np.linalg.eigvalsh(R) > 0))
+
+
+def semidefinite(P: np.ndarray) -> bool:
+    """Whether a square matrix is symmetric and has no negative eigenvalues, both up to round-off of its diagonal."""
+    variances = np.diag(P)
+    if not np.all(np.isfinite(P)) or np.any(variances < 0):
+        return False
+    roots = np.sqrt(np.where(variances > 0, variances, 1.0))
+    relative = P / np.outer(roots, roots)
+    return bool(np.all(np.abs(relative - relative.T) < 1e-9) and np.linalg.eigvalsh(relative)[0] > -1e-9)

@@ -1,0 +1,337 @@
+"""The process of a filter that is a system's own model: one step of a variational integrator, and its tangent map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.estimation.drifts import Drift, not_negative
+from coadjoint.estimation.functions import RowFunction
+from coadjoint.estimation.process import Process
+from coadjoint.estimation.stepping import ModelSteps
+from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.run.kalman import Model
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.start import legendre
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.mechanics.version import version
+from coadjoint.methods.method import Method
+from coadjoint.methods.midpoint import Midpoint
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.arguments import require_kinds
+from coadjoint.simulation.inputs import with_inputs
+from coadjoint.simulation.steppers.commands import commands_from, places_of
+from coadjoint.simulation.steppers.trees import shapes_of
+
+WHOSE = "co.estimation.ModelProcess"
+
+
+class ModelProcess(Process):
+    """A system as a filter's process: x = (g, n, a, μ, π, …, θ) goes on by one step of a variational method.
+
+    The error e = (η, δq, δμ, δπ, δθ) is invariant under the group: with error="left" in body axes,
+
+        g = ĝ exp(η),  q = q̂ + ĝδq,  μ = μ̂ + δμ,  π = π̂ + δπ,
+
+    with error="right" in those of space,
+
+        g = exp(η) ĝ,  q = exp(η)q̂ + δq,  μ = μ̂ + Ad*_g δμ,  π = π̂ + g*δπ;
+
+    a = g⁻¹a₀ goes with g. With R(z, x) = 0 the equations of the step, its tangent map is that of the implicit function
+    theorem, dz = −(∂R/∂z)⁻¹ ∂R/∂x dx, exact to round-off.
+
+    Arguments:
+        system, start, method: those of `co.simulate`; a method of one stage, by default `co.Midpoint()`.
+        inputs: the commands that are set before each step, as `co.Stepper` takes them; by default none.
+        error: "left" (the default) or "right".
+        noise: {"torque": S_T, "force": S_f}, the roots of the spectral densities of white torques and forces in body
+            axes, N m √s and N √s in SI units, one number or (dim G,) and (dim Q,); by default none. Over a step of h
+            they add S² h to the covariances of μ and π.
+        drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated too, as in
+            {"water.velocity": GaussMarkov(0.3, 600)}; by default none.
+
+    Raises ArgumentError for what does not fit the system.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        start: State,
+        *,
+        method: Method | None = None,
+        inputs: Any = (),
+        error: str = "left",
+        noise: Mapping[str, Any] | None = None,
+        drifting: Mapping[str, Drift] | None = None,
+    ):
+        method = Midpoint() if method is None else method
+        require_kinds(system, start, method)
+        _require(method, system, start, error)
+        commands = commands_from(inputs)
+        if commands.start is not None:
+            start = start.replace(inputs=commands.start)
+        driven, start = with_inputs(system, start, commands.inputs, False)
+        self.error, self.method, self.input_sizes = error, method, _sizes(commands.fields.shapes)
+        self._system, self._begun = driven, method.begin(driven, start, 1.0)
+        self._layout, row = pack(self._begun)
+        self.commanded = np.array(places_of(list(shapes_of(self._begun).items()), commands), int)
+        self._constants = Constants(driven.parameters, None)
+        self._drifts = _Drifting(self._constants, dict(drifting or {}))
+        self._first = np.concatenate([row, self._drifts.first])
+        digest = version(driven, start, pure=False)
+        self._program = StepProgram(replace_parameters(driven, None), method, version=digest)
+        group, Q, _ = driven.places
+        d, q = group.dim, Q.ambient(group)
+        self.error_sizes = {"g": d, "q": q, "mu": d, "pi": q, **self._drifts.sizes}
+        self.error_sizes = {name: size for name, size in self.error_sizes.items() if size}
+        self.densities = _noise(noise, d, q)
+        self.unknowns, self.drifting = driven.unknowns, len(self._drifts.places)
+        self._steps = ModelSteps(self._program, self._constants, self._begun, self._drifts.places)
+        names = list(shapes_of(self._begun))
+        self._t = int(np.cumsum([0, *map(np.size, jax.tree.leaves(self._begun))])[names.index("t")])
+
+    @property
+    def example(self) -> np.ndarray:
+        return self._first
+
+    # Rows and states.
+
+    def row(self, state: Any) -> np.ndarray:
+        if isinstance(state, np.ndarray) and state.shape == self._first.shape:
+            return state
+        if not isinstance(state, State) or state.places != self._system.places:
+            raise ArgumentError(f"A filter's `state` must be one of the system's states, but is {shown(state)}.")
+        if state.from_velocities:
+            state = self.method.begin(self._system, state.replace(inputs=self._begun.inputs), 1.0)
+        state = state.replace(ledger=None, inputs=self._begun.inputs if state.inputs is None else state.inputs)
+        if layout(state) != self._layout:
+            raise ArgumentError("Argument `state` must hold what the start of the process holds.")
+        return np.concatenate([pack(state)[1], self._drifts.first])
+
+    def state(self, row: np.ndarray) -> State:
+        return self._layout.unpack(row[..., : self._layout.size])
+
+    def time(self, rows: np.ndarray) -> np.ndarray:
+        return rows[..., self._t]
+
+    def _unpacked(self, row: Any) -> tuple[State, Any]:
+        size = self._layout.size
+        return self._layout.views(row[:size]), row[size:]
+
+    def motion(self, row: Any) -> tuple[Any, ...]:
+        state, theta = self._unpacked(row)
+        constants = self._drifts.replaced(theta)
+        system = replace_parameters(self._system, constants.system)
+        motion = system.motion_at(at_node(system, state), state.inputs)
+        return (motion,) if constants.system is None else (motion, constants.system)
+
+    # Errors.
+
+    def _split(self, e: Any) -> list[Any]:
+        group, Q, _ = self._system.places
+        d, q = group.dim, Q.ambient(group)
+        ends = np.cumsum([0, d, q, d, q])
+        return [e[a:b] for a, b in zip(ends, [*ends[1:], self.width], strict=True)]
+
+    def retract(self, row: Any, e: Any) -> Any:
+        (group, Q, V), (state, theta) = self._system.places, self._unpacked(row)
+        eta, dq, dmu, dpi, dtheta = self._split(e)
+        turn = group.exp(eta)
+        if self.error == "left":
+            g, back = group.compose(state.g, turn), group.inverse(turn)
+            n, mu, pi = Q.act(group, back, state.n + dq), state.mu + dmu, state.pi + dpi
+        else:
+            g = group.compose(turn, state.g)
+            back = group.compose(group.inverse(g), state.g)
+            n = state.n + Q.push(group, group.inverse(g), state.n, dq)
+            mu, pi = state.mu + group.Ad_dual(g, dmu), state.pi + Q.pull(group, g, state.n, dpi)
+        moved = state.replace(g=g, n=n, a=V.act(group, back, state.a), mu=mu, pi=pi)
+        return jnp.concatenate([_flat(moved), theta + dtheta])
+
+    def differ(self, row: Any, other: Any) -> Any:
+        """e with other = retract(row, e), (n,), to first order."""
+        (group, Q, _), (a, theta), (b, later) = self._system.places, self._unpacked(row), self._unpacked(other)
+        if self.error == "left":
+            turn = group.compose(group.inverse(a.g), b.g)
+            dq, dmu, dpi = Q.act(group, turn, b.n) - a.n, b.mu - a.mu, b.pi - a.pi
+        else:
+            turn, back = group.compose(b.g, group.inverse(a.g)), group.inverse(b.g)
+            dq = Q.push(group, b.g, a.n, b.n - a.n)
+            dmu, dpi = group.Ad_dual(back, b.mu - a.mu), Q.pull(group, back, a.n, b.pi - a.pi)
+        eta = group.vee(group.matrix(turn) - jnp.eye(group.matrix_size))
+        return jnp.concatenate([eta, dq, dmu, dpi, later - theta])
+
+    # Steps.
+
+    def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
+        size = self._layout.size
+        after, code = self._steps(rows, h)
+        if code:
+            t = float(np.min(self.time(rows)))
+            raise StepError(f"The model has no step of {h:g} s from the estimate at t = {t:g} s: {code}.")
+        theta = rows[:, size:] * self._drifts.factors(h)
+        return np.concatenate([after, theta], axis=1)
+
+    def unknowns_of(self, after: np.ndarray) -> np.ndarray:
+        return self._steps.unknowns(after)
+
+    def native(self) -> Model | None:
+        if self._steps.native is None or self.tangent.native is None or self.moving.native is None:
+            return None
+        kernel, steps = self._steps.native, self._steps
+        return Model(
+            len(self._first), self._layout.size, steps.of_unknowns, steps.parameters, self._drifts.places,
+            kernel.function, kernel.record.size, self.tangent.native, self.densities, self.moving.native,
+            self.commanded, self.width,
+        )  # fmt: skip
+
+    @property
+    def tangent(self) -> RowFunction:
+        return self._tangent
+
+    @cached_property
+    def _tangent(self) -> RowFunction:
+        n, w = self.width, len(self.densities)
+        x = np.concatenate([self._steps.unknowns(self._first[None])[0], np.zeros(n + w)])
+        return RowFunction(self._error_after, x, np.concatenate([self._first, self._first, [0.1]]))
+
+    def _error_after(self, x: Any, y: Any) -> Any:
+        """(z, e, w), (row, row after, h) ↦ the residual of the step, and the error after it."""
+        m, n, size = self.unknowns, self.width, len(self._first)
+        z, e, w = x[:m], x[m : m + n], x[m + n :]
+        row, after, h = y[:size], y[size : 2 * size], y[2 * size]
+        state, theta = self._unpacked(self.retract(row, e))
+        constants, stage = self._drifts.replaced(theta), self._program.stages[0]
+        prepared = self._program.prepare(constants, state, h)
+        residual = stage.residual(constants, prepared, h, z)
+        there = stage.advance(constants, prepared, h, z, jnp.asarray(1.0))
+        d = self._system.group.dim
+        there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
+        later = theta * self._drifts.factors(h)
+        error = self.differ(after, jnp.concatenate([_flat(there), later]))
+        return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
+
+    # The first covariance.
+
+    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:
+        group, Q, _ = self._system.places
+        sizes = {"g": group.dim, "q": Q.ambient(group), "xi": group.dim, "nu": Q.ambient(group), **self._drifts.sizes}
+        sizes = {name: size for name, size in sizes.items() if size}
+        unknown = [name for name in deviations if name not in sizes]
+        if unknown:
+            raise ArgumentError(
+                f"There is no error `{unknown[0]}` to give a deviation of: there are {', '.join(sizes)}."
+            )
+        given = [
+            np.broadcast_to(not_negative(deviations.get(name, 0.0), name, "`deviations`"), (size,))
+            for name, size in sizes.items()
+        ]
+        J = evaluate(lambda row: jax.jacfwd(lambda v: self._from_velocities(row, v))(jnp.zeros(self.width)), row)
+        root = J * np.concatenate(given)
+        return root @ root.T
+
+    def _from_velocities(self, row: Any, v: Any) -> Any:
+        """e of errors (η, δq, δξ, δν, δθ) of a row, with velocities instead of momenta."""
+        eta, dq, dxi, dnu, dtheta = self._split(v)
+        still = jnp.zeros(len(dxi) + len(dnu))
+        state, theta = self._unpacked(self.retract(row, jnp.concatenate([eta, dq, still, dtheta])))
+        begun, before = self._unpacked(row)
+        here = at_node(replace_parameters(self._system, self._drifts.replaced(before).system), begun)
+        system = replace_parameters(self._system, self._drifts.replaced(theta).system)
+        xi, nu = here.xi + dxi, here.nu + dnu
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        return self.differ(row, jnp.concatenate([_flat(state.replace(mu=mu, pi=pi)), theta]))
+
+
+def _flat(state: State) -> Any:
+    return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(state)])
+
+
+def _sizes(shapes: Any) -> dict[str, int]:
+    return {name: int(np.prod(shape, dtype=int)) for name, shape in shapes}
+
+
+def _require(method: Method, system: System, start: State, error: str) -> None:
+    if error not in ("left", "right"):
+        raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
+    if method.variable or len(method.pattern) != 1 or len(method.substeps) != 1 or method.pattern[0][0].tolerant:
+        raise ArgumentError(f"A filter takes a method of one stage, such as co.Midpoint(), not {method.title}.")
+    if method.start == "velocity":
+        raise ArgumentError(
+            f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
+        )
+    if not system.additional.flat:
+        raise ArgumentError("A filter needs a flat space of additional dynamics, such as co.Defining().")
+    if np.ndim(start.t):
+        raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
+
+
+def _noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarray:
+    """Roots of densities, (dim G + dim Q,)."""
+    given, found = dict(given or {}), []
+    for name, size in (("torque", d), ("force", q)):
+        value = not_negative(given.pop(name, 0.0), name, "`noise`")
+        if value.shape not in ((), (size,)):
+            raise ArgumentError(
+                f"`{name}` of `noise` must be one number or ({size},), but has the shape {value.shape}."
+            )
+        found.append(np.broadcast_to(value, (size,)))
+    if given:
+        raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
+    return np.concatenate(found)
+
+
+class _Drifting:
+    """Parameters that are numbers of the state: where they stand, and how they drift."""
+
+    def __init__(self, constants: Constants, drifts: Mapping[str, Drift]):
+        self._layout, self._values = pack(constants)
+        known, start = {}, 0
+        for name, shape in shapes_of(constants).items():
+            size = int(np.prod(shape, dtype=int))
+            known[name.removeprefix("system.")] = range(start, start + size)
+            start += size
+        for name, drift in drifts.items():
+            if name not in known:
+                raise ArgumentError(
+                    f"There is no parameter `{name}` that could drift: there are {', '.join(known) or 'none'}."
+                )
+            if not isinstance(drift, Drift):
+                raise ArgumentError(
+                    f"`{name}` must drift as a co.estimation.RandomWalk or GaussMarkov, but is {shown(drift)}."
+                )
+        self.sizes = {name: len(known[name]) for name in drifts}
+        self.places = np.array([i for name in drifts for i in known[name]], int)
+        self.first, self._drifts = self._values[self.places], drifts
+
+    def replaced(self, theta: Any) -> Constants:
+        """The constants with θ in their places."""
+        if not len(self.places):
+            return self._layout.unpack(self._values)
+        numbers = list(self._values)
+        for i, place in enumerate(self.places):
+            numbers[place] = theta[i]
+        joined: Any = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
+        return self._layout.views(joined)
+
+    def factors(self, h: Any) -> Any:
+        """φ(h) of every number, (k,)."""
+        return self._each(h, lambda drift: drift.factor(h))
+
+    def variances(self, h: Any) -> Any:
+        """q(h) of every number, (k,)."""
+        return self._each(h, lambda drift: drift.variance(h))
+
+    def _each(self, h: Any, value: Callable[[Drift], Any]) -> Any:
+        xp = jnp if traced(h) else np
+        parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
+        return xp.concatenate(parts) if parts else np.zeros(0)

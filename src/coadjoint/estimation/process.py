@@ -1,0 +1,165 @@
+"""What a filter needs of the motion between two measurements: a step, and how small errors go through it."""
+
+from __future__ import annotations
+
+import inspect
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.estimation.functions import RowFunction
+from coadjoint.kernels.run.kalman import Model
+
+
+def arguments_of(function: Callable[..., Any]) -> int | None:
+    """How many arguments a function takes by their places; None for any number."""
+    try:
+        known = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return 1
+    if any(one.kind is one.VAR_POSITIONAL for one in known):
+        return None
+    return sum(one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD) for one in known)
+
+
+class Process(ABC):
+    """States as rows of numbers, errors e about them in coordinates (n,), and a step x⁺ = Φ(x, w) with noise w.
+
+    A row x with an error e is the state `retract(x, e)`; `differ(x, y)` is e with y = retract(x, e), to first order.
+    Both are pure functions that JAX traces.
+    """
+
+    error_sizes: Mapping[str, int]
+    """Name → how many coordinates of e it is, in their order."""
+    input_sizes: Mapping[str, int]
+    """Name → how many numbers an input is."""
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the coordinates of e: `g[0]`, …"""
+        sizes = self.error_sizes.items()
+        return tuple(f"{name}[{i}]" if size > 1 else name for name, size in sizes for i in range(size))
+
+    @cached_property
+    def width(self) -> int:
+        """n, how many coordinates an error has."""
+        return sum(self.error_sizes.values())
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Name → where its coordinates are in e."""
+        found, start = {}, 0
+        for name, size in self.error_sizes.items():
+            found[name] = slice(start, start + size)
+            start += size
+        return found
+
+    @property
+    @abstractmethod
+    def example(self) -> np.ndarray:
+        """A row, (size,)."""
+
+    @abstractmethod
+    def retract(self, row: Any, e: Any) -> Any:
+        """The row (size,) of the state that differs from another by e (n,)."""
+
+    @abstractmethod
+    def row(self, state: Any) -> np.ndarray:
+        """The row (size,) of a state; raises ArgumentError for what is none of this process."""
+
+    @abstractmethod
+    def state(self, row: np.ndarray) -> Any:
+        """The state of a row (size,)."""
+
+    @abstractmethod
+    def motion(self, row: Any) -> tuple[Any, ...]:
+        """What functions of measurements are given at a row, traced."""
+
+    @abstractmethod
+    def time(self, rows: np.ndarray) -> np.ndarray:
+        """t of rows (…, size), s."""
+
+    unknowns: int = 0
+    """m, of how many equations z are the unknowns in a step."""
+    densities: np.ndarray
+    """Roots of the spectral densities of the noises w, (count of w,)."""
+    drifting: int = 0
+    """How many of the last numbers of a row drift by themselves, and of the last coordinates of e."""
+    commanded: np.ndarray
+    """Which numbers of a row the inputs are."""
+
+    def with_inputs(self, rows: np.ndarray, inputs: Mapping[str, Any]) -> np.ndarray:
+        """A copy of the rows (members, size) with these inputs, name → value, held over the next step."""
+        rows, start = rows.copy(), 0
+        for name, size in self.input_sizes.items():
+            if name in inputs:
+                rows[:, self.commanded[start : start + size]] = np.asarray(inputs[name], float).reshape(-1, size)
+            start += size
+        return rows
+
+    @abstractmethod
+    def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
+        """The rows (members, size) after a step of h without noise; raises StepError."""
+
+    @abstractmethod
+    def unknowns_of(self, after: np.ndarray) -> np.ndarray:
+        """z (members, m) of the step that led to these rows."""
+
+    @property
+    @abstractmethod
+    def tangent(self) -> RowFunction:
+        """(z, e, w), (x, x after, h) ↦ (R, e after, θ after, q): the residual of the step from retract(x, e) with the
+
+        noise w, the error after it, the numbers that drift, and the variances that they gain.
+        """
+
+    @abstractmethod
+    def native(self) -> Model | None:
+        """The process as machine code, or None."""
+
+    def linearised(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """(Φ, Q) about a step that was taken: e⁺ = Φ e + noise of the covariance Q, each (members, n, n)."""
+        m, n, k = self.unknowns, self.width, self.drifting
+        still = np.zeros((len(rows), n + len(self.densities)))
+        x = np.concatenate([self.unknowns_of(after), still], axis=1)
+        length = np.full((len(rows), 1), h)
+        value, J = self.tangent(x, np.concatenate([rows, after, length], axis=1))
+        solved = np.linalg.solve(J[:, :m, :m], J[:, :m, m : m + n])
+        below = J[:, m : m + n]
+        Phi = below[:, :, m : m + n] - below[:, :, :m] @ solved
+        G = below[:, :, m + n :] * (self.densities * np.sqrt(h))
+        Q = G @ G.transpose(0, 2, 1)
+        last = np.arange(n - k, n)
+        Q[:, last, last] += value[:, m + n + k :]
+        return Phi, Q
+
+    @abstractmethod
+    def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:
+        """P (n, n) of independent errors with these standard deviations, by their names."""
+
+    def moved(self, rows: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """`retract` of rows (members, size) by errors (members, n)."""
+        none = np.zeros((len(rows), 0))
+        return self.moving(none, np.concatenate([rows, e], axis=1))[0]
+
+    @cached_property
+    def moving(self) -> RowFunction:
+        """(), (x, e) ↦ retract(x, e)."""
+        size = len(self.example)
+        given = np.concatenate([self.example, np.zeros(self.width)])
+        return RowFunction(lambda x, y: self.retract(y[:size], y[size:]), np.zeros(0), given)
+
+    def measurement(self, function: Callable[..., Any]) -> RowFunction:
+        """(e, x) ↦ function of the motion at retract(x, e), flat, with its Jacobian by e."""
+
+        taken = arguments_of(function)
+
+        def read(e: Any, row: Any) -> Any:
+            given = self.motion(self.retract(row, e))
+            return jnp.ravel(jnp.asarray(function(*given[:taken]), dtype=float))
+
+        return RowFunction(read, np.zeros(self.width), self.example)

@@ -1,0 +1,148 @@
+"""When a filter takes which measurement of a log, as orders for its engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
+
+SAME = 1e-9
+"""Times that differ by less, s, are one."""
+
+
+class Series(NamedTuple):
+    """times (K,) s, and values (K, size), or (K, members, size)."""
+
+    times: np.ndarray
+    values: np.ndarray
+
+
+def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], members: int | None) -> Series:
+    """(times, values) as they are given of a name; raises ArgumentError for what does not fit."""
+    if name not in sizes:
+        known = ", ".join(sizes) or "none"
+        raise ArgumentError(f"There is no `{name}` that could be among `{argument}`: there are {known}.")
+    try:
+        times, values = (np.asarray(part, dtype=float) for part in given)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"`{name}` of `{argument}` must be (times, values), but is {shown(given)}.") from None
+    size, count = sizes[name], len(np.atleast_1d(times))
+    if times.ndim != 1 or not np.all(np.isfinite(times)) or len(np.atleast_1d(values)) != count:
+        raise ArgumentError(
+            f"`{name}` of `{argument}` must be finite times (K,) and as many values, but their shapes are "
+            f"{times.shape} and {values.shape}."
+        )
+    if np.any(np.diff(times) < 0):
+        raise ArgumentError(f"The times of `{name}` of `{argument}` must not go back: sort them.")
+    if values.size == count * size:
+        return Series(times, values.reshape(count, size))
+    if members is not None and values.size == count * members * size and values.shape[1] == members:
+        return Series(times, values.reshape(count, members, size))
+    raise ArgumentError(
+        f"`{name}` of `{argument}` is {size} numbers at each time, but its values have the shape {values.shape}."
+    )
+
+
+class Orders(NamedTuple):
+    """orders (count, 4), data (1 or members, …), and where in an output (members, size) everything stands."""
+
+    orders: np.ndarray
+    data: np.ndarray
+    size: int
+    times: np.ndarray
+    rows: int
+    P: int
+    nis: dict[str, tuple[np.ndarray, int]]
+
+
+class Timetable:
+    """The nodes of a log: multiples of dt after the start, and the times of measurements and inputs between them."""
+
+    def __init__(self, begin: float, dt: Any, until: Any, measured: dict[str, Series], inputs: dict[str, Series]):
+        if not (isinstance(dt, (int, float, np.floating)) and 0.0 < dt < np.inf):
+            raise ArgumentError(f"Argument `dt` must be a positive number of seconds, but is {shown(dt)}.")
+        ends = [one.times[-1] for one in measured.values() if len(one.times)]
+        if until is None and not ends:
+            raise ArgumentError("Without measurements a run needs `until`, the time at which it ends.")
+        end = float(max(ends) if until is None else until)
+        if not end > begin - SAME:
+            raise ArgumentError(f"The filter stands at t = {begin:g} s, after the last time of the log, {end:g} s.")
+        for name, one in measured.items():
+            if len(one.times) and one.times[0] < begin - SAME:
+                raise ArgumentError(
+                    f"`{name}` begins at {one.times[0]:g} s, before the filter, which stands at t = {begin:g} s: leave "
+                    "out what is earlier, or begin the filter there."
+                )
+        grid = begin + float(dt) * np.arange(int(np.ceil((end - begin) / dt - SAME)) + 1)
+        others = [one.times for one in (*measured.values(), *inputs.values())]
+        times = np.unique(np.concatenate([grid, [end], *others]))
+        times = times[(times >= begin - SAME) & (times <= end + SAME)]
+        self.times = times[np.concatenate([[True], np.diff(times) > SAME])]
+        self.times[0] = begin
+        self._measured, self._inputs, self._end = measured, inputs, end
+
+    def orders(
+        self, sizes: tuple[int, int], places: Mapping[str, int], every: int, whole: bool, numbers: list[int]
+    ) -> Orders:
+        """What to do in its order.
+
+        sizes: of a row and of e. places: name of an input → its first number among all. every: every how many nodes
+        are kept. whole: whether P is. numbers: of the measurements.
+        """
+        size, n = sizes
+        nodes, columns = len(self.times), _Columns()
+        steps = columns.add(np.diff(self.times)[:, None])
+        found = [_rows(np.arange(1, nodes), 0, PREDICT, steps + np.arange(nodes - 1), 0, 0)]
+        kept, width = np.arange(0, nodes, every), n * n if whole else n
+        rows, P = 0, len(kept) * size
+        at = np.arange(len(kept))
+        found.append(_rows(kept, 2, SAVE, rows + at * size, P + at * width, int(whole)))
+        output, nis = P + len(kept) * width, {}
+        for number, (name, one) in zip(numbers, self._measured.items(), strict=True):
+            here = one.times <= self._end + SAME
+            j = np.arange(np.count_nonzero(here))
+            place, m = columns.add(one.values[here]), one.values.shape[-1]
+            found.append(_rows(self._node(one.times[here]), 1, CORRECT, number, place + j * m, output + 2 * j))
+            nis[name], output = (one.times[here], output), output + 2 * len(j)
+        for name, one in self._inputs.items():
+            here = one.times <= self._end + SAME
+            j, m = np.arange(np.count_nonzero(here)), one.values.shape[-1]
+            place = columns.add(one.values[here])
+            found.append(_rows(self._node(one.times[here]), 3, SET, places[name], m, place + j * m))
+        table = np.concatenate(found)
+        table = table[np.lexsort((table[:, 1], table[:, 0]))]
+        return Orders(
+            np.ascontiguousarray(table[:, 2:]), columns.joined(), output, self.times[kept], rows, P, nis
+        )  # fmt: skip
+
+    def _node(self, times: np.ndarray) -> np.ndarray:
+        """The nodes at which times are; what is earlier than the first one counts as there."""
+        return np.clip(np.searchsorted(self.times, times - SAME), 0, len(self.times) - 1)
+
+
+def _rows(*columns: Any) -> np.ndarray:
+    """Rows of whole numbers from columns of which some are the same in all."""
+    return np.stack(np.broadcast_arrays(*columns), axis=1).astype(np.int64).reshape(-1, 6)
+
+
+class _Columns:
+    """Numbers for all members, or for each its own, one after the other."""
+
+    def __init__(self) -> None:
+        self._parts: list[np.ndarray] = []
+        self._size = 0
+
+    def add(self, values: np.ndarray) -> int:
+        """Where (K, size) or (K, members, size) begin."""
+        part = values.reshape(1, -1) if values.ndim == 2 else values.transpose(1, 0, 2).reshape(values.shape[1], -1)
+        self._parts.append(part)
+        start, self._size = self._size, self._size + part.shape[1]
+        return start
+
+    def joined(self) -> np.ndarray:
+        members = max(len(part) for part in self._parts)
+        return np.concatenate([np.broadcast_to(part, (members, part.shape[1])) for part in self._parts], axis=1).copy()

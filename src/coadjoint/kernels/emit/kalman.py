@@ -1,0 +1,262 @@
+"""An extended Kalman filter as LLVM code: predictions and corrections of one filter, from a list of orders.
+
+It knows rows of numbers, errors and functions of them by their addresses, and no groups.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from coadjoint.kernels.emit.dense import VOID, DenseAlgebra, dense
+from coadjoint.kernels.emit.loops import DOUBLE, NUMBERS, WHOLE, WHOLES, Loops
+
+NAME = "filter"
+PREDICT, SET, CORRECT, SAVE = range(4)
+"""Orders, four whole numbers each: (PREDICT, place of h in the data, 0, 0), (SET, first input, count, place in the
+data), (CORRECT, measurement, place in the data, place of (NIS, used) in the output), (SAVE, place of the row in the
+output, of P, whether P is kept whole)."""
+FIELDS = (
+    *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit"),
+    *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "of_unknowns"),
+    *("densities", "Phi", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
+    *("measurements", "sizes", "covariances", "gates", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
+)
+"""What the memory of a filter holds: sizes and addresses, whole numbers each."""
+
+_FUNCTION = ir.FunctionType(VOID, [*[NUMBERS] * 4, WHOLE]).as_pointer()
+_KERNEL = ir.FunctionType(VOID, [*[NUMBERS] * 3, WHOLE, WHOLE, *[NUMBERS] * 3, WHOLES]).as_pointer()
+
+
+def assemble() -> str:
+    """whole filter(memory, orders, count, data, output): −1, or the number of the order that failed."""
+    module = ir.Module(name="coadjoint")
+    algebra = dense(module)
+    predict, correct = _predict(module, algebra), _correct(module, algebra)
+    f = Loops(module, NAME, WHOLE, WHOLES, WHOLES, WHOLE, NUMBERS, NUMBERS, inside=False)
+    memory, orders, count, data, output = f.args
+    m = _Memory(f, memory)
+    failed = f.variable(WHOLE, WHOLE(0))
+    with f.over(count) as i:
+        first = f.times(i, 4)
+        order, *rest = (f.at(orders, f.add(first, k)) for k in range(4))
+        with _when(f, order, PREDICT):
+            f.b.store(f.b.call(predict, [memory, f.at(data, rest[0])]), failed)
+        with _when(f, order, SET):
+            row, places = m.numbers("row"), m.wholes("input_places")
+            with f.over(rest[1]) as k:
+                f.put(row, f.at(places, f.add(rest[0], k)), f.at(data, f.add(rest[2], k)))
+        with _when(f, order, CORRECT):
+            given = [memory, rest[0], f.place(data, rest[1]), f.place(output, rest[2])]
+            f.b.store(f.b.call(correct, given), failed)
+        with _when(f, order, SAVE):
+            _save(f, m, algebra, output, rest)
+        with f.b.if_then(f.b.icmp_signed("!=", f.b.load(failed), WHOLE(0))):
+            f.b.ret(i)
+    f.b.ret(WHOLE(-1))
+    return str(module)
+
+
+class _Memory:
+    def __init__(self, f: Loops, memory: Any):
+        self._f, self._memory = f, memory
+
+    def whole(self, name: str) -> Any:
+        return self._f.at(self._memory, FIELDS.index(name))
+
+    def numbers(self, name: str) -> Any:
+        return self._f.b.inttoptr(self.whole(name), NUMBERS)
+
+    def wholes(self, name: str) -> Any:
+        return self._f.b.inttoptr(self.whole(name), WHOLES)
+
+    def call(self, name: str, kind: Any, arguments: list[Any]) -> None:
+        self._f.b.call(self._f.b.inttoptr(self.whole(name), kind), arguments)
+
+
+def _when(f: Loops, order: Any, number: int) -> Any:
+    return f.b.if_then(f.b.icmp_signed("==", order, WHOLE(number)))
+
+
+def _save(f: Loops, m: _Memory, algebra: DenseAlgebra, output: Any, rest: list[Any]) -> None:
+    n, P, there = m.whole("errors"), m.numbers("P"), f.place(output, rest[1])
+    f.b.call(algebra.copy, [f.place(output, rest[0]), m.numbers("row"), m.whole("size")])
+    with f.b.if_else(f.b.icmp_signed("!=", rest[2], WHOLE(0))) as (whole, diagonal):
+        with whole:
+            f.b.call(algebra.copy, [there, P, f.times(n, n)])
+        with diagonal, f.over(n) as i:
+            f.put(there, i, f.at(P, f.times(i, f.add(n, 1))))
+
+
+def _predict(module: ir.Module, algebra: DenseAlgebra) -> Any:
+    """predict(memory, h): 0, or what failed."""
+    f = Loops(module, "predict", WHOLE, WHOLES, DOUBLE)
+    memory, h = f.args
+    m = _Memory(f, memory)
+    size, row, after, y, x = m.whole("size"), m.numbers("row"), m.numbers("after"), m.numbers("y"), m.numbers("x")
+    f.b.call(algebra.copy, [y, row, size])
+    f.put(y, f.times(2, size), h)
+    with f.b.if_else(f.b.icmp_signed("!=", m.whole("implicit"), WHOLE(0))) as (implicit, explicit):
+        with implicit:
+            _implicit(f, m, algebra, h)
+        with explicit:
+            # The step reads the row and h, which stand behind one another here.
+            f.b.call(algebra.copy, [after, row, size])
+            f.put(after, size, h)
+            zeros = m.numbers("zeros")
+            m.call("step", _FUNCTION, [zeros, after, f.place(y, size), zeros, WHOLE(1)])
+            f.b.call(algebra.copy, [after, f.place(y, size), size])
+    f.b.call(algebra.copy, [f.place(y, size), after, size])
+    m.call("tangent", _FUNCTION, [x, y, m.numbers("value"), m.numbers("J"), WHOLE(1)])
+    _carry(f, m, algebra, h)
+    unknowns, n, k = m.whole("unknowns"), m.whole("errors"), m.whole("drifting")
+    value, at = m.numbers("value"), f.add(unknowns, n)
+    f.b.call(algebra.copy, [row, after, size])
+    f.b.call(algebra.copy, [f.place(row, m.whole("state")), f.place(value, at), k])
+    f.b.ret(f.b.zext(_not_finite(f, m), WHOLE))
+    return f.function
+
+
+def _implicit(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+    """One step of the model's own kernel, with the drifting parameters in their places, and its unknowns in x."""
+    row, after, state = m.numbers("row"), m.numbers("after"), m.whole("state")
+    f.b.call(algebra.copy, [after, row, m.whole("size")])
+    parameters, places = m.numbers("parameters"), m.wholes("places")
+    with f.over(m.whole("drifting")) as i:
+        f.put(parameters, f.at(places, i), f.at(row, f.add(state, i)))
+    length = f.variable(DOUBLE, h)
+    scratch, status = m.numbers("step_scratch"), m.wholes("status")
+    with f.over(4) as i:
+        f.put(status, i, WHOLE(0))
+    m.call("step", _KERNEL, [parameters, length, after, WHOLE(1), WHOLE(1), scratch, scratch, scratch, status])
+    x, of_unknowns = m.numbers("x"), m.wholes("of_unknowns")
+    with f.over(m.whole("unknowns")) as i:
+        f.put(x, i, f.at(after, f.at(of_unknowns, i)))
+
+
+def _carry(f: Loops, m: _Memory, algebra: DenseAlgebra, h: Any) -> None:
+    """Φ = ∂e⁺/∂e by the implicit function theorem, and P ← ΦPΦᵀ + G S²h Gᵀ + diag q."""
+    u, n, w, k = (m.whole(name) for name in ("unknowns", "errors", "noises", "drifting"))
+    J, Phi, turned, W, P = (m.numbers(name) for name in ("J", "Phi", "turned", "W", "P"))
+    stride, square = f.add(u, n, w), f.times(n, n)
+    below = f.place(J, f.times(u, stride))
+    # The slopes of the step keep their zeros: what is solved is a copy.
+    kept = m.numbers("KR")
+    f.b.call(algebra.copy, [kept, J, f.times(u, stride)])
+    f.b.call(algebra.solve, [kept, f.place(kept, u), u, n, stride, stride])
+    with f.over(n) as i:
+        f.b.call(algebra.copy, [f.place(Phi, f.times(i, n)), f.place(below, f.add(f.times(i, stride), u)), n])
+    one, minus = DOUBLE(1.0), DOUBLE(-1.0)
+    f.b.call(algebra.product, [Phi, below, f.place(kept, u), n, u, n, n, stride, stride, minus])
+    f.b.call(algebra.transpose, [turned, Phi, n, n, n])
+    _clear(f, W, square)
+    f.b.call(algebra.product, [W, Phi, P, n, n, n, n, n, n, one])
+    _clear(f, P, square)
+    # W is full and Φᵀ is not: the product is taken transposed, Φ Wᵀ, of which P is the transpose.
+    f.b.call(algebra.transpose, [turned, W, n, n, n])
+    f.b.call(algebra.product, [P, Phi, turned, n, n, n, n, n, n, one])
+    densities, G = m.numbers("densities"), f.place(below, f.add(u, n))
+    with f.over(w) as a:
+        scale = f.b.fmul(f.at(densities, a), h)
+        with f.over(n) as i:
+            here = f.b.fmul(f.at(G, f.add(f.times(i, stride), a)), scale)
+            with f.b.if_then(f.b.fcmp_unordered("!=", here, DOUBLE(0.0))), f.over(n) as j:
+                place = f.place(P, f.add(f.times(i, n), j))
+                f.b.store(f.plus(f.b.load(place), here, f.at(G, f.add(f.times(j, stride), a))), place)
+    value, first, last = m.numbers("value"), f.add(u, n, k), f.b.sub(n, k)
+    with f.over(k) as i:
+        place = f.place(P, f.times(f.add(last, i), f.add(n, 1)))
+        f.b.store(f.b.fadd(f.b.load(place), f.at(value, f.add(first, i))), place)
+    _symmetric(f, P, n)
+
+
+def _clear(f: Loops, array: Any, count: Any) -> None:
+    with f.over(count) as i:
+        f.put(array, i, DOUBLE(0.0))
+
+
+def _symmetric(f: Loops, P: Any, n: Any) -> None:
+    with f.over(n) as i, f.over(i) as j:
+        one, other = f.place(P, f.add(f.times(i, n), j)), f.place(P, f.add(f.times(j, n), i))
+        mean = f.b.fmul(DOUBLE(0.5), f.b.fadd(f.b.load(one), f.b.load(other)))
+        f.b.store(mean, one)
+        f.b.store(mean, other)
+
+
+def _not_finite(f: Loops, m: _Memory) -> Any:
+    """Whether the trace of P is not finite, or a step of the model failed."""
+    n, P, total = m.whole("errors"), m.numbers("P"), f.variable(DOUBLE, DOUBLE(0.0))
+    with f.over(n) as i:
+        f.b.store(f.b.fadd(f.b.load(total), f.at(P, f.times(i, f.add(n, 1)))), total)
+    trace = f.b.load(total)
+    wrong = f.b.fcmp_unordered("!=", f.b.fsub(trace, trace), DOUBLE(0.0))
+    return f.b.or_(wrong, f.b.icmp_signed("!=", f.at(m.wholes("status"), 1), WHOLE(0)))
+
+
+def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
+    """correct(memory, measurement, values, output): 0, or what failed; output: NIS, and 1 where it was used."""
+    f = Loops(module, "correct", WHOLE, WHOLES, WHOLE, NUMBERS, NUMBERS)
+    memory, measurement, values, output = f.args
+    m = _Memory(f, memory)
+    n, size = m.whole("errors"), f.at(m.wholes("sizes"), measurement)
+    row, nu, H, S, R = *(m.numbers(k) for k in ("row", "nu", "H", "S")), f.at(m.wholes("covariances"), measurement)
+    function = f.b.inttoptr(f.at(m.wholes("measurements"), measurement), _FUNCTION)
+    # A function leaves alone what is always 0.
+    _clear(f, H, f.times(size, n))
+    f.b.call(function, [m.numbers("zeros"), row, nu, H, WHOLE(1)])
+    total = f.variable(DOUBLE, DOUBLE(0.0))
+    with f.over(size) as i:
+        difference = f.b.fsub(f.at(values, i), f.at(nu, i))
+        f.put(nu, i, difference)
+        f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(difference, difference)), total)
+    f.put(output, 0, DOUBLE(float("nan")))
+    f.put(output, 1, DOUBLE(0.0))
+    with f.b.if_then(f.b.fcmp_unordered("!=", f.b.load(total), DOUBLE(0.0))):
+        f.b.ret(WHOLE(0))
+    HP, one = m.numbers("HP"), DOUBLE(1.0)
+    R = f.b.inttoptr(R, NUMBERS)
+    _clear(f, HP, f.times(size, n))
+    f.b.call(algebra.product, [HP, H, m.numbers("P"), size, n, n, n, n, n, one])
+    f.b.call(algebra.copy, [S, R, f.times(size, size)])
+    turned = m.numbers("turned")
+    f.b.call(algebra.transpose, [turned, H, size, n, n])
+    f.b.call(algebra.product, [S, HP, turned, size, n, size, size, n, size, one])
+    f.b.call(algebra.cholesky, [S, size])
+    e, nis = m.numbers("e"), f.variable(DOUBLE, DOUBLE(0.0))
+    f.b.call(algebra.copy, [e, nu, size])
+    f.b.call(algebra.cholesky_solve, [S, e, size, WHOLE(1), WHOLE(0)])
+    with f.over(size) as i:
+        f.b.store(f.plus(f.b.load(nis), f.at(e, i), f.at(e, i)), nis)
+    f.put(output, 0, f.b.load(nis))
+    gate = f.at(m.numbers("gates"), measurement)
+    with f.b.if_then(f.b.fcmp_ordered(">", f.b.load(nis), gate)):
+        f.b.ret(WHOLE(0))
+    f.put(output, 1, one)
+    _apply(f, m, algebra, size, R)
+    f.b.ret(f.b.zext(_not_finite(f, m), WHOLE))
+    return f.function
+
+
+def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:
+    """Joseph's form with W = P − K(HP): P ← W − (WHᵀ − KR)Kᵀ; then the row moves by Kν."""
+    n, P, HP, S, K, KR, turned = (m.whole("errors"), *map(m.numbers, ("P", "HP", "S", "K", "KR", "turned")))
+    one, minus = DOUBLE(1.0), DOUBLE(-1.0)
+    rows = m.numbers("W")  # Kᵀ = S⁻¹HP
+    f.b.call(algebra.copy, [rows, HP, f.times(size, n)])
+    f.b.call(algebra.cholesky_solve, [S, rows, size, n, WHOLE(1)])
+    f.b.call(algebra.transpose, [K, rows, size, n, n])
+    f.b.call(algebra.product, [P, K, HP, n, size, n, n, size, n, minus])
+    _clear(f, KR, f.times(n, size))
+    f.b.call(algebra.product, [KR, P, turned, n, n, size, size, n, size, one])
+    f.b.call(algebra.product, [KR, K, R, n, size, size, size, size, size, minus])
+    f.b.call(algebra.product, [P, KR, rows, n, size, n, n, size, n, minus])
+    _symmetric(f, P, n)
+    e = m.numbers("e")
+    _clear(f, e, n)
+    f.b.call(algebra.product, [e, K, m.numbers("nu"), n, size, WHOLE(1), WHOLE(1), size, WHOLE(1), one])
+    moved, width, row = m.numbers("moved"), m.whole("size"), m.numbers("row")
+    f.b.call(algebra.copy, [moved, row, width])
+    f.b.call(algebra.copy, [f.place(moved, width), e, n])
+    zeros = m.numbers("zeros")
+    m.call("retract", _FUNCTION, [zeros, moved, row, zeros, WHOLE(1)])

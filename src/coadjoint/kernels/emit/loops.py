@@ -1,0 +1,91 @@
+"""Loops over arrays of numbers as LLVM code: what dense algebra of sizes that are known at run time is written in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from llvmlite import ir
+
+DOUBLE, WHOLE = ir.DoubleType(), ir.IntType(64)
+NUMBERS, WHOLES = DOUBLE.as_pointer(), WHOLE.as_pointer()
+FUSED = ("contract",)
+"""A product that is added at once may be one instruction."""
+
+
+class Loops:
+    """A function that is being written: values are LLVM's, whole numbers may be Python's."""
+
+    def __init__(self, module: ir.Module, name: str, result: Any, *arguments: Any, inside: bool = True):
+        """inside: whether only this module calls it."""
+        self.function = ir.Function(module, ir.FunctionType(result, arguments), name=name)
+        if inside:
+            self.function.linkage = "internal"
+        for argument, kind in zip(self.function.args, arguments, strict=True):
+            if kind == NUMBERS:
+                argument.add_attribute("noalias")
+        self._entry = self.function.append_basic_block("entry")
+        self.b = ir.IRBuilder(self._entry)
+        self.args = self.function.args
+
+    def whole(self, value: Any) -> Any:
+        """A whole number as LLVM's."""
+        return WHOLE(value) if isinstance(value, int) else value
+
+    def add(self, *values: Any) -> Any:
+        """The sum of whole numbers."""
+        first, *rest = map(self.whole, values)
+        for value in rest:
+            first = self.b.add(first, value)
+        return first
+
+    def times(self, first: Any, second: Any) -> Any:
+        """The product of whole numbers."""
+        return self.b.mul(self.whole(first), self.whole(second))
+
+    def place(self, array: Any, index: Any) -> Any:
+        """A pointer to the number of an array."""
+        return self.b.gep(array, [self.whole(index)])
+
+    def at(self, array: Any, index: Any) -> Any:
+        """A number of an array."""
+        return self.b.load(self.place(array, index))
+
+    def put(self, array: Any, index: Any, value: Any) -> None:
+        """Set a number of an array."""
+        self.b.store(value, self.place(array, index))
+
+    def plus(self, a: Any, b: Any, c: Any) -> Any:
+        """a + b c."""
+        return self.b.fadd(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
+
+    def minus(self, a: Any, b: Any, c: Any) -> Any:
+        """a − b c."""
+        return self.b.fsub(a, self.b.fmul(b, c, flags=FUSED), flags=FUSED)  # pyright: ignore[reportCallIssue]
+
+    def variable(self, kind: Any, value: Any) -> Any:
+        """A place for a value that changes."""
+        here = self.b.block
+        first = ir.IRBuilder(self._entry)
+        first.position_at_start(self._entry)
+        found = first.alloca(kind)
+        self.b.position_at_end(here)
+        self.b.store(value, found)
+        return found
+
+    @contextmanager
+    def over(self, end: Any, start: Any = 0) -> Iterator[Any]:
+        """for i in range(start, end)."""
+        b, begin, stop = self.b, self.whole(start), self.whole(end)
+        body, after = b.append_basic_block("loop"), b.append_basic_block("end")
+        before = b.block
+        b.cbranch(b.icmp_signed("<", begin, stop), body, after)
+        b.position_at_end(body)
+        index = b.phi(WHOLE)
+        index.add_incoming(begin, before)
+        yield index
+        following = b.add(index, WHOLE(1))
+        index.add_incoming(following, b.block)
+        b.cbranch(b.icmp_signed("<", following, stop), body, after)
+        b.position_at_end(after)

@@ -1,0 +1,108 @@
+"""Extended Kalman filters by machine code: a list of orders at once, one filter after the other."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coadjoint.kernels.emit import kalman
+from coadjoint.kernels.run.function import NativeFunction
+from coadjoint.kernels.run.machine import Machine, machine
+
+
+class Model(NamedTuple):
+    """What a filter goes on by: sizes, and functions of rows as machine code.
+
+    size: of a row. state: how many of its first numbers the step takes; the others drift. unknowns: of the step, and
+    which numbers of the row after it they are. parameters: of the step, and the places of those that drift. step: a
+    kernel of one lane, or where there are no unknowns a function of (row, h). tangent: (unknowns, e, w), (row, row
+    after, h) ↦ (residual, e after, drifting, their variances). densities: of the noises w. retract: of (row, e).
+    """
+
+    size: int
+    state: int
+    unknowns: np.ndarray
+    parameters: np.ndarray
+    places: np.ndarray
+    step: Any
+    scratch: int
+    tangent: NativeFunction
+    densities: np.ndarray
+    retract: NativeFunction
+    inputs: np.ndarray
+    errors: int
+
+
+class MeasurementCode(NamedTuple):
+    """A measurement: its function of (e, row), R (m, m), and the largest NIS that is believed."""
+
+    function: NativeFunction
+    covariance: np.ndarray
+    gate: float
+
+
+@cache
+def _code() -> tuple[Machine, Any]:
+    made = machine(kalman.assemble())
+    given = [*[ctypes.c_void_p] * 2, ctypes.c_int64, *[ctypes.c_void_p] * 2]
+    return made, made.function(kalman.NAME, *given, result=ctypes.c_int64)
+
+
+def address(function: Any) -> int:
+    """Where a function of machine code stands."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+class Filters:
+    """The memory of filters with one model; each has its row and its P."""
+
+    def __init__(self, model: Model, measurements: Sequence[MeasurementCode]):
+        self._model, self._measurements = model, list(measurements)
+        self._memory = np.zeros(len(kalman.FIELDS), np.int64)
+        self._held: dict[str, np.ndarray] = {}
+        self._function = _code()[1]
+        self._fill()
+
+    def _fill(self) -> None:
+        M, seen = self._model, self._measurements
+        n, size, u, w, k = M.errors, M.size, len(M.unknowns), len(M.densities), M.size - M.state
+        most = max([one.covariance.shape[0] for one in seen], default=1)
+        numbers = {
+            "after": size + 1, "x": u + n + w, "y": 2 * size + 1,
+            "value": u + n + 2 * k, "J": (u + n + 2 * k) * (u + n + w),
+            "Phi": n * n, "turned": n * max(n, most), "W": n * max(n, most), "step_scratch": max(M.scratch, 1),
+            "moved": size + n, "nu": most, "H": most * n, "HP": most * n, "S": most * most, "K": most * n,
+            "KR": max(most * n, u * (u + n + w)), "e": max(n, most), "zeros": u + n + w + 1,
+        }  # fmt: skip
+        for name, count in numbers.items():
+            self._hold(name, np.zeros(max(count, 1)))
+        self._hold("status", np.zeros(4, np.int64))
+        for name, value in (("parameters", M.parameters), ("densities", M.densities**2)):
+            self._hold(name, np.concatenate([value, [0.0]]))
+        for name, value in (("places", M.places), ("of_unknowns", M.unknowns), ("input_places", M.inputs)):
+            self._hold(name, np.concatenate([value, [0]]).astype(np.int64))
+        covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
+        self._held |= {f"R {i}": R for i, R in enumerate(covariances)}
+        self._hold("measurements", np.array([address(one.function.code) for one in seen] + [0], np.int64))
+        self._hold("sizes", np.array([len(R) for R in covariances] + [0], np.int64))
+        self._hold("covariances", np.array([R.ctypes.data for R in covariances] + [0], np.int64))
+        self._hold("gates", np.array([one.gate for one in seen] + [0.0]))
+        sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
+        functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}
+        for name, value in {**sizes, **functions, "implicit": int(u > 0)}.items():
+            self._memory[kalman.FIELDS.index(name)] = value
+
+    def _hold(self, name: str, array: np.ndarray) -> None:
+        self._held[name] = array
+        self._memory[kalman.FIELDS.index(name)] = array.ctypes.data
+
+    def follow(self, row: np.ndarray, P: np.ndarray, orders: np.ndarray, data: np.ndarray, output: np.ndarray) -> int:
+        """Carry out orders (count, 4) with one filter, whose row and P change: −1, or which order failed."""
+        self._memory[kalman.FIELDS.index("row")] = row.ctypes.data
+        self._memory[kalman.FIELDS.index("P")] = P.ctypes.data
+        pointers = [a.ctypes.data for a in (self._memory, orders)]
+        return self._function(*pointers, len(orders), data.ctypes.data, output.ctypes.data)

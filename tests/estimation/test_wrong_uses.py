@@ -1,0 +1,123 @@
+"""Each wrong use of a filter is told in a sentence."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import estimation
+
+Filter: Any = estimation.Filter
+GaussMarkov: Any = estimation.GaussMarkov
+ModelProcess: Any = estimation.ModelProcess
+RandomWalk: Any = estimation.RandomWalk
+Measurement: Any = estimation.Measurement
+
+
+def system():
+    return co.System(
+        co.Translation(1),
+        lambda xi, n, nu, p: 0.5 * xi @ xi + 0.5 * nu @ nu,
+        additional=co.Trivial(1),
+        parameters={"bias": 0.0},
+        forces=lambda motion, p: co.Force(force=motion.inputs.push + p.bias - motion.nu),
+    )
+
+
+def start():
+    return system().state(q=[0.0], inputs={"push": np.zeros(1)})
+
+
+@cache
+def process():
+    return ModelProcess(system(), start(), inputs={"push": [0.0]})
+
+
+@cache
+def filter():
+    measurements = {"place": Measurement(lambda m: m.q, 0.1)}
+    return Filter(process(), start(), measurements=measurements, deviations={"q": 1.0, "nu": 0.1})
+
+
+def run(**given):
+    arguments = {"measured": {"place": ([1.0], [0.5])}, "dt": 0.1, **given}
+    return filter().run(arguments.pop("measured"), **arguments)
+
+
+WRONG = {
+    "error": (lambda: ModelProcess(system(), start(), error="middle"), '`error`.*must be "left" or "right"'),
+    "method": (lambda: ModelProcess(system(), start(), method=co.Yoshida4(co.Midpoint())), "a method of one stage"),
+    "noise": (lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"drag": 1.0}), "no `drag`"),
+    "negative noise": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"force": -1.0}),
+        "finite and not negative",
+    ),
+    "shape of noise": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, noise={"force": [1.0, 2.0]}),
+        r"one number or \(1,\)",
+    ),
+    "drifting": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"mass": RandomWalk(1.0)}),
+        "no parameter `mass` that could drift: there are bias",
+    ),
+    "drift": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": 0.1}),
+        "must drift as a co.estimation.RandomWalk",
+    ),
+    "time": (lambda: GaussMarkov(0.1, 0.0), "positive number of seconds"),
+    "density": (lambda: RandomWalk("much"), "finite and not negative"),
+    "covariance": (lambda: Measurement(lambda m: m.q, [[1.0, 2.0], [2.0, 1.0]]), "positive definite"),
+    "zero covariance": (lambda: Measurement(lambda m: m.q, 0.0), "must be a positive number"),
+    "gate": (lambda: Measurement(lambda m: m.q, 1.0, gate=3.0), "a probability between 0 and 1"),
+    "function": (lambda: Measurement(2.0, 1.0), "takes a function of the motion"),
+    "size of covariance": (
+        lambda: Filter(
+            process(), start(), measurements={"q": Measurement(lambda m: m.q, [1.0, 1.0])}, deviations={"q": 1.0}
+        ),
+        "returns 1 numbers",
+    ),
+    "measurement": (
+        lambda: Filter(process(), start(), measurements={"q": lambda m: m.q}, deviations={}),
+        "must be a co.estim",
+    ),
+    "deviation": (
+        lambda: Filter(process(), start(), measurements={}, deviations={"yaw": 1.0}),
+        "no error `yaw`.*g, q, xi",
+    ),
+    "neither": (lambda: Filter(process(), start(), measurements={}), "either `deviations` or `covariance`"),
+    "P": (lambda: Filter(process(), start(), measurements={}, covariance=-np.eye(4)), "without negative eigenvalues"),
+    "members": (lambda: Filter(process(), start(), measurements={}, deviations={}, members=0), "positive whole number"),
+    "state": (lambda: Filter(process(), 3.0, measurements={}, deviations={}), "one of the system's states"),
+    "process": (lambda: Filter(system(), start(), measurements={}, deviations={}), "one such as ModelProcess"),
+    "step": (lambda: filter().predict(0.0), "positive number of seconds"),
+    "input": (lambda: filter().predict(0.1, {"pull": 1.0}), "no input `pull`: there are push"),
+    "name": (lambda: filter().update({"depth": 1.0}), "no `depth`.*there are place"),
+    "value": (lambda: filter().update({"place": [1.0, 2.0]}), "1 numbers at each time"),
+    "order of times": (lambda: run(measured={"place": ([1.0, 0.5], [0.5, 0.5])}), "must not go back"),
+    "times": (lambda: run(measured={"place": ([1.0, 2.0], [0.5])}), "as many values"),
+    "pair": (lambda: run(measured={"place": 3.0}), r"must be \(times, values\)"),
+    "before": (lambda: run(measured={"place": ([-1.0], [0.5])}, until=1.0), "before the filter"),
+    "until": (lambda: run(measured={}), "needs `until`"),
+    "end": (lambda: run(until=-2.0), "after the last time of the log"),
+    "every": (lambda: run(save_every=0), "positive whole number"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_use_is_told(case):
+    call, sentence = WRONG[case]
+    with pytest.raises(co.ArgumentError, match=sentence) as told:
+        call()
+    assert str(told.value).endswith(".") and len(str(told.value)) < 400
+
+
+def test_a_model_without_a_step_is_told():
+    wild = ModelProcess(system(), start(), inputs={"push": [0.0]})
+    lost = Filter(wild, start(), measurements={}, deviations={"q": 1.0})
+    lost.rows[:, :] = np.nan
+    with pytest.raises(co.StepError, match="The filter failed at t"):
+        lost.predict(0.1)
