@@ -55,8 +55,8 @@ def test_an_interval_has_the_width_that_its_level_asks_for(level, samples):
         )
         for name in "ab"
     ]
-    shooting = SimpleNamespace(size=1, runs=1, unknowns=SimpleNamespace(each=each))
-    fit = SimpleNamespace(shooting=shooting, there=np.ones((1, samples, 2), bool))
+    shooting = SimpleNamespace(size=1, runs=1)
+    fit = SimpleNamespace(shooting=shooting, each=each, there=np.ones((1, samples, 2), bool))
     found = SimpleNamespace(fit=fit, solution=SimpleNamespace(place=SimpleNamespace(shared=np.array([1.0, -2.0]))))
     errors = np.array([0.1, 0.7])
     estimates = _estimates(cast(Any, found), cast(Any, SimpleNamespace(error=errors)), level)

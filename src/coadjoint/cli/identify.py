@@ -26,7 +26,7 @@ class Identify:
     log: tyro.conf.Positional[Path]
     """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or an MCAP file of ROS."""
     parameters: tuple[str, ...]
-    """What to find: parameters, entries such as `added_mass[0,0]`, or parts for all their parameters."""
+    """What to find: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None
     """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of MCAP files."""
     topics: tuple[str, ...] = ()
@@ -49,6 +49,10 @@ class Identify:
     """Actuators that the log does not hold and that stay where they start."""
     positive: tuple[str, ...] = ()
     """Parameters that must stay positive."""
+    biases: tuple[str, ...] = ()
+    """Columns with a bias that is sought too; position, attitude, velocity and rates stand for three."""
+    delays: tuple[str, ...] = ()
+    """Columns, or such groups of three, of which it is sought by how many seconds they are late."""
     out: Path | None = None
     """A figure of what was measured and simulated."""
     json: bool = False
@@ -80,6 +84,8 @@ class Identify:
             settle=self.settle if self.settle is not None else 0.0 if set(actuators) <= set(log.actual) else 2.0,
             positive=self.positive,
             still=self.still,
+            biases=self.biases,
+            delays=self.delays,
         )
         if self.json:
             print(json_text.dumps(_summary(found), indent=2, ensure_ascii=False))

@@ -38,11 +38,13 @@ UNITS = {
 class Channels:
     """Numbers that a log holds, in their order: those of a vehicle by name, others by functions of the state.
 
-    `own`: pairs of name and function (state) → number. `vehicle`: names of `VEHICLE`.
+    `own`: pairs of name and function (state) → number. `vehicle`: names of `VEHICLE`. With `rotation` the nine numbers
+    of the attitude matrix follow.
     """
 
     vehicle: tuple[str, ...]
     own: tuple[tuple[str, Callable[[State], Any]], ...] = ()
+    rotation: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,6 +54,8 @@ class Channels:
         """What the sensors would say at a node."""
         known = vehicle(system, state) if self.vehicle else {}
         values = [known[name] for name in self.vehicle] + [jnp.asarray(f(state), float) for _, f in self.own]
+        if self.rotation:
+            values += list(jnp.ravel(state.g if isinstance(system.group, SO3) else state.g[0]))
         return jnp.stack(values)
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VEHICLE, VELOCITY, Channels, is_vehicle
+from coadjoint.identification.channels import VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import require_commands
 from coadjoint.identification.findings import Identification, judged
 from coadjoint.identification.fitting import fitted
 from coadjoint.identification.log import Log
 from coadjoint.identification.sampling import Between
+from coadjoint.identification.sensing import GROUPS, Attitude, sensing
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
 from coadjoint.interrupts import heeded
@@ -22,8 +24,6 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-
-_GROUPS = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY, "rates": RATES}
 
 
 @heeded()
@@ -43,6 +43,10 @@ def identify(
     still: Sequence[str] = (),
     level: float = 0.95,
     method: Method | None = None,
+    biases: Sequence[str] = (),
+    delays: Sequence[str] | Mapping[str, Sequence[str]] = (),
+    longest_delay: float = 0.5,
+    attitude: Attitude | None = None,
 ) -> Identification:
     """The parameters of `system` with which its simulation comes closest to the log, with confidence intervals.
 
@@ -51,7 +55,8 @@ def identify(
 
     log: a Log, as of `co.vehicles.logs.read_log`. start: a state of the system, for what the log does not tell: the
     advected parameters, the internal state. parameters: names of whole arrays (their entries that are not zero) or
-    entries, ["damping", "added_mass[1,1]"]; the system's own values are where the search starts.
+    entries, ["damping", "added_mass[1,1]"], or several that are equal, "rudder.area = stern_planes.area"; the system's
+    own values are where the search starts.
     noise: standard deviations in SI units by column, or for position, attitude, velocity, rates; those not given are
     estimated from the residuals. measured: functions of the state for columns that are not those of a vehicle.
     segment: s; None takes the log as one run from one start. dt: s, by default that of the simulation which wrote
@@ -60,7 +65,12 @@ def identify(
     fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
     sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
     still: actuators without commands in the log, which stay where `start` has them; others must have commands.
-    level: of the intervals.
+    level: of the intervals. biases: columns, or position, attitude, velocity, rates, of which a constant is sought that
+    the sensor adds, `found["bias.u"]`, in the unit of the column. delays: columns or such groups of which it is sought
+    by how many seconds they are late, `found["delay.position"]`, or names of one's own with the columns that share a
+    delay, {"gps": ("north", "east")}; none is longer than `longest_delay` s. attitude: "angles" compares Euler angles,
+    "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where noise and bias of roll, pitch and heading
+    are those about forward, starboard and down; by default that where the log pitches by over 60°.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
     if not 0 < level < 1:
@@ -74,7 +84,10 @@ def identify(
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
-    asked = setting(sought, log, start, channels, method, between, log.step if dt is None else float(dt), settle)
+    sensed = sensing(log, channels.names, biases=biases, delays=delays, longest_delay=longest_delay, attitude=attitude)
+    channels = replace(channels, rotation=sensed.rotation)
+    step = log.step if dt is None else float(dt)
+    asked = setting(sought, log, start, channels, method, between, step, settle, sensed)
     return judged(fitted(asked, segment, given), level)
 
 
@@ -100,9 +113,9 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
 
 def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
     """σ by channel, of those that are given."""
-    known = {name: (name,) for name in channels.names} | _GROUPS
+    known = {name: (name,) for name in channels.names} | GROUPS
     found: dict[str, float] = {}
-    for name, value in sorted(given.items(), key=lambda pair: pair[0] not in _GROUPS):
+    for name, value in sorted(given.items(), key=lambda pair: pair[0] not in GROUPS):
         if name not in known:
             raise ArgumentError(
                 f"Argument `noise` names `{name}`, which the log does not hold: it knows {', '.join(known)}."

@@ -8,11 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from coadjoint.identification.fitting import Fit, Fitted
+from coadjoint.identification.fit import Fit
+from coadjoint.identification.fitting import Fitted
+from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
-from coadjoint.identification.shooting import Prediction
+from coadjoint.identification.sensing import SENSORS
 from coadjoint.identification.smoothing import noise as rough_noise
+from coadjoint.identification.tied import SIGN
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
@@ -72,7 +75,9 @@ class Identification:
     warnings: tuple[str, ...]
 
     def __getitem__(self, name: str) -> Estimate:
-        return self.estimates[name]
+        """The estimate of this name, or of the equal parameters that it is one of."""
+        tied = (label for label in self.estimates if name in label.split(SIGN))
+        return self.estimates[name if name in self.estimates else next(tied, name)]
 
     def __str__(self) -> str:
         from coadjoint.identification.card import card
@@ -124,9 +129,10 @@ def judged(found: Fitted, level: float) -> Identification:
     fit, sigma, shooting = found.fit, found.sigma, found.fit.shooting
     spread, names = _spread(found.solution.jacobian, shooting.size), shooting.channels.names
     estimates = _estimates(found, spread, level)
-    predicted = shooting.predict(found.solution.place.shared, found.solution.place.own, fit.internal)
+    place = found.solution.place
+    predicted = fit.predict(place)
     assert predicted is not None
-    off = fit.differences(predicted)
+    off = fit.differences(predicted, place.shared)
     whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
@@ -135,7 +141,7 @@ def judged(found: Fitted, level: float) -> Identification:
     warnings += _missed(fit.log, names, rms, found.estimated)
     warnings += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
     return Identification(
-        system=shooting.unknowns.replaced(found.solution.place.shared),
+        system=shooting.unknowns.replaced(fit.split(place.shared)[0]),
         log=fit.log,
         estimates=estimates,
         correlation=correlation,
@@ -143,12 +149,12 @@ def judged(found: Fitted, level: float) -> Identification:
         noise=dict(zip(names, map(float, sigma), strict=True)),
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
-        simulated=_simulated(fit, predicted),
+        simulated=_simulated(fit, fit.simulated(predicted, place.shared)),
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        warnings=(*fit.log.notes, *warnings),
+        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *warnings),
     )
 
 
@@ -175,19 +181,19 @@ def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimat
     freedom = int(found.fit.there.sum()) - shooting.size * shooting.runs - len(spread.error)
     quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
     estimates = {}
-    for unknown, x, error in zip(shooting.unknowns.each, found.solution.place.shared, spread.error, strict=True):
+    for unknown, x, error in zip(found.fit.each, found.solution.place.shared, spread.error, strict=True):
         low, high = unknown.interval(float(x), quantile * error)
         standard_error, label = float(error) * unknown.slope(float(x)), unknown.label
         estimates[label] = Estimate(label, unknown.value(float(x)), low, high, standard_error, unknown.prior)
     return estimates
 
 
-def _simulated(fit: Fit, predicted: Prediction) -> dict[str, np.ndarray]:
+def _simulated(fit: Fit, values: np.ndarray) -> dict[str, np.ndarray]:
     """What the sensors would have said at the times of the log, by column."""
     rows = fit.shooting.samples.rows
     found = {name: np.full(len(fit.log), np.nan) for name in fit.shooting.channels.names}
-    for i, values in enumerate(found.values()):
-        values[rows[rows >= 0]] = predicted.values[..., i][rows >= 0]
+    for i, column in enumerate(found.values()):
+        column[rows[rows >= 0]] = values[..., i][rows >= 0]
     return found
 
 
@@ -213,9 +219,12 @@ def _hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, l
 
 
 def _vague(estimates: dict[str, Estimate]) -> list[str]:
-    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative."""
+    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative. Sensors may well
+    be without bias and delay."""
     sentences = []
     for e in estimates.values():
+        if e.name.startswith(SENSORS):
+            continue
         if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
             sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
         elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.identification.fit import Fit
 from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
-from coadjoint.identification.log import Log
 from coadjoint.identification.setting import Setting
-from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.smoothing import noise as rough_noise
 
 ATTEMPTS = 3
@@ -25,9 +24,6 @@ round-off."""
 
 SHIFT = 0.1
 """How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
-
-SETTLING = 3
-"""How often internal states are handed from each segment to the next before least squares begins."""
 
 SHORT = (2.0, 6.0)
 """Segments, s, with which the search begins where those asked for are at least twice as long."""
@@ -60,18 +56,18 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
-    fit = Fit(asked.shooting(h, segment), log, sigma, asked.settle)
-    place, trips = fit.at(_begun(asked, h, segment, sigma, np.zeros(len(asked.unknowns.each)))), 0
+    fit = Fit(asked.shooting(h, segment), asked, sigma)
+    place, trips = fit.at(_begun(asked, h, segment, sigma, np.zeros(fit.count))), 0
     if asked.step is None:
         parts = _parts(_shift(fit, place, asked, segment), left)
         left //= parts
-        fit = fit.finer(asked, segment, parts)
+        fit = fit.finer(segment, parts)
     attempt = 1
     while True:
         found = _rounds(fit, place, open_, trips, attempt == ATTEMPTS)
         if not found.solution.converged:
             if attempt == ATTEMPTS:
-                raise CoadjointError(_lost(fit.shooting, found.solution, found.trips))
+                raise CoadjointError(_lost(fit, found.solution, found.trips))
             # Starts that were led astray, and a noise that was judged by them, are given up; parameters are kept.
             fit.sigma, attempt, trips = sigma, attempt + 1, found.trips
             stuck = found.solution.place.shared
@@ -85,7 +81,7 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
         if asked.step is not None or parts < 2:
             return found
         left //= parts
-        fit, place, trips = found.fit.finer(asked, segment, parts), found.solution.place, found.trips
+        fit, place, trips = found.fit.finer(segment, parts), found.solution.place, found.trips
 
 
 def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, shared: np.ndarray) -> np.ndarray:
@@ -96,7 +92,7 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, s
     whole = asked.log.duration if segment is None else segment
     lengths = [length for length in SHORT if length >= 8 * asked.log.interval and 2 * length <= whole]
     for length in lengths if asked.tells_starts else ():
-        fit = Fit(asked.shooting(h, length), asked.log, sigma, asked.settle)
+        fit = Fit(asked.shooting(h, length), asked, sigma, held=True)
         place = fit.at(shared)
         fit.settle(place)
         solution = least_squares(fit, place, fit.accepted, roughly=True)
@@ -115,7 +111,7 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
     """By how many standard errors the step size shifts each parameter: what half the step does, by one Gauss–Newton
     step, over 1 − 2⁻ʳ."""
     fit.settle(place)
-    finer = fit.finer(asked, segment, 2)
+    finer = fit.finer(segment, 2)
     finer.settle(place)
     there, here = finer.residual(place), fit.residual(place)
     if there is None or here is None:
@@ -123,64 +119,6 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
     moved, _, errors = step(fit.jacobian(place, here[1]), there[0] - here[0], fit.shooting.size, 0.0)
     share = 1 - 0.5**asked.method.order
     return np.abs(moved) / np.where(errors > 0, errors, np.inf) / share
-
-
-class Fit:
-    """Residuals of all samples over their noise."""
-
-    def __init__(self, shooting: Shooting, log: Log, sigma: np.ndarray, settle: float):
-        self.shooting, self.log, self.sigma = shooting, log, sigma
-        rows = shooting.samples.rows
-        values = np.stack([log.columns[name] for name in shooting.channels.names], axis=1)[rows]
-        settled = log.time[rows] >= log.time[0] + settle
-        self.there = (settled & (rows >= 0))[..., None] & np.isfinite(values)
-        self.values = np.where(self.there, values, 0.0)
-        self.internal: Any = None
-
-    def differences(self, found: Prediction) -> np.ndarray:
-        """y(t_i) − y_i, angles within half a turn; 0 where nothing was measured."""
-        off = found.values - self.values
-        turning = self.shooting.samples.turning
-        off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
-        return np.where(self.there, off, 0.0)
-
-    def at(self, shared: np.ndarray) -> Estimates:
-        """Parameters, with every segment starting at its reference."""
-        return Estimates(shared, np.zeros((self.shooting.runs, self.shooting.size)))
-
-    def finer(self, asked: Setting, segment: float | None, parts: int) -> Fit:
-        """The same segments on steps that are `parts` times shorter."""
-        if parts == 1:
-            return self
-        found = Fit(asked.shooting(self.shooting.samples.h / parts, segment), self.log, self.sigma, asked.settle)
-        found.internal = self.internal
-        return found
-
-    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
-        if not np.all(np.abs(place.shared) < 50) or not self.shooting.unknowns.definite(place.shared):
-            return None
-        found = self.shooting.predict(place.shared, place.own, self.internal)
-        if found is None:
-            return None
-        return (self.differences(found) / self.sigma).reshape(self.shooting.runs, -1), found
-
-    def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
-        slopes = self.shooting.slopes(place.shared, way)
-        weighted = np.where(self.there[:, :, None, :], slopes, 0.0) / self.sigma
-        return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, slopes.shape[2])
-
-    def settle(self, place: Estimates) -> None:
-        """Internal states of starts that follow from those of the segments before."""
-        if self.shooting.template.internal is None:
-            return
-        for _ in range(SETTLING):
-            found = self.shooting.predict(place.shared, place.own, self.internal)
-            if found is None:
-                return
-            self.accepted(found)
-
-    def accepted(self, way: Prediction) -> None:
-        self.internal = self.shooting.internal(way)
 
 
 def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bool) -> Fitted:
@@ -213,15 +151,15 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
     return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
 
 
-def _far(shooting: Shooting, solution: Solution) -> list[str]:
+def _far(fit: Fit, solution: Solution) -> list[str]:
     """The parameters that ran away."""
-    pairs = zip(shooting.unknowns.each, solution.place.shared, strict=True)
+    pairs = zip(fit.each, solution.place.shared, strict=True)
     return [unknown.label for unknown, x in pairs if abs(x) > FAR]
 
 
-def _lost(shooting: Shooting, solution: Solution, trips: int) -> str:
+def _lost(fit: Fit, solution: Solution, trips: int) -> str:
     """Why there is no estimate."""
-    if far := _far(shooting, solution):
+    if far := _far(fit, solution):
         return (
             f"Least squares ran away with {', '.join(far)}: the log hardly excites that, or the search began too far "
             "away, or the log is in other axes or units; leave it at a known value, or start from better ones."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,22 @@ ON_NODE = 1e-6
 """A sample this part of a step away from a node is at the node."""
 
 
+BREAK = 0.25
+"""A gap of this part of a segment, or more, ends it: the next begins after the gap from a start of its own."""
+
+FEWEST = 4
+"""Samples of a segment, at least."""
+
+
+class Reading(NamedTuple):
+    """Between which nodes each number of the record is read, (segments, samples, numbers, 4), with their weights and
+    the derivatives of the weights by time, 1/s."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    slopes: np.ndarray
+
+
 @dataclass(frozen=True)
 class Samples:
     """Segments of a log on grids of step h.
@@ -24,7 +40,9 @@ class Samples:
     `starts`: (segments,) s. `table`: (steps, segments, numbers), the mean of the inputs over each step. `rows`:
     (segments, samples), which sample of the log, −1 where there is none. `nodes`, `weights`: (segments, samples, 1 or
     4), the nodes that a sample lies between and their parts in it: cubic interpolation. `turning`: the channels that
-    are angles. `nodes_to_next`: at which node the next segment starts.
+    are angles. `nodes_to_next`: at which node the next segment starts. `steps_away`: (segments, samples), from the
+    start of the segment. `early`: samples that a delay would put before the start. `after_gap`: segments before which
+    the log has a gap that ended the one before.
     """
 
     h: float
@@ -35,12 +53,28 @@ class Samples:
     weights: np.ndarray
     turning: np.ndarray
     nodes_to_next: np.ndarray
+    steps_away: np.ndarray
+    early: np.ndarray
+    after_gap: np.ndarray
 
-    def taken(self, records: np.ndarray) -> np.ndarray:
-        """Records (segments, steps, channels) at the samples (segments, samples, channels)."""
+    def unwrapped(self, records: np.ndarray) -> np.ndarray:
+        """Records whose angles do not jump."""
         records = records.copy()
         records[..., self.turning] = np.unwrap(records[..., self.turning], axis=1)
-        return self.weighed(records)
+        return records
+
+    def reading(self, delays: np.ndarray, steps: int) -> Reading:
+        """Where each number of the record is read that is `delays` s old in the log; records have so many steps."""
+        x = self.steps_away[..., None] - delays / self.h
+        nodes = _around(x, steps)
+        return Reading(nodes, _lagrange(x, nodes), _lagrange_slopes(x, nodes) / self.h)
+
+    def read(self, rows: np.ndarray, nodes: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(segments, steps, …, numbers) as (segments, samples, …, numbers), each number at its own time."""
+        segments, numbers = np.arange(len(rows))[:, None, None], np.arange(rows.shape[-1])
+        spread = (..., *[None] * (rows.ndim - 3))
+        parts = (rows[segments, nodes[..., k], ..., numbers] * weights[..., k][spread] for k in range(4))
+        return np.moveaxis(sum(parts), 2, -1)  # type: ignore[arg-type]
 
     def weighed(self, rows: np.ndarray) -> np.ndarray:
         """(segments, steps, …) at the samples (segments, samples, …)."""
@@ -52,40 +86,104 @@ class Samples:
         return sum(parts)  # type: ignore[return-value]
 
 
-def samples(log: Log, turning: np.ndarray, h: float, segment: float | None, between: Between) -> Samples:
-    """Segments of about `segment` s, or one; raises ArgumentError where one would hold fewer than four samples."""
-    count = 1 if segment is None else max(1, round(log.duration / segment))
-    borders = log.time[0] + log.duration / count * np.arange(count)
-    first = np.searchsorted(log.time, borders - 1e-9 * log.duration)
-    if np.any(np.diff([*first, len(log)]) < 4):
-        raise ArgumentError(
-            f"Segments of {segment:g} s hold fewer than four samples somewhere: take longer ones than `segment`."
-        )
-    starts = log.time[first]
-    owner = np.searchsorted(first, np.arange(len(log)), side="right") - 1
-    place = np.arange(len(log)) - first[owner]
-    rows = np.full((count, place.max() + 1), -1)
-    rows[owner, place] = np.arange(len(log))
+def samples(
+    log: Log, turning: np.ndarray, h: float, segment: float | None, between: Between, reach: float = 0.0
+) -> Samples:
+    """Segments of about `segment` s, or one; raises ArgumentError where one would hold fewer than four samples.
+
+    A gap in the log of BREAK segments ends a segment; what is left of fewer than four samples between gaps is not
+    taken. `reach`: how long before and after its samples a segment is simulated, for sensors with delays, s; the first
+    one, and one after a gap, starts at its first sample.
+    """
+    first, last, continued = _cuts(log, segment)
+    count, number = len(first), np.arange(len(log))
+    owner = np.searchsorted(first, number, side="right") - 1
+    owner = np.where((owner >= 0) & (number <= last[owner]), owner, -1)
+    here, place = owner >= 0, number - first[owner]
+    ahead = np.where(continued, np.ceil(reach / h - 1e-9) * h, 0.0)
+    starts = log.time[first] - ahead
+    rows = np.full((count, place[here].max() + 1), -1)
+    rows[owner[here], place[here]] = number[here]
     steps_away = np.where(rows >= 0, (log.time[rows] - starts[:, None]) / h, 0.0)
-    steps = int(np.ceil(max(steps_away.max(), (np.diff(starts) / h).max(initial=0.0)))) + 2
+    to_next = np.diff(starts) / h
+    farthest = max(steps_away.max(), np.where(continued[1:], to_next, 0.0).max(initial=0.0))
+    steps = int(np.ceil(farthest + reach / h)) + 2
     nodes, weights = _interpolation(steps_away, steps)
     inputs = np.concatenate([np.zeros((len(log), 0)), *(v.reshape(len(log), -1) for v in log.inputs.values())], axis=1)
     edges = starts[None, :] + h * np.arange(steps + 1)[:, None]
     table = np.diff(_integral(log.time, inputs, edges, between), axis=0) / h
-    return Samples(h, starts, table, rows, nodes, weights, turning, np.rint(np.diff(starts) / h).astype(int))
+    following = np.minimum(np.rint(to_next).astype(int), steps - 1)
+    after_gap = ~continued & (number[:count] > 0)
+    early = steps_away * h < np.where(continued, 0.0, reach)[:, None]
+    return Samples(h, starts, table, rows, nodes, weights, turning, following, steps_away, early, after_gap)
+
+
+def _cuts(log: Log, segment: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of every segment: its first sample, its last, and whether it follows upon another without a gap."""
+    if segment is None:
+        return np.array([0]), np.array([len(log) - 1]), np.array([False])
+    gaps = np.flatnonzero(np.diff(log.time) > max(BREAK * segment, FEWEST * log.interval))
+    first: list[int] = []
+    last: list[int] = []
+    continued: list[bool] = []
+    ends = [int(i) for i in gaps]
+    for begin, end in zip([0, *(i + 1 for i in ends)], [*ends, len(log) - 1], strict=True):
+        if end - begin + 1 < FEWEST and len(gaps):
+            continue
+        length = log.time[end] - log.time[begin]
+        count = max(1, round(length / segment))
+        borders = log.time[begin] + length / count * np.arange(count)
+        cut = np.searchsorted(log.time, borders - 1e-9 * log.duration)
+        if np.any(np.diff(np.append(cut, end + 1)) < FEWEST):
+            raise ArgumentError(
+                f"Segments of {segment:g} s hold fewer than four samples somewhere: take longer ones than `segment`."
+            )
+        first += list(cut)
+        last += [*(cut[1:] - 1), end]
+        continued += [False] + [True] * (count - 1)
+    if not first:
+        raise ArgumentError(
+            f"No stretch of the log between gaps of {BREAK * segment:g} s holds four samples: take a longer `segment`."
+        )
+    return np.array(first), np.array(last), np.array(continued)
 
 
 def _interpolation(x: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """The nodes around each x, in steps, and Lagrange's weights."""
     if np.all(np.abs(x - np.rint(x)) < ON_NODE):
         return np.rint(x).astype(int)[..., None], np.ones((*x.shape, 1))
-    nodes = np.clip(np.floor(x).astype(int) - 1, 0, max(steps - 4, 0))[..., None] + np.arange(4)
+    nodes = _around(x, steps)
+    return nodes, _lagrange(x, nodes)
+
+
+def _around(x: np.ndarray, steps: int) -> np.ndarray:
+    """The four nodes around each x, a last axis."""
+    return np.clip(np.floor(x).astype(int) - 1, 0, max(steps - 4, 0))[..., None] + np.arange(4)
+
+
+def _lagrange(x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Π_{j≠k}(x − x_j)/(x_k − x_j)."""
     weights = np.ones(nodes.shape)
     for k in range(4):
         for j in range(4):
             if j != k:
                 weights[..., k] *= (x - nodes[..., j]) / (nodes[..., k] - nodes[..., j])
-    return nodes, weights
+    return weights
+
+
+def _lagrange_slopes(x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Derivatives by x: Σ_{i≠k} 1/(x_k − x_i) Π_{j≠i,k}(x − x_j)/(x_k − x_j)."""
+    slopes = np.zeros(nodes.shape)
+    for k in range(4):
+        for i in range(4):
+            if i == k:
+                continue
+            part = 1.0 / (nodes[..., k] - nodes[..., i])
+            for j in range(4):
+                if j not in (i, k):
+                    part = part * (x - nodes[..., j]) / (nodes[..., k] - nodes[..., j])
+            slopes[..., k] += part
+    return slopes
 
 
 def _integral(time: np.ndarray, values: np.ndarray, at: np.ndarray, between: Between) -> np.ndarray:

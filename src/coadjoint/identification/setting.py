@@ -14,6 +14,7 @@ from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
 from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Between, samples
+from coadjoint.identification.sensing import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Unknowns
@@ -44,6 +45,7 @@ class Setting:
     between: Between
     step: float | None
     settle: float
+    sensing: Sensing
 
     @property
     def longest(self) -> float:
@@ -68,7 +70,7 @@ class Setting:
         """Segments of about `segment` s on steps h."""
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
-        cut = samples(self.log, turning, h, segment, self.between)
+        cut = samples(self.log, turning, h, segment, self.between, self.sensing.reach)
         template = self.method.begin(self.unknowns.system, self.start, h)
         if template.memory is not None or self.method.variable:
             raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
@@ -101,6 +103,7 @@ def setting(
     between: Between,
     step: float | None,
     settle: float,
+    sensing: Sensing | None = None,
 ) -> Setting:
     """What is sought, checked; raises ArgumentError."""
     system = sought.system
@@ -111,9 +114,11 @@ def setting(
     if not 0 <= settle < log.duration:
         raise ArgumentError(f"Argument `settle` must be 0 or more and shorter than the log, but is {settle:g} s.")
     needed = sum(int(np.isfinite(values).sum()) for values in log.columns.values())
-    if needed < 2 * (2 * system.unknowns + len(sought.each)):
+    sensing = Sensing(channels.names) if sensing is None else sensing
+    count = len(sought.each) + len(sensing.each)
+    if needed < 2 * (2 * system.unknowns + count):
         raise ArgumentError(
-            f"The log holds {needed} numbers, too few for {len(sought.each)} parameters and a start of "
+            f"The log holds {needed} numbers, too few for {count} parameters and a start of "
             f"{2 * system.unknowns} numbers."
         )
     t = np.float64(log.time[0])
@@ -125,4 +130,4 @@ def setting(
         t_rest=np.float64(0.0),
     )
     require_inputs(system, begun)
-    return Setting(sought, log, begun, channels, method, between, step, settle)
+    return Setting(sought, log, begun, channels, method, between, step, settle, sensing)

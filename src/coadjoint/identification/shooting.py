@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
-from coadjoint.identification.sampling import Samples
+from coadjoint.identification.sampling import Reading, Samples
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run import driven
@@ -43,11 +43,15 @@ class Reference(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the sensors would say at the samples, (segments, samples, channels), with the path that led there."""
+    """What the sensors would say at the samples, (segments, samples, numbers), with the path that led there.
+
+    `reading`: where they were read, with delays; None at the times of the samples.
+    """
 
     values: np.ndarray
     path: driven.Path
     slopes_of_start: np.ndarray
+    reading: Reading | None
 
 
 @dataclass(frozen=True)
@@ -138,8 +142,10 @@ class Shooting:
 
         return start
 
-    def predict(self, coordinates: np.ndarray, delta: np.ndarray, internal: Any = None) -> Prediction | None:
-        """What the sensors would say; None where a step fails."""
+    def predict(
+        self, coordinates: np.ndarray, delta: np.ndarray, internal: Any = None, delays: np.ndarray | None = None
+    ) -> Prediction | None:
+        """What the sensors would say, each number of the record `delays` s late; None where a step fails."""
         numbers = self.unknowns.filled(coordinates)
         active = np.repeat(numbers[None, list(self.unknowns.active)], self.runs, axis=0)
         known = _flat(self._known(self.held if internal is None else internal), 1)
@@ -149,7 +155,17 @@ class Shooting:
         path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table)
         if np.any(path.codes) or not np.all(np.isfinite(path.records)):
             return None
-        return Prediction(self.samples.taken(path.records), path, slopes)
+        records = self.samples.unwrapped(path.records)
+        if delays is None:
+            return Prediction(self.samples.weighed(records), path, slopes, None)
+        reading = self.samples.reading(delays, records.shape[1])
+        return Prediction(self.samples.read(records, reading.nodes, reading.weights), path, slopes, reading)
+
+    def speeds(self, found: Prediction) -> np.ndarray:
+        """d/dt of what the sensors would say, (segments, samples, numbers)."""
+        assert found.reading is not None
+        records = self.samples.unwrapped(found.path.records)
+        return self.samples.read(records, found.reading.nodes, found.reading.slopes)
 
     def slopes(self, coordinates: np.ndarray, found: Prediction) -> np.ndarray:
         """∂values/∂(δ, coordinates): (segments, samples, columns, channels)."""
@@ -159,7 +175,9 @@ class Shooting:
         by_delta, by_active = found.slopes_of_start[:, :, : self.size], found.slopes_of_start[:, :, self.size :]
         start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
         dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, np.ascontiguousarray(start_dot))
-        return self.samples.weighed(dot)
+        if found.reading is None:
+            return self.samples.weighed(dot)
+        return self.samples.read(dot, found.reading.nodes, found.reading.weights)
 
     def internal(self, found: Prediction) -> Any:
         """The internal state from which each segment starts: that with which the segment before came there."""

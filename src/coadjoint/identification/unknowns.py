@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.identification.tied import SIGN, Entry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
@@ -92,7 +93,8 @@ class Unknowns:
 
 
 def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str]) -> Unknowns:
-    """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`.
+    """The unknowns named `parameters`: whole arrays, `"damping"`, or entries, `"added_mass[0,0]"`; `"a = b"` is one
+    unknown for both.
 
     The name of a part of a craft stands for all its parameters: `"hull"` for `hull.axial_drag`, … Of a whole array
     those entries are unknown that are not zero. Pairs of a symmetric matrix stay equal. Unknown by their logarithms are
@@ -108,32 +110,46 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     positive = _expanded(positive, known)
     chosen: dict[tuple[int, ...], Unknown] = {}
     matrices: dict[int, int] = {}
-    for text in _expanded(parameters, known):
-        name, index = _parsed(text, known)
-        first, array = known[name]
-        paired = array.ndim == 2 and array.shape[0] == array.shape[1] and bool(np.allclose(array, array.T, rtol=1e-9))
-        definite = paired and array.shape[0] > 1 and np.linalg.eigvalsh(array)[0] > 0
-        if definite:
-            matrices[first] = len(array)
-        for entry in np.ndindex(array.shape) if index is None else [index]:
-            places = {first + int(np.ravel_multi_index(entry, array.shape)) if entry else first}
-            if paired:
-                places.add(first + int(np.ravel_multi_index(entry[::-1], array.shape)))
-            if index is None and array[entry] == 0:
-                continue
-            at = f"[{','.join(map(str, entry))}]" if entry else ""
-            log = (definite and entry[0] == entry[1]) or name in positive or name + at in positive
-            if log and not array[entry] > 0:
-                raise ArgumentError(f"`{name}` cannot be sought as positive: it starts from {array[entry]:g}.")
-            chosen.setdefault(
-                tuple(sorted(places)), Unknown(name + at, tuple(sorted(places)), float(array[entry]), log)
-            )
+    for tied in groups(parameters, known, _expanded):
+        members = [_entries(text, known, matrices) for text in tied]
+        require_equal(tied, members)
+        for equal in zip(*members, strict=True):
+            places = tuple(sorted({place for entry in equal for place in entry.places}))
+            label, value = SIGN.join(entry.label for entry in equal), equal[0].value
+            names = {entry.label for entry in equal} | {entry.label.partition("[")[0] for entry in equal}
+            log = any(entry.definite for entry in equal) or not names.isdisjoint(positive)
+            if log and not value > 0:
+                raise ArgumentError(f"`{label}` cannot be sought as positive: it starts from {value:g}.")
+            chosen.setdefault(places, Unknown(label, places, value, log))
+    require_once(chosen)
     if not chosen:
         raise ArgumentError(f"All entries of {', '.join(parameters)} are zero: name those to find, as in `name[0]`.")
     _require_few([unknown.label for unknown in chosen.values()])
-    _require_sought(positive, [unknown.label for unknown in chosen.values()])
+    _require_sought(positive, [name for unknown in chosen.values() for name in unknown.label.split(SIGN)])
     numbers = np.concatenate([array.reshape(-1) for _, array in known.values()])
     return Unknowns(system, tuple(chosen.values()), numbers, tuple(matrices.items()))
+
+
+def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict[int, int]) -> list[Entry]:
+    """The entries that a name stands for, those of a whole array that are not zero; adds to `matrices`, first place →
+    size, what is positive definite."""
+    name, index = _parsed(text, known)
+    first, array = known[name]
+    paired = array.ndim == 2 and array.shape[0] == array.shape[1] and bool(np.allclose(array, array.T, rtol=1e-9))
+    definite = paired and array.shape[0] > 1 and np.linalg.eigvalsh(array)[0] > 0
+    if definite:
+        matrices[first] = len(array)
+    found: dict[tuple[int, ...], Entry] = {}
+    for entry in np.ndindex(array.shape) if index is None else [index]:
+        if index is None and array[entry] == 0:
+            continue
+        places = {first + int(np.ravel_multi_index(entry, array.shape)) if entry else first}
+        if paired:
+            places.add(first + int(np.ravel_multi_index(entry[::-1], array.shape)))
+        at = f"[{','.join(map(str, entry))}]" if entry else ""
+        diagonal = bool(definite and entry[0] == entry[1])
+        found.setdefault(tuple(sorted(places)), Entry(name + at, tuple(sorted(places)), float(array[entry]), diagonal))
+    return list(found.values())
 
 
 def _require_few(labels: Sequence[str]) -> None:

@@ -1,0 +1,165 @@
+"""What least squares sees of a log: residuals over their noise, and their derivatives by all that is sought."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coadjoint.identification import rotations
+from coadjoint.identification.least_squares import Estimates
+from coadjoint.identification.setting import Setting
+from coadjoint.identification.shooting import Prediction, Shooting
+from coadjoint.identification.unknowns import Unknown
+
+SETTLING = 3
+"""How often internal states are handed from each segment to the next before least squares begins."""
+
+FARTHEST = 50.0
+"""How far from its beginning a coordinate may be, a logarithm or a multiple of its size."""
+
+
+class Fit:
+    """Residuals of all samples over their noise.
+
+    `sigma`: standard deviation by channel. `held`: whether biases and delays stay where they begin.
+    """
+
+    def __init__(self, shooting: Shooting, asked: Setting, sigma: np.ndarray, held: bool = False):
+        self.shooting, self.asked, self.sigma, self.held = shooting, asked, sigma, held
+        self.log, self.sensing = asked.log, asked.sensing
+        cut, rows = shooting.samples, shooting.samples.rows
+        values = np.stack([self.log.columns[name] for name in shooting.channels.names], axis=1)[rows]
+        settled = self.log.time[rows] >= self.log.time[0] + asked.settle
+        self.there = (settled & (rows >= 0))[..., None] & np.isfinite(values)
+        late = [i for _, channels in self.sensing.delayed for i in channels]
+        self.there[..., late] &= ~cut.early[..., None]
+        if attitude := list(self.sensing.attitude):
+            self.there[..., attitude] = self.there[..., attitude].all(axis=2, keepdims=True)
+        self.values = np.where(self.there, values, 0.0)
+        if attitude:
+            self.rotation = rotations.measured(*np.moveaxis(self.values[..., attitude], -1, 0))
+        self.internal: Any = None
+
+    @property
+    def each(self) -> tuple[Unknown, ...]:
+        """All that segments share: parameters, biases, delays."""
+        return (*self.shooting.unknowns.each, *self.sensing.each)
+
+    @property
+    def count(self) -> int:
+        return len(self.each)
+
+    def split(self, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of parameters, and those of the sensors."""
+        return tuple(np.split(shared, [len(self.shooting.unknowns.each)]))  # type: ignore[return-value]
+
+    def predict(self, place: Estimates) -> Prediction | None:
+        """What the sensors would say."""
+        parameters, own = self.split(place.shared)
+        delays = self.sensing.delay(own)
+        if delays is not None and self.sensing.rotation:
+            delays = np.concatenate([delays, np.repeat(delays[self.sensing.attitude[0]], 9)])
+        return self.shooting.predict(parameters, place.own, self.internal, delays)
+
+    def simulated(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
+        """Of every channel, with its bias: (segments, samples, channels)."""
+        return found.values[..., : len(self.sensing.names)] + self.sensing.bias(self.split(shared)[1])
+
+    def differences(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
+        """y(t_i) − y_i, angles within half a turn, or of attitudes δ of `rotations`; 0 where nothing was measured."""
+        off = self.simulated(found, shared) - self.values
+        turning = self.shooting.samples.turning
+        off[..., turning] = (off[..., turning] + np.pi) % (2 * np.pi) - np.pi
+        if attitude := list(self.sensing.attitude):
+            bias = self.sensing.bias(self.split(shared)[1])[attitude]
+            off[..., attitude] = rotations.difference(self.rotation, self._matrices(found), bias)
+        return np.where(self.there, off, 0.0)
+
+    def _matrices(self, found: Prediction) -> np.ndarray:
+        """Simulated attitudes, (segments, samples, 3, 3)."""
+        R = found.values[..., len(self.sensing.names) :]
+        return R.reshape(*R.shape[:-1], 3, 3)
+
+    def at(self, shared: np.ndarray) -> Estimates:
+        """Parameters, with every segment starting at its reference."""
+        return Estimates(shared, np.zeros((self.shooting.runs, self.shooting.size)))
+
+    def finer(self, segment: float | None, parts: int) -> Fit:
+        """The same segments on steps that are `parts` times shorter."""
+        if parts == 1:
+            return self
+        found = Fit(self.asked.shooting(self.shooting.samples.h / parts, segment), self.asked, self.sigma)
+        found.internal = self.internal
+        return found
+
+    def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
+        parameters, own = self.split(place.shared)
+        far = not np.all(np.abs(place.shared) < FARTHEST) or not self.sensing.within(own)
+        if far or not self.shooting.unknowns.definite(parameters):
+            return None
+        found = self.predict(place)
+        if found is None:
+            return None
+        return (self.differences(found, place.shared) / self.sigma).reshape(self.shooting.runs, -1), found
+
+    def slopes(self, place: Estimates, way: Prediction) -> np.ndarray:
+        """Derivatives of `differences` by starts, parameters and what is sought of the sensors: (segments, samples,
+        columns, channels)."""
+        parts = [self.shooting.slopes(self.split(place.shared)[0], way)]
+        if self.sensing.each and not self.held:
+            parts.append(self._by_sensors(way, parts[0].shape[-1]))
+        elif self.sensing.each:
+            parts.append(np.zeros((*self.there.shape[:2], len(self.sensing.each), parts[0].shape[-1])))
+        along = np.concatenate(parts, axis=2)
+        found = along[..., : len(self.sensing.names)]
+        if self.sensing.rotation:
+            found = self._turned(found, along, place.shared, way)
+        return np.where(self.there[:, :, None, :], found, 0.0)
+
+    def _turned(self, found: np.ndarray, along: np.ndarray, shared: np.ndarray, way: Prediction) -> np.ndarray:
+        """`found` with the derivatives of δ of `rotations` where those of Euler angles stand."""
+        parameters, own = self.split(shared)
+        attitude = list(self.sensing.attitude)
+        bias, R = self.sensing.bias(own)[attitude], self._matrices(way)
+        off = rotations.difference(self.rotation, R, bias)
+        turned = rotations.slopes(off, R, along[..., len(self.sensing.names) :], bias)
+        by_bias, first = rotations.slopes_of_bias(off, bias), self.shooting.size + len(parameters)
+        for column, i in enumerate(self.sensing.biased):
+            if i in attitude and not self.held:
+                turned[:, :, first + column] = by_bias[:, :, attitude.index(i)]
+        found = found.copy()
+        found[..., attitude] = turned
+        return found
+
+    def _by_sensors(self, way: Prediction, numbers: int) -> np.ndarray:
+        """∂y/∂b = 1 and ∂y/∂τ = −dy/dt, (segments, samples, columns, numbers of the record)."""
+        found = np.zeros((*self.there.shape[:2], len(self.sensing.each), numbers))
+        for column, i in enumerate(self.sensing.biased):
+            found[:, :, column, i] = 1.0
+        speeds = self.shooting.speeds(way) if self.sensing.delayed else None
+        for column, (_, channels) in enumerate(self.sensing.delayed, start=len(self.sensing.biased)):
+            assert speeds is not None
+            late = list(channels)
+            found[:, :, column, late] = -speeds[..., late]
+            if set(self.sensing.attitude) & set(late):
+                matrix = slice(len(self.sensing.names), numbers)
+                found[:, :, column, matrix] = -speeds[..., matrix]
+        return found
+
+    def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
+        weighted = self.slopes(place, way) / self.sigma
+        return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, weighted.shape[2])
+
+    def settle(self, place: Estimates) -> None:
+        """Internal states of starts that follow from those of the segments before."""
+        if self.shooting.template.internal is None:
+            return
+        for _ in range(SETTLING):
+            found = self.predict(place)
+            if found is None:
+                return
+            self.accepted(found)
+
+    def accepted(self, way: Prediction) -> None:
+        self.internal = self.shooting.internal(way)
