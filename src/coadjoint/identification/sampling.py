@@ -24,7 +24,7 @@ FEWEST = 4
 """Samples of a segment, at least."""
 
 
-class Reading(NamedTuple):
+class Interpolation(NamedTuple):
     """Between which nodes each number of the record is read, (segments, samples, numbers, 4), with their weights and
     the derivatives of the weights by time, 1/s."""
 
@@ -63,11 +63,11 @@ class Samples:
         records[..., self.turning] = np.unwrap(records[..., self.turning], axis=1)
         return records
 
-    def reading(self, delays: np.ndarray, steps: int) -> Reading:
+    def reading(self, delays: np.ndarray, steps: int) -> Interpolation:
         """Where each number of the record is read that is `delays` s old in the log; records have so many steps."""
         x = self.steps_away[..., None] - delays / self.h
         nodes = _around(x, steps)
-        return Reading(nodes, _lagrange(x, nodes), _lagrange_slopes(x, nodes) / self.h)
+        return Interpolation(nodes, _lagrange(x, nodes), _lagrange_slopes(x, nodes) / self.h)
 
     def read(self, rows: np.ndarray, nodes: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """(segments, steps, …, numbers) as (segments, samples, …, numbers), each number at its own time."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
-from coadjoint.identification.sampling import Reading, Samples
+from coadjoint.identification.sampling import Interpolation, Samples
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run import driven
@@ -51,7 +51,7 @@ class Prediction(NamedTuple):
     values: np.ndarray
     path: driven.Path
     slopes_of_start: np.ndarray
-    reading: Reading | None
+    reading: Interpolation | None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ SIGN = " = "
 """Between the names of parameters that are equal."""
 
 
-class Entry(NamedTuple):
+class NamedEntry(NamedTuple):
     """One number of a parameter: its name with its index, where it stands among all numbers, its value.
 
     `places`: two of an entry beside the diagonal of a symmetric matrix. `definite`: whether it stands on the diagonal
@@ -39,7 +39,7 @@ def groups(
         yield from zip(*lists, strict=True)
 
 
-def require_equal(names: Sequence[str], members: Sequence[Sequence[Entry]]) -> None:
+def require_equal(names: Sequence[str], members: Sequence[Sequence[NamedEntry]]) -> None:
     """Raise ArgumentError for parameters that shall be equal and are not of one size, or do not begin equal."""
     for name, entries in zip(names[1:], members[1:], strict=True):
         if len(entries) != len(members[0]):

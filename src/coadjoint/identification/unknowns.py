@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.tied import SIGN, Entry, groups, require_equal, require_once
+from coadjoint.identification.tied import SIGN, NamedEntry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
@@ -130,7 +130,7 @@ def unknowns(system: System, parameters: Sequence[str], positive: Sequence[str])
     return Unknowns(system, tuple(chosen.values()), numbers, tuple(matrices.items()))
 
 
-def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict[int, int]) -> list[Entry]:
+def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict[int, int]) -> list[NamedEntry]:
     """The entries that a name stands for, those of a whole array that are not zero; adds to `matrices`, first place →
     size, what is positive definite."""
     name, index = _parsed(text, known)
@@ -139,7 +139,7 @@ def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict
     definite = paired and array.shape[0] > 1 and np.linalg.eigvalsh(array)[0] > 0
     if definite:
         matrices[first] = len(array)
-    found: dict[tuple[int, ...], Entry] = {}
+    found: dict[tuple[int, ...], NamedEntry] = {}
     for entry in np.ndindex(array.shape) if index is None else [index]:
         if index is None and array[entry] == 0:
             continue
@@ -148,7 +148,9 @@ def _entries(text: str, known: dict[str, tuple[int, np.ndarray]], matrices: dict
             places.add(first + int(np.ravel_multi_index(entry[::-1], array.shape)))
         at = f"[{','.join(map(str, entry))}]" if entry else ""
         diagonal = bool(definite and entry[0] == entry[1])
-        found.setdefault(tuple(sorted(places)), Entry(name + at, tuple(sorted(places)), float(array[entry]), diagonal))
+        found.setdefault(
+            tuple(sorted(places)), NamedEntry(name + at, tuple(sorted(places)), float(array[entry]), diagonal)
+        )
     return list(found.values())
 
 
