@@ -24,15 +24,17 @@ class Identify:
     vehicle: tyro.conf.Positional[str]
     """A vehicle that is shipped, or the TOML file of one's own."""
     log: tyro.conf.Positional[Path]
-    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or an MCAP file of ROS."""
+    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS."""
     parameters: tuple[str, ...]
     """What to find: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None
-    """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of MCAP files."""
+    """Axes of the log; by default NED/FRD of CSV files, and ENU/FLU of bags."""
     topics: tuple[str, ...] = ()
-    """Of an MCAP file take these topics alone."""
+    """Of a bag take these topics alone."""
+    sensors: Path | None = None
+    """A TOML file that declares which field of which topic of a bag is what."""
     partial: bool = False
-    """Of an MCAP file that was not closed take what is whole."""
+    """Of a bag that was not closed take what is whole."""
     noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """A standard deviation that is known, SI units and rad; repeatable. The others are estimated."""
     segment: float = 10.0
@@ -67,8 +69,8 @@ class Identify:
         if self.out is not None and not self.out.parent.is_dir():
             raise FileError(f"The folder {self.out.parent} does not exist: make it first.")
         craft = Craft(load_vehicle(self.vehicle))
-        options = {"topics": self.topics} if self.topics else {}
-        options |= {"partial": True} if self.partial else {}
+        given = {"topics": self.topics, "sensors": self.sensors, "partial": self.partial}
+        options = {name: value for name, value in given.items() if value}
         log = read_log(self.log, axes=self.axes, ignore=self.ignore, **options)
         begun = {part.name: log.first(part.name) for part in craft.vehicle.commanded}
         actuators = {name: value for name, value in begun.items() if value is not None}

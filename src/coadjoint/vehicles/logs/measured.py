@@ -26,7 +26,7 @@ _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
 
-BAGS = (".mcap",)
+BAGS = (".mcap", ".db3", ".bag", ".bin")
 """The ends of names of what robots record."""
 
 IRREGULAR = 1.2
@@ -36,9 +36,9 @@ IRREGULAR = 1.2
 def read_log(
     path: str | os.PathLike[str], *, axes: Axes | None = None, ignore: Collection[str] = (), **options: Any
 ) -> Log:
-    """The log in a file: a table as CSV, or what a robot recorded, an MCAP file of ROS, by the end of its name.
+    """The log in a file: a table as CSV, or what a robot recorded, a bag of ROS, by the end of its name.
 
-    axes: of the log, "NED/FRD" or "ENU/FLU"; by default the first for a table, and the second of ROS for an MCAP file.
+    axes: of the log, "NED/FRD" or "ENU/FLU"; by default the first for a table, and the second of ROS for a bag.
     ignore: columns to leave out. options: those of `co.vehicles.logs.read_bag`, for what a robot recorded.
 
     The headers of a table are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
@@ -52,7 +52,7 @@ def read_log(
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
     Raises FileError naming file, line and column.
     """
-    if Path(path).suffix.lower() in BAGS:
+    if Path(path).suffix.lower() in BAGS or Path(path).is_dir():
         from coadjoint.vehicles.logs.bags.reading import read_bag
 
         return read_bag(path, axes=axes, ignore=ignore, **options)

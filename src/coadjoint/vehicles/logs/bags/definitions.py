@@ -22,7 +22,7 @@ NUMBERS = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1",
     **{f"int{bits}": f"i{bits // 8}" for bits in (8, 16, 32, 64)},
     **{f"uint{bits}": f"u{bits // 8}" for bits in (8, 16, 32, 64)},
-    "float32": "f4", "float64": "f8",
+    "float16": "f2", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 """NumPy's names of the numbers of messages."""
 STRING = "string"

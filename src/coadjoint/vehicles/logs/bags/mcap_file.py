@@ -10,73 +10,21 @@ import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from coadjoint.errors import FileError, told
-from coadjoint.vehicles.logs.bags.definitions import Definition, definition, short
-from coadjoint.vehicles.logs.bags.messages import Block, Topic
+from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
+from coadjoint.vehicles.logs.bags.decompressing import LARGEST_CHUNK, MOST_TIMES, lz4, zstd
+from coadjoint.vehicles.logs.bags.definitions import short
 from coadjoint.vehicles.logs.bags.optional import library
 
 MAGIC = b"\x89MCAP0\r\n"
-LARGEST_CHUNK, MOST_TIMES = 256_000_000, 1000
-"""The most bytes of a chunk, and how many times as large as the file what it holds may be."""
 _HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<BQHIQQ")
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE_KIND, _CHUNK, _METADATA, _DATA_END = 2, 3, 4, 5, 6, 12, 15
 
 
-class McapChannel(NamedTuple):
-    """A row of messages: the topic, its type, how they are written, and the definition of the type."""
-
-    topic: str
-    type: str
-    written: str
-    format: str
-    text: bytes
-
-
-@dataclass
-class Mcap:
-    """What an MCAP file holds: its channels by their numbers, their messages, and its metadata."""
-
-    path: str
-    channels: dict[int, McapChannel] = field(default_factory=dict)
-    blocks: dict[int, list[Block]] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-    def topics(self) -> dict[str, tuple[str, int]]:
-        """Type and number of messages of every topic."""
-        return {c.topic: (c.type, sum(map(len, self.blocks.get(n, ())))) for n, c in self.channels.items()}
-
-    def topic(self, name: str) -> Topic:
-        """A topic with its messages; raises FileError for one that is not there or that is written in other ways."""
-        numbers = [number for number, channel in self.channels.items() if channel.topic == name]
-        channel = self.channels[numbers[0]]
-        if any(self.channels[n].type != channel.type or self.channels[n].text != channel.text for n in numbers):
-            raise FileError(f"{self.path}: {name} has messages of two types, {channel.type} among them.")
-        blocks = tuple(block for number in numbers for block in self.blocks.get(number, ()))
-        return Topic(name, self._definition(channel), channel.written, blocks, self.path)
-
-    def _definition(self, channel: McapChannel) -> Definition:
-        where = f"{self.path}: {channel.topic}"
-        if channel.written not in ("cdr", "ros1"):
-            raise FileError(
-                f'{where} is written in "{channel.written}", but what is read is "cdr" of ROS 2 and "ros1".'
-            )
-        if channel.format not in ("ros2msg", "ros1msg"):
-            raise FileError(f'{where} is defined in "{channel.format}", but what is read is "ros2msg" and "ros1msg".')
-        try:
-            text = channel.text.decode()
-        except UnicodeDecodeError as error:
-            raise FileError(f"{where}: the definition of {channel.type} is not a text in UTF-8.") from error
-        return definition(channel.type, text, where)
-
-
-def read_mcap(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Mcap:
+def read_mcap(path: Path, wanted: Callable[[str, str], bool], partial: bool = False) -> Bag:
     """An MCAP file with the messages of those topics for which `wanted(topic, type)` is true.
 
     partial: of a file that ends too early take what is whole. Raises FileError for files that are no MCAP, are damaged
@@ -98,7 +46,7 @@ class _Reading:
 
     def __init__(self, path: Path, content: memoryview, wanted: Callable[[str, str], bool], partial: bool):
         self.path, self.content, self.asked, self.partial = path, content, wanted, partial
-        self.found = Mcap(str(path))
+        self.found = Bag(str(path))
         self.schemas: dict[int, tuple[str, str, bytes]] = {0: ("", "", b"")}
         self.wanted: set[int] = set()
         self.opened = 0
@@ -106,7 +54,7 @@ class _Reading:
     def wrong(self, at: int, what: str) -> FileError:
         return FileError(f"The MCAP file {self.path} is damaged at byte {at}: {what}.")
 
-    def all(self) -> Mcap:
+    def all(self) -> Bag:
         """All records; raises FileError."""
         ended = self.rows(self.content, len(MAGIC), 0)
         if not ended and not self.partial:
@@ -140,9 +88,7 @@ class _Reading:
             return inside
         finally:
             for number, found in rows.items():
-                table = np.array(found, np.int64).reshape(-1, 3)
-                block = Block(content, table[:, 0], table[:, 1], table[:, 2])
-                self.found.blocks.setdefault(number, []).append(block.alone() if inside else block)
+                self.found.add(number, content, found, alone=inside)
 
     def message(self, content: memoryview, at: int, length: int, rows: dict[int, list[tuple[int, int, int]]]) -> None:
         if length < 22:
@@ -183,7 +129,7 @@ class _Reading:
         written, _ = _text(rest)
         if schema not in self.schemas:
             raise self.wrong(at, f"the topic {topic} is of the schema {schema}, which comes nowhere before it")
-        made = McapChannel(topic, self.schemas[schema][0], written, *self.schemas[schema][1:])
+        made = BagChannel(topic, self.schemas[schema][0], written, *self.schemas[schema][1:])
         if self.found.channels.setdefault(number, made) != made:
             raise self.wrong(at, f"the channel {number} is {self.found.channels[number].topic} and {topic}")
         if self.asked(topic, short(made.type)):
@@ -208,25 +154,12 @@ class _Reading:
             raise self.wrong(at, f'a chunk is compressed by "{compression}", but zstd and lz4 are read')
         else:
             try:
-                plain = _zstd(data, size) if compression == "zstd" else _lz4(data, size)
+                plain = zstd(data, size) if compression == "zstd" else lz4(data, size)
             except Exception as error:
                 raise self.wrong(at, f"a chunk cannot be decompressed ({told(error)})") from error
         if len(plain) != size:
             raise self.wrong(at, f"a chunk says that it holds {size} bytes, but it does not")
         return memoryview(plain)
-
-
-def _zstd(data: memoryview, size: int) -> bytes:
-    zstandard = library("zstandard", "Reading MCAP")
-    told_size = zstandard.frame_content_size(data)
-    if told_size >= 0 and told_size != size:
-        return b""
-    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size) if size else b""
-
-
-def _lz4(data: memoryview, size: int) -> bytes:
-    frame = library("lz4.frame", "Reading MCAP").LZ4FrameDecompressor()
-    return frame.decompress(data, max_length=size + 1)
 
 
 def _text(content: memoryview) -> tuple[str, memoryview]:

@@ -12,7 +12,7 @@ import difflib
 import re
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -49,13 +49,17 @@ class Block:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: its type and how messages are written, "cdr" or "ros1", and its messages."""
+    """A topic of a bag: its type and how messages are written, "cdr", "ros1" or "packed", and its messages.
+
+    divisors: by which numbers are divided that are written as integers.
+    """
 
     name: str
     definition: Definition
     written: str
     blocks: tuple[Block, ...]
     where: str
+    divisors: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return sum(map(len, self.blocks))
@@ -83,20 +87,22 @@ class Topic:
         known: list[Layout] = []
         parts = [_read(self, block, kinds, known) for block in self.blocks]
         none = np.zeros(0)
-        return {path: np.concatenate([part[path] for part in parts]) if parts else none for path in wanted}
+        found = {path: np.concatenate([part[path] for part in parts]) if parts else none for path in wanted}
+        return {p: values / self.divisors[p] if p in self.divisors else values for p, values in found.items()}
 
 
 class Layout(NamedTuple):
     """Where numbers stand in messages whose strings and sequences have given lengths, from the message's first byte.
 
     places: of each path, None where a sequence is too short for it. lengths: pairs of a place and the length there.
-    end: of what is read. order: of bytes, "<" or ">".
+    end: of what is read. order: of bytes, "<" or ">". headed: whether a head tells that order.
     """
 
     places: Mapping[str, int | None]
     lengths: tuple[tuple[int, int], ...]
     end: int
     order: str
+    headed: bool
 
 
 def require_number(definition: Definition, path: str, where: str) -> str:
@@ -158,20 +164,20 @@ def _taken(
     starts = block.starts[rows]
     same = np.ones(len(rows), bool)
     for place, length in layout.lengths:
-        same &= _at(buffer, f"{layout.order}u4", starts + place) == length
-    if layout.order:
+        same &= at_any_byte(buffer, f"{layout.order}u4", starts + place) == length
+    if layout.headed:
         same &= buffer[starts + 1] == (layout.order == "<")
     rows, starts = rows[same], starts[same]
     for path, place in layout.places.items():
         if place is None:
             found[path][rows] = np.nan
         else:
-            found[path][rows] = _at(buffer, f"{layout.order}{kinds[path]}", starts + place)
+            found[path][rows] = at_any_byte(buffer, f"{layout.order}{kinds[path]}", starts + place)
     fits[fits] = same
     return left[~fits]
 
 
-def _at(buffer: np.ndarray, kind: str, places: np.ndarray) -> np.ndarray:
+def at_any_byte(buffer: np.ndarray, kind: str, places: np.ndarray) -> np.ndarray:
     """The numbers that begin at any bytes."""
     size = np.dtype(kind).itemsize
     if len(buffer) < size:
@@ -183,7 +189,7 @@ def _layout(topic: Topic, block: Block, row: int, kinds: Mapping[str, str]) -> L
     """The layout of one message; raises FileError where it ends too early."""
     walk = _walk(topic, block, row, set(kinds))
     places = {path: walk.places.get(path) for path in kinds}
-    return Layout(places, tuple(walk.lengths), walk.at, walk.order)
+    return Layout(places, tuple(walk.lengths), walk.at, walk.order, walk.aligned)
 
 
 def _walk(topic: Topic, block: Block, row: int, wanted: set[str]) -> _Walk:
@@ -223,10 +229,10 @@ class _Walk:
         fields = self.topic.definition.types[name]
         if not fields and self.aligned:
             self.forward(1)
-        for field in fields:
+        for one in fields:
             if self.done:
                 return
-            self.field(field.kind, field.many, f"{before}{field.name}")
+            self.field(one.kind, one.many, f"{before}{one.name}")
 
     def field(self, kind: str, count: int | None, path: str) -> None:
         if count == SEQUENCE:

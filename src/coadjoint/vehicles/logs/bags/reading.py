@@ -4,35 +4,30 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.log import Log
 from coadjoint.units import unit_of
 from coadjoint.vehicles.axes import Axes, space_axes
-from coadjoint.vehicles.logs.bags.definitions import short
+from coadjoint.vehicles.logs.bags.bag import Bag
+from coadjoint.vehicles.logs.bags.dataflash_file import Dataflash, read_dataflash
+from coadjoint.vehicles.logs.bags.declared import Declared, declared
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint.vehicles.logs.bags.messages import Topic
+from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
-from coadjoint.vehicles.logs.bags.sensors import TYPES, CommandTopic, Number, driven, usual
+from coadjoint.vehicles.logs.bags.sensors import ARDUPILOT, TYPES, CommandTopic, Number, SensorTopic, driven, usual
+from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
 
 OWN = "coadjoint"
 """The name of the metadata that bags of this library hold: the axes, the step and the units of commands."""
-
-
-class Bag(Protocol):
-    """What is read of a bag of any format."""
-
-    metadata: dict[str, dict[str, str]]
-    notes: list[str]
-
-    def topics(self) -> dict[str, tuple[str, int]]: ...
-
-    def topic(self, name: str) -> Topic: ...
 
 
 def read_bag(
@@ -40,62 +35,142 @@ def read_bag(
     *,
     axes: Axes | None = None,
     topics: Collection[str] | None = None,
+    sensors: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     ignore: Collection[str] = (),
     partial: bool = False,
 ) -> Log:
-    """The log in an MCAP file of ROS: what its sensors measured and what drove the vehicle.
+    """The log that a robot recorded, what its sensors measured and what drove it.
 
-    Odometry, poses and twists, and inertial units are known by their types; topics `…/command/NAME` of plain
-    numbers are inputs. axes: of the messages, by default "ENU/FLU" as in ROS (REP 103). topics: take these alone.
-    ignore: columns to leave out. partial: of a file that was not closed take what is whole. `log.notes` tells which
-    topic each column is from.
+    Of ROS an MCAP file, `.db3`, `.bag`, or a folder of rosbag2; of ArduPilot `.BIN`, whose messages are topics such as
+    `ATT` and `IMU[0]`.
+
+    Odometry, poses, twists, inertial units, pressures and fixes are known by their types; topics `…/command/NAME` of
+    plain numbers are inputs; of ArduPilot the Kalman filter, the attitude and the gyroscopes.
+
+    axes: of the messages, by default "ENU/FLU" as in ROS (REP 103), and "NED/FRD" of ArduPilot.
+    topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
+    (docs/logs.md); what it declares takes the place of what is known by types. ignore: columns to leave out.
+    partial: of a file that was not closed take what is whole.
+    `log.notes` tells what was unusual, and what was taken where several topics measure it.
     Raises FileError for damaged files, topics that are not there, and two that measure the same.
     """
     file = Path(path)
     if axes is not None:
         space_axes(axes)
-    if not file.is_file():
-        raise FileError(f"There is no log {file}.")
-    bag = read_mcap(file, lambda topic, kind: _wanted(topic, kind, topics), partial)
-    there = bag.topics()
-    own = bag.metadata.get(OWN, {})
-    if missing := [name for name in topics or () if name not in there]:
+    native = "NED/FRD" if file.suffix.lower() == ".bin" else "ENU/FLU"
+    wanted = declared(sensors, axes, native)
+    chosen = set(topics) | wanted.topics if topics is not None else wanted.topics if sensors is not None else None
+    bags = [_opened(part, chosen, partial) for part in _parts(file)]
+    there: dict[str, tuple[str, int]] = {}
+    for bag in bags:
+        for name, (kind, count) in bag.topics().items():
+            there[name] = kind, count + there.get(name, ("", 0))[1]
+    if missing := [name for name in chosen or () if name not in there]:
         raise FileError(f"{file} has no topic {missing[0]}; it has {', '.join(sorted(there)) or 'none'}.")
+    own = bags[0].metadata.get(OWN, {})
+    found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore)
+    if not found:
+        known = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in sorted(there.items()))
+        raise FileError(f"{file} holds no message that measures a vehicle; it holds {known or 'none'}.")
+    notes = [*(note for bag in bags for note in bag.notes), *notes]
+    return merged(str(file), found, commands, notes, _step(file, own), telling=not own)
+
+
+def _parts(file: Path) -> list[Path]:
+    """The files of a bag: itself, or those of a folder in the order of the numbers in their names."""
+    if not file.is_dir():
+        if not file.is_file():
+            raise FileError(f"There is no log {file}.")
+        return [file]
+    found = [part for part in file.iterdir() if part.suffix in (".mcap", ".db3")]
+    if not found:
+        packed = any(part.name.endswith((".mcap.zstd", ".db3.zstd")) for part in file.iterdir())
+        remedy = ", but files that are compressed as a whole: unpack them by `zstd -d`" if packed else ""
+        raise FileError(f"The folder {file} is no bag of ROS 2: it holds no .mcap and no .db3{remedy}.")
+    return sorted(found, key=lambda part: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", part.name)])
+
+
+def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | Dataflash:
+    """The bag in one file, by the end of its name, with the messages that are wanted."""
+
+    def wanted(topic: str, kind: str) -> bool:
+        if chosen is not None:
+            return topic in chosen
+        return kind in TYPES or kind in ARDUPILOT or driven(topic, kind) is not None
+
+    try:
+        if file.suffix.lower() == ".bag":
+            return read_ros1(file, wanted, partial)
+        if file.suffix.lower() == ".bin":
+            return read_dataflash(file, wanted)
+        return read_sqlite(file, wanted) if file.suffix.lower() == ".db3" else read_mcap(file, wanted, partial)
+    except OSError as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"The log {file} cannot be read: {error.strerror or error}.") from error
+
+
+def _taken(
+    bags: list[Bag | Dataflash],
+    wanted: Declared,
+    chosen: Collection[str] | None,
+    axes: Axes,
+    own: Mapping[str, str],
+    ignore: Collection[str],
+) -> tuple[list[Samples], list[Actuation], list[str]]:
+    """What sensors measured, what actuators were told, and notes."""
     sensors: list[Samples] = []
     commands: list[Actuation] = []
-    notes = list(bag.notes)
-    for name, (kind, count) in there.items():
-        if not count or not _wanted(name, short(kind), topics):
+    notes: list[str] = []
+    for topic in _topics(bags):
+        if not len(topic) or (chosen is not None and topic.name not in chosen):
             continue
-        topic = bag.topic(name)
-        if sensor := usual(name, topic.definition.name, axes or "ENU/FLU"):
-            found, told = samples(topic, sensor, ignore)
+        kind = topic.definition.name
+        sensor = usual(topic.name, kind, axes)
+        own_sensors = [
+            _filled(given, whole, sensor, topic) for given, whole in wanted.sensors if given.topic == topic.name
+        ]
+        own_commands = [given for given in wanted.commands if given.topic == topic.name]
+        if not own_sensors and not own_commands:
+            own_sensors = [sensor] if sensor else []
+            command = _command(topic, own)
+            own_commands = [command] if command else []
+        for one in own_sensors:
+            found, told = samples(topic, one, ignore)
             sensors.append(found)
             notes += told
-        elif (command := _command(topic, own)) and command.name not in ignore:
-            drove, told = driving(topic, command)
-            commands.append(drove)
-            notes += told
-    if not sensors:
-        known = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in sorted(there.items()))
-        raise FileError(f"{file} holds no topic that measures a vehicle; it holds {known or 'none'}.")
-    return merged(str(file), sensors, commands, notes, _step(file, own), telling=not own)
+        for command in own_commands:
+            if command.name not in ignore:
+                drove, told = driving(topic, command)
+                commands.append(drove)
+                notes += told
+    return sensors, commands, notes
 
 
-def _wanted(topic: str, kind: str, topics: Collection[str] | None) -> bool:
-    return (kind in TYPES or driven(topic, kind) is not None) and (topics is None or topic in topics)
+def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:
+    """The topics of all files of a bag, each with the messages of all of them."""
+    found: dict[str, Topic] = {}
+    for bag in bags:
+        for name, (_, count) in bag.topics().items():
+            if count:
+                topic = bag.topic(name)
+                before = found.get(name)
+                if before is not None and before.definition != topic.definition:
+                    raise FileError(f"{topic.where}: {name} has messages of another type than in {before.where}.")
+                found[name] = topic if before is None else replace(before, blocks=before.blocks + topic.blocks)
+    return list(found.values())
 
 
-def _command(topic: Topic, own: Mapping[str, str]) -> CommandTopic | None:
-    """The command of a topic `…/command/NAME`, and what an actuator did of `…/actuator/NAME`."""
-    kind = topic.definition.name
-    found = driven(topic.name, kind)
-    if found is None:
-        return None
-    name, did = found
-    count = topic.count("data") if kind.endswith("Array") else None
-    paths = ["data"] if count is None else [f"data[{i}]" for i in range(count)]
-    return CommandTopic(topic.name, name, tuple(map(Number, paths)), _unit(topic, own, name), did=did)
+def _filled(given: SensorTopic, whole: bool, usual: SensorTopic | None, topic: Topic) -> SensorTopic:
+    """A sensor that was declared, with the columns of its type where it tells none."""
+    if whole:
+        return given
+    if usual is None:
+        raise FileError(
+            f"{topic.where}: what {topic.name} ({topic.definition.name}) measures is not known: declare its `columns`, "
+            'as in { u_m_s = "velocity.x" }.'
+        )
+    return replace(given, columns=usual.columns, unless=usual.unless)
 
 
 def _step(file: Path, own: Mapping[str, str]) -> float | None:
@@ -116,3 +191,15 @@ def _unit(topic: Topic, own: Mapping[str, str], name: str) -> str:
     except ArgumentError as error:
         raise FileError(f"{topic.where}: {error}") from error
     return unit
+
+
+def _command(topic: Topic, own: Mapping[str, str]) -> CommandTopic | None:
+    """The command of a topic `…/command/NAME`, and what an actuator did of `…/actuator/NAME`."""
+    kind = topic.definition.name
+    found = driven(topic.name, kind)
+    if found is None:
+        return None
+    name, did = found
+    count = topic.count("data") if kind.endswith("Array") else None
+    paths = ["data"] if count is None else [f"data[{i}]" for i in range(count)]
+    return CommandTopic(topic.name, name, tuple(map(Number, paths)), _unit(topic, own, name), did=did)

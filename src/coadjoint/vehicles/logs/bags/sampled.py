@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from coadjoint.errors import FileError
+from coadjoint.vehicles.logs.bags.converted import converted
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
 from coadjoint.vehicles.logs.bags.messages import Topic
 from coadjoint.vehicles.logs.bags.sensors import CommandTopic, SensorTopic, Stamp
@@ -29,6 +30,8 @@ def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> 
     for name, values in given.items():
         if name in sensor.unless:
             values[found[sensor.unless[name]][kept] == -1] = np.nan
+    given, more = converted(given, sensor.water, sensor.origin, f"{topic.where}: {topic.name}")
+    notes += more
     columns = turned(f"{topic.where}: {topic.name}", given, sensor.axes)
     return Samples(topic.name, times, {n: v for n, v in columns.items() if n not in ignore}, sensor.rank), notes
 

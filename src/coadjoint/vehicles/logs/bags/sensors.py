@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
+from coadjoint.identification.channels import VEHICLE
 from coadjoint.vehicles.axes import Axes
+from coadjoint.vehicles.logs.bags.converted import SPEEDS, WaterAbove
 
 Stamp = Literal["header", "log"]
 """When a sample was taken: the stamp in the head of its message, or when it was logged."""
@@ -24,6 +27,7 @@ class Number(NamedTuple):
 class SensorTopic:
     """A topic and what it measures, names of `headers.NAMES` → number.
 
+    water, origin: by which pressures become depths, and fixes north and east.
     stamp: None is that of the head, where messages have one. offset: s, which is added to its times. every: s, of
     which one sample is kept. rank: of the sensors that measure a column the one with the lowest is taken.
     """
@@ -36,6 +40,8 @@ class SensorTopic:
     every: float = 0.0
     rank: Mapping[str, int] = field(default_factory=dict)
     unless: Mapping[str, str] = field(default_factory=dict)
+    water: WaterAbove = field(default_factory=WaterAbove)
+    origin: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,8 @@ TYPES: dict[str, dict[str, str]] = {
     "geometry_msgs/TwistWithCovarianceStamped": {
         **_three("u v w", "twist.twist.linear"), **_three("p q r", "twist.twist.angular"),
     },
+    "sensor_msgs/FluidPressure": {"pressure": "fluid_pressure"},
+    "sensor_msgs/NavSatFix": {"latitude": "latitude", "longitude": "longitude"},
     "geometry_msgs/TwistStamped": {**_three("u v w", "twist.linear"), **_three("p q r", "twist.angular")},
 }  # fmt: skip
 """What messages of a type measure where nothing else is declared, by the paths of its numbers."""
@@ -81,8 +89,9 @@ UNKNOWN: dict[str, dict[str, str]] = {
         **dict.fromkeys(("qw", "qx", "qy", "qz"), "orientation_covariance[0]"),
         **dict.fromkeys("pqr", "angular_velocity_covariance[0]"),
     },
+    "sensor_msgs/NavSatFix": dict.fromkeys(("latitude", "longitude"), "status.status"),
 }
-"""The entry of a covariance that is -1 where a sensor does not know a quantity."""
+"""The number that is -1 where a sensor does not know a quantity."""
 
 RANKS = {
     "nav_msgs/Odometry": {"p": 2, "q": 2, "r": 2},
@@ -91,6 +100,8 @@ RANKS = {
     | dict.fromkeys(("roll", "pitch", "heading"), 3),
     "geometry_msgs/TwistWithCovarianceStamped": dict.fromkeys("uvw", 3) | dict.fromkeys("pqr", 4),
     "geometry_msgs/PoseStamped": dict.fromkeys(("north", "east", "depth", "roll", "pitch", "heading"), 4),
+    "sensor_msgs/FluidPressure": {"depth": 5},
+    "sensor_msgs/NavSatFix": {"north": 5, "east": 5},
     "geometry_msgs/TwistStamped": dict.fromkeys("uvw", 4) | dict.fromkeys("pqr", 5),
 }
 """Which sensor is taken of a column that several measure: the lowest; 1 where nothing is said."""
@@ -100,8 +111,29 @@ DRIVING = {"std_msgs/Float64": ("data",), "std_msgs/Float32": ("data",)}
 SEVERAL = {"std_msgs/Float64MultiArray", "std_msgs/Float32MultiArray"}
 
 
+_DEGREES = math.pi / 180
+_ANGLES = {"roll": Number("Roll", _DEGREES), "pitch": Number("Pitch", _DEGREES), "heading": Number("Yaw", _DEGREES)}
+_FILTER = {
+    **dict(zip(("north", "east", "depth"), map(Number, ("PN", "PE", "PD")), strict=True)),
+    **dict(zip(SPEEDS, map(Number, ("VN", "VE", "VD")), strict=True)),
+    **_ANGLES,
+}
+ARDUPILOT: dict[str, dict[str, Number]] = {
+    "XKF1": _FILTER,
+    "NKF1": _FILTER,
+    "ATT": _ANGLES,
+    "IMU": {"p": Number("GyrX"), "q": Number("GyrY"), "r": Number("GyrZ")},
+}
+"""What messages of ArduPilot's logs measure: the extended Kalman filter, the attitude and the gyroscopes."""
+_ATTITUDES = {name: {"ATT": 3, "NKF1": 2}.get(name, 1) for name in ARDUPILOT}
+
+
 def usual(topic: str, kind: str, axes: Axes) -> SensorTopic | None:
-    """The sensor of a topic whose type says what it measures; None of other types."""
+    """The sensor of a topic whose type says what it measures; None of other types, and of instances but the first."""
+    if kind in ARDUPILOT:
+        if topic not in (kind, f"{kind}[0]"):
+            return None
+        return SensorTopic(topic, ARDUPILOT[kind], axes, rank=dict.fromkeys(VEHICLE, _ATTITUDES[kind]))
     if kind not in TYPES:
         return None
     columns = {name: Number(path) for name, path in TYPES[kind].items()}

@@ -1,0 +1,97 @@
+"""Depth from pressure, and north and east from fixes of satellites."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from coadjoint.errors import FileError
+from coadjoint.groups import attitude
+from coadjoint.identification.channels import ATTITUDE, VELOCITY
+
+SPEEDS = ("north_speed", "east_speed", "down_speed")
+OTHERS = ("pressure", "latitude", "longitude", *SPEEDS)
+"""What sensors may measure beside the columns of a vehicle: Pa, degrees, degrees, and m/s along axes of space."""
+
+
+class WaterAbove(NamedTuple):
+    """The pressure at the surface, Pa, and the density of the water, kg/m³."""
+
+    surface: float = 101325.0
+    density: float = 1025.0
+
+
+class EARTH:
+    """The ellipsoid WGS 84: the greater half axis, m, and the square of the eccentricity."""
+
+    AXIS, SQUARE = 6378137.0, 6.69437999014e-3
+    GRAVITY = 9.80665
+    MOST_NORTH = 89.0
+
+
+def converted(
+    given: Mapping[str, np.ndarray], water: WaterAbove, origin: tuple[float, float] | None, where: str
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns with depth in place of a pressure, north and east in place of a fix, speeds along the body, and notes.
+
+    depth = (p − p_0)/(ρg) with g = 9.80665 m/s²; north = M(φ_0)(φ − φ_0), east = N(φ_0) cos φ_0 (λ − λ_0) with the
+    radii of curvature of WGS 84, at most 50 km away. origin: φ_0 and λ_0, °; by default the first fix.
+    Raises FileError for a fix without one of both, for places beyond that, and for what is said twice.
+    """
+    found = {name: values for name, values in given.items() if name not in OTHERS}
+    notes: list[str] = []
+    if any(name in given for name in SPEEDS):
+        found |= _along_body(given, where)
+    if "pressure" in given:
+        _require_once(found, ("depth", "z", "down", "up"), "pressure", where)
+        found["depth"] = (given["pressure"] - water.surface) / (water.density * EARTH.GRAVITY)
+        notes.append(f"Depth is from the pressure of {where}: {water.surface:g} Pa above, {water.density:g} kg/m³.")
+    fix = [name for name in ("latitude", "longitude") if name in given]
+    if len(fix) == 1:
+        raise FileError(f"{where}: a fix needs latitude and longitude, but has {fix[0]} alone.")
+    if fix:
+        _require_once(found, ("north", "east", "x", "y"), "latitude", where)
+        north, east, at = _local(given["latitude"], given["longitude"], origin, where)
+        found |= {"north": north, "east": east}
+        if origin is None and at is not None:
+            notes.append(f"North and east of {where} count from its first fix, {at[0]:.7f}°, {at[1]:.7f}°.")
+    return found, notes
+
+
+def _local(
+    latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float] | None, where: str
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float] | None]:
+    good = np.flatnonzero(np.isfinite(latitude) & np.isfinite(longitude))
+    if not len(good):
+        return latitude, longitude, None
+    at = origin or (float(latitude[good[0]]), float(longitude[good[0]]))
+    phi = np.radians(at[0])
+    bend = 1 - EARTH.SQUARE * np.sin(phi) ** 2
+    meridian = EARTH.AXIS * (1 - EARTH.SQUARE) / bend**1.5
+    across = EARTH.AXIS / np.sqrt(bend) * np.cos(phi)
+    north = meridian * np.radians(latitude - at[0])
+    east = across * np.radians((longitude - at[1] + 180) % 360 - 180)
+    far = np.nanmax(np.hypot(north, east))
+    if far > 50_000 or abs(at[0]) > EARTH.MOST_NORTH:
+        raise FileError(
+            f"{where}: a fix is {far / 1000:.0f} km from {at[0]:g}°, {at[1]:g}°: fixes are read up to 50 km from the "
+            "origin; give another `origin`, and leave out fixes that are none."
+        )
+    return north, east, at
+
+
+def _along_body(given: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """u, v, w of a velocity in space with the attitude of the same message, Rᵀv."""
+    needed = (*SPEEDS, *ATTITUDE)
+    if missing := [name for name in needed if name not in given]:
+        raise FileError(f"{where}: speeds along axes of space need {', '.join(needed)}, but {missing[0]} is missing.")
+    R = np.asarray(attitude.zyx(given["heading"], given["pitch"], given["roll"]))
+    velocity = np.einsum("kij,ki->kj", R, np.stack([given[name] for name in SPEEDS], axis=1))
+    return dict(zip(VELOCITY, velocity.T, strict=True))
+
+
+def _require_once(found: Mapping[str, np.ndarray], names: tuple[str, ...], other: str, where: str) -> None:
+    if twice := [name for name in names if name in found]:
+        raise FileError(f"{where}: `{other}` says again what `{twice[0]}` says: leave one out.")

@@ -1,0 +1,64 @@
+"""Bags of ROS 2 as SQLite databases, `.db3`."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import quote
+
+from coadjoint.errors import FileError, told
+from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
+from coadjoint.vehicles.logs.bags.definitions import short
+from coadjoint.vehicles.logs.bags.schemas import BODIES, schema
+
+MAGIC = b"SQLite format 3\0"
+
+
+def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
+    """A database of rosbag2 with the messages of those topics for which `wanted(topic, type)` is true.
+
+    Definitions of messages are those in the file, and where it has none, as those before ROS Iron, those of the
+    library's own. Raises FileError for files that are none or cannot be read.
+    """
+    with path.open("rb") as opened:
+        if opened.read(len(MAGIC)) != MAGIC:
+            raise FileError(f"The file {path} is no bag of ROS 2: it is no SQLite database.")
+    try:
+        base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
+        try:
+            return _read(base, path, wanted)
+        finally:
+            base.close()
+    except sqlite3.Error as error:
+        raise FileError(f"The bag {path} is damaged, or no bag of ROS 2 ({told(error)}).") from error
+
+
+def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], bool]) -> Bag:
+    found = Bag(str(path))
+    tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"topics", "messages"} <= tables:
+        raise FileError(f"The file {path} is no bag of ROS 2: it has no tables `topics` and `messages`.")
+    texts: dict[str, tuple[str, bytes]] = {}
+    if "message_definitions" in tables:
+        rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
+        texts = {kind: (written, text.encode()) for kind, written, text in rows}
+    for number, topic, kind, written in base.execute("SELECT id, name, type, serialization_format FROM topics"):
+        if kind not in texts and short(kind) in BODIES:
+            texts[kind] = "ros2msg", schema(short(kind)).encode()
+        found.channels[number] = BagChannel(topic, kind, written, *texts.get(kind, ("", b"")))
+        if wanted(topic, short(kind)):
+            _messages(base, number, found)
+    return found
+
+
+def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
+    rows, parts, at = [], [], 0
+    asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id"
+    for time, data in base.execute(asked, (number,)):
+        if not isinstance(time, int) or not isinstance(data, bytes):
+            raise FileError(f"{found.path}: a message of {found.channels[number].topic} has no time or no bytes.")
+        rows.append((at, len(data), time))
+        parts.append(data)
+        at += len(data)
+    found.add(number, memoryview(b"".join(parts)), rows, alone=False)
