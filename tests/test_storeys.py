@@ -47,7 +47,7 @@ STOREYS = (
 """From the ground up."""
 ROOMS_OF_VEHICLES = (
     *("axes", "parts", "water", "hydrodynamics", "sensors", "model", "trim", "controllers", "files", "remus"),
-    *("importing", "logs", "figures"),
+    *("importing", "logs", "figures", "readings"),
     *("serving", "missions", "environments", "extension"),
 )
 """From the ground up, too."""

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles import missions as missions
     from coadjoint.vehicles import model as model
     from coadjoint.vehicles import parts as parts
+    from coadjoint.vehicles import readings as readings
     from coadjoint.vehicles import remus as remus
     from coadjoint.vehicles import sensors as sensors
     from coadjoint.vehicles import serving as serving

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint.vehicles.sensors.allan import allan_deviation as allan_deviation
+    from coadjoint.vehicles.sensors.allan import expected_allan_deviation as expected_allan_deviation
     from coadjoint.vehicles.sensors.altimeter import Altimeter as Altimeter
     from coadjoint.vehicles.sensors.compass import Ahrs as Ahrs
     from coadjoint.vehicles.sensors.compass import Compass as Compass
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.sensors.imu import Imu as Imu
     from coadjoint.vehicles.sensors.kinematics import Kinematics as Kinematics
     from coadjoint.vehicles.sensors.kinematics import at_node as at_node
+    from coadjoint.vehicles.sensors.noise import Noise as Noise
     from coadjoint.vehicles.sensors.sensor import Sensor as Sensor
     from coadjoint.vehicles.sensors.usbl import Usbl as Usbl
 

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.models.quantities import not_negative, positive
 from coadjoint.units import Dimension, per_root
 
-ALLAN_PEAK = 0.6173
+ALLAN_PEAK = 0.61736
 """The highest point of the Allan deviation of a Gauss–Markov process over its standard deviation, at 1.89 τ."""
 
 

@@ -1,0 +1,15 @@
+"""What the sensors of a vehicle read of its runs and steppers: times, latencies, errors from a seed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.lazy import lazy
+
+if TYPE_CHECKING:
+    from coadjoint.vehicles.readings.craft_kinematics import kinematics as kinematics
+    from coadjoint.vehicles.readings.of_run import readings as readings
+    from coadjoint.vehicles.readings.taken import SensorReading as SensorReading
+    from coadjoint.vehicles.readings.taken import Readings as Readings
+
+__getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,116 @@
+"""The readings of sensors as data: times, arrivals and values, as a labelled dataset and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coadjoint.csv_tables import csv_text
+from coadjoint.errors import ArgumentError
+from coadjoint.units import ending
+from coadjoint.vehicles.sensors.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray
+
+PREFIX = "sensor_"
+"""What the variables of sensors in datasets begin with."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorReading:
+    """What one sensor read in a run: k readings of m numbers.
+
+    sensor: whose. time: when each was taken, (k,) s. arrival: when it was there, (k,) s. values: with their errors,
+    (k, m), in `sensor.units`. exact: the same without errors, (k, m). number: the place of each, (k,), among all that
+    were tried from 0, of which `tried` is the count: those that are missing were dropped, or outside of the limits.
+    """
+
+    sensor: Sensor
+    time: np.ndarray
+    arrival: np.ndarray
+    values: np.ndarray
+    exact: np.ndarray
+    number: np.ndarray
+    tried: int
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def of(self, name: str) -> np.ndarray:
+        """One of the numbers by its name, (k,), or all of a channel, (k, …); raises ArgumentError."""
+        names, begin = self.sensor.names, 0
+        if name in names:
+            return self.values[:, names.index(name)]
+        for channel in self.sensor.channels:
+            if channel.name == name:
+                return self.values[:, begin : begin + len(channel.components)]
+            begin += len(channel.components)
+        raise ArgumentError(f"The sensor `{self.sensor.name}` reads no `{name}`: it reads {', '.join(names)}.")
+
+    @property
+    def text(self) -> str:
+        """The readings as CSV: time_s, arrival_s and a column for each number, angles in degrees."""
+        columns = {"time_s": self.time, "arrival_s": self.arrival}
+        for name, unit, values in zip(self.sensor.names, self.sensor.units, self.values.T, strict=True):
+            turned = "rad" in unit
+            unit = unit.replace("rad", "deg")
+            columns[f"{name}{ending(unit) or '_' + _spelled(unit)}"] = np.degrees(values) if turned else values
+        return csv_text(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Readings(Mapping[str, SensorReading]):
+    """The readings of all sensors of a run by their names.
+
+    taken: of each, in the order of the vehicle. seed: that of their errors.
+    """
+
+    taken: Mapping[str, SensorReading]
+    seed: int
+
+    def __getitem__(self, name: str) -> SensorReading:
+        if name not in self.taken:
+            raise ArgumentError(f"No sensor `{name}` was read; there are: {', '.join(self.taken) or 'none'}.")
+        return self.taken[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.taken)
+
+    def __len__(self) -> int:
+        return len(self.taken)
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """A variable `sensor_NAME_CHANNEL` for each channel over `sensor_NAME_time`, with arrivals, units and rates."""
+        import xarray
+
+        made = xarray.Dataset(attrs={"sensors_seed": self.seed})
+        self.add_to(made)
+        return made
+
+    def add_to(self, dataset: xarray.Dataset) -> None:
+        """Put the variables of all sensors into a dataset, which is changed."""
+        for name, read in self.taken.items():
+            key, begin, sensor = PREFIX + name, 0, read.sensor
+            dataset.coords[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})
+            about = {"units": "s", "long_name": "when a reading was there"}
+            dataset[f"{key}_arrival"] = (f"{key}_time", read.arrival, about)
+            for channel in sensor.channels:
+                count = len(channel.components)
+                axis = f"{key}_{channel.name}_component"
+                attrs: dict[str, Any] = {"units": channel.unit, "kind": sensor.kind, "rate": float(sensor.rate)}
+                attrs |= {"latency": float(sensor.latency), "tried": read.tried}
+                values = read.values[:, begin : begin + count]
+                dataset[f"{key}_{channel.name}"] = ((f"{key}_time", axis), values, attrs)
+                dataset.coords[axis] = (axis, list(channel.components))
+                begin += count
+        dataset.attrs["sensors_seed"] = self.seed
+
+
+def _spelled(unit: str) -> str:
+    """A unit as the end of a name: m/s² is m_s2."""
+    return unit.replace("/", "_").replace("²", "2").replace("³", "3").replace(" ", "_")
