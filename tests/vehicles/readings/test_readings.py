@@ -1,6 +1,7 @@
 """Readings of runs: rates, latencies, places in closed form, and the same to the bit from a seed."""
 
 from functools import cache, partial
+from typing import Any
 
 import jax
 import numpy as np
@@ -25,7 +26,7 @@ SENSORS = (
     Depth(name="depth", rate=3, depth=Errors(noise=0.05, bias_instability=0.1, bias_time=5)),
     Gps(name="gps", rate=1),
 )
-WANTED = {"push": [9.0]}
+WANTED: Any = {"push": [9.0]}
 
 
 @cache

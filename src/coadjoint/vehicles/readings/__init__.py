@@ -9,7 +9,7 @@ from coadjoint.lazy import lazy
 if TYPE_CHECKING:
     from coadjoint.vehicles.readings.craft_kinematics import kinematics as kinematics
     from coadjoint.vehicles.readings.of_run import readings as readings
-    from coadjoint.vehicles.readings.taken import SensorReading as SensorReading
     from coadjoint.vehicles.readings.taken import Readings as Readings
+    from coadjoint.vehicles.readings.taken import SensorReading as SensorReading
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

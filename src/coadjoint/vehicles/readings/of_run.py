@@ -19,7 +19,7 @@ from coadjoint.simulation.streamed import StreamedRun
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.craft import Craft, craft_of
 from coadjoint.vehicles.readings.craft_kinematics import between, kinematics
-from coadjoint.vehicles.readings.taken import SensorReading, Readings
+from coadjoint.vehicles.readings.taken import Readings, SensorReading
 from coadjoint.vehicles.sensors.kinematics import Kinematics
 from coadjoint.vehicles.sensors.noise import Noise
 from coadjoint.vehicles.sensors.sensor import Sensor, different
