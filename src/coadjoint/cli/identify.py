@@ -51,6 +51,8 @@ class Identify:
     """Actuators that the log does not hold and that stay where they start."""
     positive: tuple[str, ...] = ()
     """Parameters that must stay positive."""
+    coloured: tuple[str, ...] = ()
+    """Columns whose noise follows itself, with a correlation time that is estimated."""
     biases: tuple[str, ...] = ()
     """Columns with a bias that is sought too; position, attitude, velocity and rates stand for three."""
     delays: tuple[str, ...] = ()
@@ -86,6 +88,7 @@ class Identify:
             settle=self.settle if self.settle is not None else 0.0 if set(actuators) <= set(log.actual) else 2.0,
             positive=self.positive,
             still=self.still,
+            coloured=self.coloured,
             biases=self.biases,
             delays=self.delays,
         )
@@ -126,6 +129,7 @@ def _summary(found: Identification) -> dict[str, Any]:
         "parameters": {n: {key: _number(getattr(e, key)) for key in keys} for n, e in found.estimates.items()},
         "correlation": found.correlation.tolist(),
         "noise": found.noise,
+        "correlation_time_s": found.correlation_times,
         "lag_one_correlation": found.whiteness,
         "warnings": list(found.warnings),
     }

@@ -28,8 +28,10 @@ def card(found: Identification) -> str:
     for name, sigma in found.noise.items():
         unit = log.units.get(name, "")
         known = "given" if name in found.assumed else "estimated"
+        time = found.correlation_times.get(name, 0.0)
+        after = f"   over {time:.3g} s" if time else ""
         value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
-        lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}")
+        lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}{after}")
     for warning in found.warnings:
         lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
     return "\n".join(lines)

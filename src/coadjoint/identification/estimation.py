@@ -43,6 +43,7 @@ def identify(
     still: Sequence[str] = (),
     level: float = 0.95,
     method: Method | None = None,
+    coloured: Sequence[str] = (),
     biases: Sequence[str] = (),
     delays: Sequence[str] | Mapping[str, Sequence[str]] = (),
     longest_delay: float = 0.5,
@@ -65,12 +66,16 @@ def identify(
     fitted, because nobody knows where actuators start. positive: parameters that must stay positive,
     sought by their logarithms; the diagonals of positive definite matrices always are, and the matrices stay so.
     still: actuators without commands in the log, which stay where `start` has them; others must have commands.
-    level: of the intervals. biases: columns, or position, attitude, velocity, rates, of which a constant is sought that
-    the sensor adds, `found["bias.u"]`, in the unit of the column. delays: columns or such groups of which it is sought
-    by how many seconds they are late, `found["delay.position"]`, or names of one's own with the columns that share a
-    delay, {"gps": ("north", "east")}; none is longer than `longest_delay` s. attitude: "angles" compares Euler angles,
-    "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where noise and bias of roll, pitch and heading
-    are those about forward, starboard and down; by default that where the log pitches by over 60°.
+    level: of the intervals.
+    coloured: columns, or position, attitude, velocity, rates, whose noise follows itself, with covariance
+    σ² exp(−|Δ|/τ); σ and τ are estimated, `found.noise` and `found.correlation_times`.
+    biases: columns or such groups of which a constant is sought that the sensor adds, `found["bias.u"]`, in the unit of
+    the column. delays: columns or such groups of which it is sought by how many seconds they are late,
+    `found["delay.position"]`, or names of one's own with the columns that share a delay, {"gps": ("north", "east")};
+    none is longer than `longest_delay` s.
+    attitude: "angles" compares Euler angles, "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where
+    noise and bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log
+    pitches by over 60°.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
     if not 0 < level < 1:
@@ -84,7 +89,10 @@ def identify(
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
-    sensed = sensing(log, channels.names, biases=biases, delays=delays, longest_delay=longest_delay, attitude=attitude)
+    sensed = sensing(
+        log, channels.names, coloured=coloured, biases=biases, delays=delays, longest_delay=longest_delay,
+        attitude=attitude,
+    )  # fmt: skip
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
     asked = setting(sought, log, start, channels, method, between, step, settle, sensed)

@@ -55,7 +55,9 @@ class Identification:
     """What `identify` returns; `print` it for the card.
 
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
-    `system` has the values that were found. `whiteness`: lag-one correlation of each column's residuals.
+    `system` has the values that were found. `correlation_times` of coloured noise, s, by column; 0 where it is white.
+    `innovations`: measured less simulated, less what the coloured noise before tells, over the noise; NaN where nothing
+    was measured. `whiteness`: their lag-one correlation by column.
     `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
     """
 
@@ -65,6 +67,8 @@ class Identification:
     correlation: np.ndarray
     singular_values: np.ndarray
     noise: dict[str, float]
+    correlation_times: dict[str, float]
+    innovations: dict[str, np.ndarray]
     assumed: tuple[str, ...]
     whiteness: dict[str, float]
     simulated: dict[str, np.ndarray]
@@ -133,7 +137,8 @@ def judged(found: Fitted, level: float) -> Identification:
     predicted = fit.predict(place)
     assert predicted is not None
     off = fit.differences(predicted, place.shared)
-    whiteness = {n: _lag_one(off[..., i], fit.there[..., i]) for i, n in enumerate(names)}
+    surprise = fit.innovations(predicted, place.shared)
+    whiteness = {n: _lag_one(surprise[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
     warnings = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
@@ -147,9 +152,11 @@ def judged(found: Fitted, level: float) -> Identification:
         correlation=correlation,
         singular_values=spread.values,
         noise=dict(zip(names, map(float, sigma), strict=True)),
+        correlation_times={names[i]: float(fit.times[i]) for i in fit.sensing.coloured},
+        innovations=_by_rows(fit, np.where(fit.there, -surprise, np.nan)),
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
-        simulated=_simulated(fit, fit.simulated(predicted, place.shared)),
+        simulated=_by_rows(fit, fit.simulated(predicted, place.shared)),
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
@@ -188,8 +195,8 @@ def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimat
     return estimates
 
 
-def _simulated(fit: Fit, values: np.ndarray) -> dict[str, np.ndarray]:
-    """What the sensors would have said at the times of the log, by column."""
+def _by_rows(fit: Fit, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Numbers (segments, samples, channels) at the times of the log, by column."""
     rows = fit.shooting.samples.rows
     found = {name: np.full(len(fit.log), np.nan) for name in fit.shooting.channels.names}
     for i, column in enumerate(found.values()):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.identification import rotations
+from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
@@ -22,7 +23,8 @@ FARTHEST = 50.0
 class Fit:
     """Residuals of all samples over their noise.
 
-    `sigma`: standard deviation by channel. `held`: whether biases and delays stay where they begin.
+    `sigma`: standard deviation by channel; `times`: correlation times of their noise, s, 0 where it is white. `held`:
+    whether biases and delays stay where they begin.
     """
 
     def __init__(self, shooting: Shooting, asked: Setting, sigma: np.ndarray, held: bool = False):
@@ -39,6 +41,8 @@ class Fit:
         self.values = np.where(self.there, values, 0.0)
         if attitude:
             self.rotation = rotations.measured(*np.moveaxis(self.values[..., attitude], -1, 0))
+        self.near = neighbours(self.log.time[rows], self.there)
+        self.times = np.zeros(self.there.shape[2])
         self.internal: Any = None
 
     @property
@@ -90,8 +94,12 @@ class Fit:
         if parts == 1:
             return self
         found = Fit(self.asked.shooting(self.shooting.samples.h / parts, segment), self.asked, self.sigma)
-        found.internal = self.internal
+        found.internal, found.times = self.internal, self.times
         return found
+
+    def innovations(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
+        """`differences` less what the noise before tells of them, over the noise: (segments, samples, channels)."""
+        return whitened(self.differences(found, shared), self.near, self.times) / self.sigma
 
     def residual(self, place: Estimates) -> tuple[np.ndarray, Any] | None:
         parameters, own = self.split(place.shared)
@@ -101,7 +109,7 @@ class Fit:
         found = self.predict(place)
         if found is None:
             return None
-        return (self.differences(found, place.shared) / self.sigma).reshape(self.shooting.runs, -1), found
+        return self.innovations(found, place.shared).reshape(self.shooting.runs, -1), found
 
     def slopes(self, place: Estimates, way: Prediction) -> np.ndarray:
         """Derivatives of `differences` by starts, parameters and what is sought of the sensors: (segments, samples,
@@ -148,7 +156,7 @@ class Fit:
         return found
 
     def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
-        weighted = self.slopes(place, way) / self.sigma
+        weighted = whitened(self.slopes(place, way), self.near, self.times) / self.sigma
         return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, weighted.shape[2])
 
     def settle(self, place: Estimates) -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.identification.coloured import LONGEST, SHORTEST, Channel, Neighbours, correlation_time, whitened
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
 from coadjoint.identification.setting import Setting
@@ -21,6 +22,9 @@ ROUNDS, SAME = 6, 0.01
 QUIETEST = 1e-8
 """The least noise that is estimated, in parts of the largest number of a column, or of 1: a log without noise holds
 round-off."""
+
+SAME_TIME = 0.02
+"""Likewise of correlation times."""
 
 SHIFT = 0.1
 """How many standard errors the step size may shift a parameter: the aim; twice that is left as it is."""
@@ -70,6 +74,7 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
                 raise CoadjointError(_lost(fit, found.solution, found.trips))
             # Starts that were led astray, and a noise that was judged by them, are given up; parameters are kept.
             fit.sigma, attempt, trips = sigma, attempt + 1, found.trips
+            fit.times = np.zeros(len(sigma))
             stuck = found.solution.place.shared
             near = np.where(np.abs(stuck) > FAR, 0.0, stuck)
             place = fit.at(_begun(asked, fit.shooting.samples.h, segment, sigma, near))
@@ -140,15 +145,44 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
         estimate = _estimated(solution, fit, shooting.size)
         changed = np.abs(estimate / sigma - 1)[open_]
         sigma = np.where(open_, estimate, sigma)
-        if not np.any(changed > SAME):
+        times = _correlation_times(fit, place, sigma)
+        settled = np.all(np.abs(times - fit.times) <= SAME_TIME * fit.times)
+        fit.times = times
+        if settled and not np.any(changed > SAME):
             break
     assert solution is not None
+    if np.any(fit.times):
+        fit.sigma = sigma
+        again = fit.residual(place)
+        assert again is not None
+        found = solution._replace(residual=again[0], jacobian=fit.jacobian(place, again[1]))
+        return Fitted(fit, found, sigma, open_, trips, np.zeros(0))
     # Residuals and derivatives in terms of the noise that was found last.
     last = fit.sigma / sigma
     r = (solution.residual.reshape(fit.there.shape) * last).reshape(solution.residual.shape)
     J = (solution.jacobian.reshape(*fit.there.shape, -1) * last[:, None]).reshape(solution.jacobian.shape)
     fit.sigma = sigma
     return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
+
+
+def _correlation_times(fit: Fit, place: Estimates, sigma: np.ndarray) -> np.ndarray:
+    """Correlation times of the channels whose noise may follow itself, s; 0 of the others."""
+    times = fit.times.copy()
+    found = fit.predict(place) if fit.sensing.coloured else None
+    if found is None:
+        return times
+    off, slopes, d = fit.differences(found, place.shared), fit.slopes(place, found), fit.shooting.size
+    parts = whitened(slopes, fit.near, times) / sigma
+    each = np.einsum("snac,snbc->csab", parts, parts)
+    shortest = SHORTEST * fit.log.interval
+    longest = LONGEST * fit.log.duration / fit.shooting.runs
+    J = parts.swapaxes(2, 3).reshape(fit.shooting.runs, -1, parts.shape[2])
+    freedom = np.maximum(_freedom(J, fit.there, d), 1.0)
+    for c in fit.sensing.coloured:
+        near = Neighbours(fit.near.before[..., c], fit.near.between[..., c])
+        one = Channel(off[..., c], slopes[..., c], near, float(freedom[c]))
+        times[c] = correlation_time(one, each.sum(axis=0) - each[c], d, shortest, longest)
+    return times
 
 
 def _far(fit: Fit, solution: Solution) -> list[str]:
@@ -171,14 +205,16 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − what the fit took up) of each channel, at least what round-off may be."""
-    B, taken = reduced(solution.jacobian, d)
+    """σ̂² = Σ r²/(N − what the fit took up) of each channel."""
+    squares = np.sum(solution.residual.reshape(problem.there.shape) ** 2, axis=(0, 1))
+    return problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
+
+
+def _freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:
+    """How many numbers of each channel there are less what the fit took up of them."""
+    B, taken = reduced(J, d)
     flat = B.reshape(-1, B.shape[2])
     flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
     C = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
     taken = taken + np.sum((flat @ C) * flat, axis=1).reshape(taken.shape)
-    shape = problem.there.shape
-    squares = np.sum(solution.residual.reshape(shape) ** 2, axis=(0, 1))
-    left = np.sum(np.where(problem.there, 1 - taken.reshape(shape), 0.0), axis=(0, 1))
-    size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
-    return np.maximum(problem.sigma * np.sqrt(squares / np.maximum(left, 1.0)), QUIETEST * size)
+    return np.sum(np.where(there, 1 - taken.reshape(there.shape), 0.0), axis=(0, 1))
