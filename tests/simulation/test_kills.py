@@ -11,6 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.manifest import Manifest
+from coadjoint.simulation import driver, ensemble_driver
 from coadjoint.simulation import store as streaming
 from killed import killed_before, places, recorded
 
@@ -21,7 +22,9 @@ RUN |= {"backend": "native"}
 
 @pytest.fixture
 def often(monkeypatch):
-    """A checkpoint after each stretch, and chunks of few rows."""
+    """A checkpoint after each stretch, of one step and of all that are left however fast the machine is, and short chunks."""
+    monkeypatch.setattr(driver, "PATIENCE", 1e9)
+    monkeypatch.setattr(ensemble_driver, "PATIENCE", 1e9)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
     monkeypatch.setattr(streaming, "BLOCK_ROWS", 12)
