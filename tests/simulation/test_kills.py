@@ -22,7 +22,7 @@ RUN |= {"backend": "native"}
 
 @pytest.fixture
 def often(monkeypatch):
-    """A checkpoint after each stretch, of one step and of all that are left however fast the machine is, and short chunks."""
+    """A checkpoint after each stretch, of one step and of all that are left on any machine, and chunks of few rows."""
     monkeypatch.setattr(driver, "PATIENCE", 1e9)
     monkeypatch.setattr(ensemble_driver, "PATIENCE", 1e9)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
