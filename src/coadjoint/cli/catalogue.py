@@ -32,7 +32,7 @@ def example(name: str) -> str:
         "system": {"model": name},
         "parameters": {key: value for key, value in entry.parameters.items() if value is not None},
         "initial": {key: value for key, value in entry.initial.items() if value is not None},
-        "method": {"name": "Midpoint", "map": "Cayley"},
+        "method": {"name": entry.method, "map": "Cayley"},
         "run": {"dt": entry.dt, "duration": entry.duration, "save_every": 10},
     }
     open_keys = {part: [k for k, v in getattr(entry, part).items() if v is None] for part in ("parameters", "initial")}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from coadjoint.extensions import Registry
 from coadjoint.lazy import lazy
 from coadjoint.models.entry import MOVING, TURNING, UP, CatalogueEntry
+from coadjoint.models.hamiltonian import HAMILTONIAN
 from coadjoint.models.integrable import INTEGRABLE
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
     from coadjoint.models import general_form as general_form
     from coadjoint.models import heavy_top as heavy_top
     from coadjoint.models import paper_form as paper_form
+    from coadjoint.models import point_vortices as point_vortices
     from coadjoint.models import rigid_body as rigid_body
     from coadjoint.models import swimmer as swimmer
+    from coadjoint.models import toda as toda
     from coadjoint.models.general_form import general_vehicle as general_vehicle
     from coadjoint.models.general_form import se3_start as se3_start
     from coadjoint.models.general_form import se3_vehicle as se3_vehicle
@@ -73,6 +76,7 @@ _ENTRIES = (
         duration=10.0,
     ),
     *INTEGRABLE,
+    *HAMILTONIAN,
     CatalogueEntry(
         "underwater_vehicle",
         "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",

@@ -22,7 +22,7 @@ class CatalogueEntry:
 
     `make` and `start` take what `parameters` and `initial` name; other names raise ArgumentError. Nothing of the model
     is imported before one of them is called. `maker`, `starter`: where the functions are, as "module:function".
-    `dt`, `duration`: a step and a time, in s, that suit the defaults.
+    `dt`, `duration`: a step and a time, in s, that suit the defaults; `method`: the name of one that fits the model.
     """
 
     name: str
@@ -33,6 +33,7 @@ class CatalogueEntry:
     initial: Mapping[str, Any] = field(hash=False)
     dt: float
     duration: float
+    method: str = "Midpoint"
 
     def __post_init__(self):
         for key in ("parameters", "initial"):

@@ -1,0 +1,190 @@
+"""Point vortices in the plane and on a sphere: right-invariant Hamiltonian systems, as the fluid's vorticity is."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import combinations
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3, DirectProduct, Heisenberg
+from coadjoint.groups.group import Array
+from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.quantities import checked, positive
+from coadjoint.spaces.numbers import float64
+
+__all__ = ["plane", "plane_positions", "plane_start", "sphere", "sphere_positions", "sphere_start"]
+
+APART = 1e-9
+"""Vortices nearer than this, relative to the largest distance, are at one place."""
+ON_SPHERE = 1e-9
+"""How far |x| may be from the radius, relative to it."""
+
+_PLANE = {"g": "1", "xi": "m²/s^(3/2)", "xi_body": "m²/s^(3/2)", "mu": "m²/s^(1/2), 1"}
+_SPHERE = {"xi": "1/s", "xi_body": "1/s", "mu": "m⁴/s"}
+_BOTH = {"energy": "m⁴/s²", "discrete_energy": "m⁴/s²"}
+
+
+def plane(*, circulations: Any) -> System:
+    """N point vortices in the plane, Γ_i ẋ_i = ∂H/∂y_i, Γ_i ẏ_i = −∂H/∂x_i, H = −1/(2π) Σ_{i<j} Γ_iΓ_j ln |r_i − r_j|.
+
+    It is the Lie–Poisson equation on the dual of the Heisenberg algebra, the central extension of the translations:
+    μ = (√|Γ_i| x_i, sgn Γ_i √|Γ_i| y_i, 1), of which the last is a Casimir function, and ℋ(μ) = H, right-invariant.
+    ∂²ℋ/∂μ² is singular, so that it needs co.HamiltonianMidpoint(), here the implicit midpoint rule. That keeps the
+    impulse ΣΓ_i r_i and the angular impulse ΣΓ_i |r_i|² to round-off and H in a band, and turns a rigidly rotating
+    configuration by arcsin(hΩ) a step.
+
+    circulations: Γ_i, (N,), two or more, none zero, m²/s. H is per unit of density. Raises ArgumentError for others.
+    Source: Newton, The N-Vortex Problem (Springer 2001), section 1.1.
+    """
+    given = _circulations(circulations, "circulations")
+    watched = {"impulse_x": impulse_x, "impulse_y": impulse_y, "angular_impulse": angular_impulse}
+    units = {**_PLANE, **_BOTH, "impulse_x": "m³/s", "impulse_y": "m³/s", "angular_impulse": "m⁴/s"}
+    return _system(Heisenberg(len(given)), plane_energy, {"circulations": given}, watched, units, "point vortices")
+
+
+def plane_energy(mu, p):
+    """H = −1/(2π) Σ_{i<j} Γ_iΓ_j ln |r_i − r_j|."""
+    r, total = plane_positions(mu, p.circulations), 0.0
+    for i, j in combinations(range(p.circulations.shape[0]), 2):
+        apart = r[i] - r[j]
+        total = total - p.circulations[i] * p.circulations[j] * jnp.log(apart @ apart)
+    return total / (4 * np.pi)
+
+
+def plane_positions(mu: Array, circulations: Array) -> Array:
+    """r_i, (…, N, 2), m, of momenta (…, 2N + 1): `plane_positions(run.dataset.mu.values, circulations)`."""
+    xp, N = _arrays(mu, circulations), mu.shape[-1] // 2
+    gamma = xp.asarray(circulations)
+    root = xp.sqrt(xp.abs(gamma))
+    return xp.stack([mu[..., :N] / root, mu[..., N:-1] / (xp.sign(gamma) * root)], axis=-1)
+
+
+def plane_start(vortices: System, *, positions: Any) -> State:
+    """The state with the vortices at r_i. positions: (N, 2), m, all different; raises ArgumentError for others."""
+    gamma = _of(vortices)
+    r = _positions(positions, len(gamma), 2)
+    root = np.sqrt(np.abs(gamma))
+    return vortices.state(mu=np.concatenate([root * r[:, 0], np.sign(gamma) * root * r[:, 1], [1.0]]))
+
+
+def impulse_x(state, p):
+    """ΣΓ_i x_i."""
+    return p.circulations @ plane_positions(state.mu, p.circulations)[:, 0]
+
+
+def impulse_y(state, p):
+    """ΣΓ_i y_i."""
+    return p.circulations @ plane_positions(state.mu, p.circulations)[:, 1]
+
+
+def angular_impulse(state, p):
+    """ΣΓ_i |r_i|²."""
+    return p.circulations @ jnp.sum(plane_positions(state.mu, p.circulations) ** 2, axis=1)
+
+
+def sphere(*, circulations: Any, radius: Any) -> System:
+    """N point vortices on a sphere, ẋ_i = 1/(4πR) Σ_j Γ_j x_j × x_i / (R² − x_i·x_j), |x_i| = R.
+
+    It is the Lie–Poisson equation on so(3)*ᴺ with μ_i = RΓ_i x_i and ℋ = −1/(4π) Σ_{i<j} Γ_iΓ_j ln(2R² − 2x_i·x_j),
+    right-invariant: ξ_i is the rate at which the i-th vortex is carried. ∂²ℋ/∂μ² may be singular, so that it needs
+    co.HamiltonianMidpoint(). That keeps |x_i| and the moment of vorticity ΣΓ_i x_i to round-off and H in a band.
+
+    circulations: Γ_i, (N,), two or more, none zero, m²/s. radius: R, m. H is per unit of density. Raises ArgumentError
+    for others. Source: Newton, The N-Vortex Problem (Springer 2001), section 4.1.
+    """
+    given = {"circulations": _circulations(circulations, "circulations"), "radius": positive(radius, "radius")}
+    watched = {f"moment_{axis}": partial(moment, axis=k) for k, axis in enumerate("xyz")}
+    units = {**_SPHERE, **_BOTH, **dict.fromkeys(watched, "m³/s")}
+    group = DirectProduct(*[SO3()] * len(given["circulations"]))
+    return _system(group, sphere_energy, given, watched, units, "point vortices on a sphere")
+
+
+def sphere_energy(mu, p):
+    """H = −1/(4π) Σ_{i<j} Γ_iΓ_j ln(2R² − 2x_i·x_j)."""
+    x, total = sphere_positions(mu, p.circulations, p.radius), 0.0
+    for i, j in combinations(range(p.circulations.shape[0]), 2):
+        apart = 2 * p.radius**2 - 2 * x[i] @ x[j]
+        total = total - p.circulations[i] * p.circulations[j] * jnp.log(apart)
+    return total / (4 * np.pi)
+
+
+def sphere_positions(mu: Array, circulations: Array, radius: Any) -> Array:
+    """x_i, (…, N, 3), m, of momenta (…, 3N)."""
+    xp = _arrays(mu, circulations)
+    return xp.reshape(mu, (*mu.shape[:-1], -1, 3)) / (radius * xp.asarray(circulations)[:, None])
+
+
+def sphere_start(vortices: System, *, positions: Any) -> State:
+    """The state with the vortices at x_i. positions: (N, 3), m, |x_i| = R, all different; else ArgumentError."""
+    gamma, radius = _of(vortices), float(vortices.parameters.radius)  # pyright: ignore[reportOptionalMemberAccess]
+    x = _positions(positions, len(gamma), 3)
+    off = np.abs(np.linalg.norm(x, axis=1) - radius)
+    if np.max(off) > ON_SPHERE * radius:
+        i = int(np.argmax(off))
+        raise ArgumentError(
+            f"Vortices must lie on the sphere of radius {radius:g} m, but |x_{i + 1}| is {np.linalg.norm(x[i]):.9g} m: "
+            "scale it."
+        )
+    return vortices.state(mu=np.ravel(radius * gamma[:, None] * x))
+
+
+def moment(state, p, *, axis: int):
+    """A component of the moment of vorticity ΣΓ_i x_i."""
+    return p.circulations @ sphere_positions(state.mu, p.circulations, p.radius)[:, axis]
+
+
+def _system(group: Any, energy: Any, given: dict[str, Any], watched: Any, units: Any, name: str) -> System:
+    count = len(given["circulations"])
+    checks = partial(checked, {"circulations": partial(_circulations, count=count), "radius": positive})
+    options = {"quantities": watched, "units": units, "checks": checks, "name": f"{count} {name}"}
+    return System(group, hamiltonian=energy, parameters=Parameters(**given), invariance="right", **options)
+
+
+def _circulations(value: Any, name: str, count: int | None = None) -> Any:
+    """Γ_i, (N,); of `count` vortices where that is given."""
+    found = float64(value, f"Argument `{name}`")
+    if np.ndim(found) != 1 or len(found) < 2:
+        raise ArgumentError(f"Argument `{name}` must hold two or more numbers, but has shape {np.shape(found)}.")
+    if count is not None and len(found) != count:
+        raise ArgumentError(
+            f"Argument `{name}` must hold {count} numbers, but holds {len(found)}: make another model for another "
+            "number of vortices."
+        )
+    if not traced(found) and np.any(found == 0):
+        raise ArgumentError(
+            f"Argument `{name}` must have no zero, but that of vortex {int(np.argmin(np.abs(found))) + 1} is 0: "
+            "what moves no others is no vortex."
+        )
+    return found
+
+
+def _arrays(*values: Any) -> Any:
+    """NumPy, or where JAX traces jax.numpy."""
+    return jnp if traced(*values) else np
+
+
+def _of(vortices: System) -> np.ndarray:
+    return np.asarray(vortices.parameters.circulations)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def _positions(value: Any, count: int, size: int) -> np.ndarray:
+    """(count, size), finite and apart from one another."""
+    found = np.asarray(float64(value, "Argument `positions`"))
+    if found.shape != (count, size):
+        raise ArgumentError(
+            f"Argument `positions` must have shape ({count}, {size}), a row a vortex, but has shape {found.shape}."
+        )
+    apart = {(i, j): float(np.linalg.norm(found[i] - found[j])) for i, j in combinations(range(count), 2)}
+    (i, j), least = min(apart.items(), key=lambda item: item[1])
+    if least <= APART * max(apart.values()) or least == 0:
+        raise ArgumentError(
+            f"Vortices must be apart, but {i + 1} and {j + 1} are at one place: their energy is infinite."
+        )
+    return found

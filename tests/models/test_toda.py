@@ -1,0 +1,53 @@
+"""Toda's lattice: the two-particle motion in closed form, eigenvalues that stay, and their order at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.models import toda
+
+
+def test_two_particles_move_as_in_closed_form():
+    """With d = q₁ − q₂: d̈ = −2eᵈ, so eᵈ = κ²/cosh²(κ(t − t₀)) with κ² = ḋ²/4 + eᵈ."""
+    q, p = np.array([0.0, 0.3]), np.array([1.0, -0.5])
+    system = toda.lattice(particles=2)
+    start = toda.start(system, positions=q, momenta=p)
+    kappa = np.sqrt((p[0] - p[1]) ** 2 / 4 + np.exp(q[0] - q[1]))
+    reached = np.arctanh((p[0] - p[1]) / 2 / kappa) / kappa
+    errors = []
+    for h in (0.04, 0.02):
+        run = co.simulate(system, start, dt=h, duration=4.0, accuracy=False)
+        L, t = toda.lax_matrix(run.records.mu), run.dataset.time.values
+        errors.append(np.max(np.abs(L[:, 0, 1] - 0.5 * kappa / np.cosh(kappa * (t - reached)))))
+        np.testing.assert_allclose(np.trace(L, axis1=1, axis2=2), -0.5 * np.sum(p), atol=1e-14)
+    assert errors[1] < 1e-4 and errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+    gap = -2 * np.log(2 * L[-1, 0, 1])  # q₂ − q₁
+    assert gap == pytest.approx(2 * np.log(np.cosh(kappa * (4.0 - reached)) / kappa), abs=1e-3)
+
+
+def test_eigenvalues_stay_and_stand_in_order_at_the_end():
+    system = toda.lattice(particles=4)
+    start = toda.start(system, positions=[0.0, 0.2, 0.1, 0.5], momenta=[1.0, -0.4, 0.7, -0.2])
+    L0 = toda.lax_matrix(start.mu)
+    values = np.linalg.eigvalsh(L0)
+    run = co.simulate(system, start, dt=0.05, duration=60.0, save_every=100, accuracy=False)
+    L = toda.lax_matrix(run.records.mu)
+    assert np.max(np.abs(np.linalg.eigvalsh(L) - values)) < 2e-3  # a band of order h²
+    np.testing.assert_allclose(np.diag(L[-1]), np.linalg.eigvalsh(L[-1])[::-1], atol=1e-6)
+    assert np.max(np.abs(np.triu(L, 2))) == 0.0
+    for k in (3, 4):
+        assert run.monitors[f"trace_{k}"][0] == pytest.approx(np.sum(values**k), rel=1e-14)
+        assert run.relative_change(f"trace_{k}") < 1e-2
+    # ℋ is the energy of the particles.
+    q, p = [0.0, 0.2, 0.1, 0.5], np.array([1.0, -0.4, 0.7, -0.2])
+    assert run.monitors["energy"][0] == pytest.approx(0.5 * p @ p + np.sum(np.exp(-np.diff(q))), rel=1e-14)
+
+
+def test_wrong_lattices_are_refused_in_a_sentence():
+    for particles in (1, 2.5, 40, "three", True):
+        with pytest.raises(co.ArgumentError, match="`particles` must be a whole number from 2 to 12"):
+            toda.lattice(particles=particles)
+    with pytest.raises(co.ArgumentError, match="`momenta` must hold 3 numbers, one a particle"):
+        toda.start(toda.lattice(particles=3), positions=[0, 1, 2], momenta=[1, 2])
