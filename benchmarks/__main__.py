@@ -32,6 +32,7 @@ SECTIONS = {
     "instructions": ("instructions", 2, "instructions by callgrind"),
     "precision": ("precision", 1, "work and precision"),
     "orders": ("orders", 1, "higher orders"),
+    "logs": ("logs", 1, "logs of robots"),
     "kirchhoff": ("kirchhoff", 1, "bodies in an ideal fluid, beside other simulators"),
 }
 """Section → (module, cores, title): each runs in a process of its own, on so many cores."""

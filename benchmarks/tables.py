@@ -70,6 +70,15 @@ def _many(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _logs(found: dict[str, Any]) -> list[Table]:
+    titles = {"mcap": "MCAP, an inertial unit", "ardupilot": "A log of ArduPilot"}
+    tables = []
+    for key, title in titles.items():
+        rows = [(name, _time(row["seconds"]), f"{row['ratio']:.3g}") for name, row in found[key].items()]
+        tables.append(Table(f"{title}, {found['messages']} messages", ("read by", "a message", "ratio"), rows))
+    return tables
+
+
 def _sweeps(found: dict[str, Any]) -> list[Table]:
     keys = ("seconds", "task_seconds", "kernel_seconds", "starting_seconds", "writing_seconds")
     rows = [
@@ -269,6 +278,7 @@ def _predictive(found: dict[str, Any]) -> list[Table]:
 
 
 _TABLES = {
+    "logs": _logs,
     "sweeps": _sweeps,
     "predictive": _predictive,
     "optimal": _optimal,

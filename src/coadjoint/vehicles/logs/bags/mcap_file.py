@@ -21,6 +21,7 @@ from coadjoint.vehicles.logs.bags.optional import library
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<BQHIQQ")
+_LATEST = 2**63 - 1
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE_KIND, _CHUNK, _METADATA, _DATA_END = 2, 3, 4, 5, 6, 12, 15
 
 
@@ -72,6 +73,9 @@ class _Reading:
         end = len(content)
         try:
             while at < end:
+                at = self.messages(content, at, rows)
+                if at == end:
+                    break
                 kind, length = _HEAD.unpack_from(content, at) if at + 9 <= end else (0, end)
                 start = at + 9
                 if start + length > end:
@@ -88,14 +92,31 @@ class _Reading:
             return inside
         finally:
             for number, found in rows.items():
-                self.found.add(number, content, found, alone=inside)
+                if found:
+                    self.found.add(number, content, found, alone=inside)
+
+    def messages(self, content: memoryview, at: int, rows: dict[int, list[tuple[int, int, int]]]) -> int:
+        """Messages that are wanted, as long as nothing else comes: where they end."""
+        last, wanted = len(content) - _MESSAGE.size, self.wanted
+        if not wanted:
+            return at
+        for number in wanted:
+            rows.setdefault(number, [])
+        while at <= last:
+            kind, length, number, _, time, _ = _MESSAGE.unpack_from(content, at)
+            after = at + 9 + length
+            if kind != _MESSAGE_KIND or number not in wanted or length < 22 or time > _LATEST or after > last + 31:
+                break
+            rows[number].append((at + 31, length - 22, time))
+            at = after
+        return at
 
     def message(self, content: memoryview, at: int, length: int, rows: dict[int, list[tuple[int, int, int]]]) -> None:
         if length < 22:
             raise self.wrong(at, f"a message has {length} bytes")
         _, _, number, _, time, _ = _MESSAGE.unpack_from(content, at)
         if number in self.wanted:
-            if time > 2**63 - 1:
+            if time > _LATEST:
                 raise self.wrong(at, f"a message of {self.found.channels[number].topic} is of no time, {time} ns")
             rows.setdefault(number, []).append((at + 31, length - 22, time))
         elif number not in self.found.channels:

@@ -51,9 +51,7 @@ def merged(
     chosen = _chosen(file, sensors)
     inputs = _one_each(file, [one for one in driven if not one.did])
     actual = {name: one for name, one in _one_each(file, [one for one in driven if one.did]).items() if name in inputs}
-    times = [chosen[name].times[np.isfinite(chosen[name].columns[name])] for name in chosen]
-    times += [one.times for one in inputs.values()]
-    clock = np.unique(np.concatenate([np.zeros(0, np.int64), *times]))
+    clock = _clock([*(_heard(one, chosen) for one in sensors), *(one.times for one in inputs.values())])
     told = list(notes)
     begin = max((int(one.times[0]) for one in inputs.values()), default=None)
     if begin is not None and len(clock) and begin > clock[0]:
@@ -65,7 +63,7 @@ def merged(
         raise FileError(f"{file} holds fewer than two samples of what was asked for.")
     columns = {name: _placed(clock, chosen[name].times, chosen[name].columns[name]) for name in chosen}
     columns = {name: values for name, values in columns.items() if np.any(np.isfinite(values))}
-    time = (clock - clock[0]) * 1e-9
+    time = (clock - clock[0]) / 1e9
     units = {name: one.unit for name, one in inputs.items()}
     told += _choices(chosen, sensors) if telling else []
     try:
@@ -80,6 +78,23 @@ def merged(
         )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
+
+
+def _clock(times: Sequence[np.ndarray]) -> np.ndarray:
+    """All times, each once, in their order."""
+    both = np.sort(np.concatenate([np.zeros(0, np.int64), *times]), kind="stable")  # runs that grow are merged
+    new = np.ones(len(both), bool)
+    new[1:] = both[1:] != both[:-1]
+    return both[new]
+
+
+def _heard(one: Samples, chosen: Mapping[str, Samples]) -> np.ndarray:
+    """The times of a sensor at which it tells any column that is taken from it."""
+    there = np.zeros(len(one.times), bool)
+    for name, values in one.columns.items():
+        if chosen.get(name) is one:
+            there |= np.isfinite(values)
+    return one.times[there]
 
 
 def _chosen(file: str, sensors: Sequence[Samples]) -> dict[str, Samples]:

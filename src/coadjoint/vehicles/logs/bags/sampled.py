@@ -30,6 +30,10 @@ def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> 
     for name, values in given.items():
         if name in sensor.unless:
             values[found[sensor.unless[name]][kept] == -1] = np.nan
+    for name, values in given.items():
+        if np.any(np.isinf(values)):
+            at = int(np.flatnonzero(np.isinf(values))[0])
+            raise FileError(f"{topic.where}: `{own[name].path}` of {topic.name} is infinite in sample {at + 1}.")
     given, more = converted(given, sensor.water, sensor.origin, f"{topic.where}: {topic.name}")
     notes += more
     columns = turned(f"{topic.where}: {topic.name}", given, sensor.axes)
