@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from coadjoint.methods import Galerkin as Galerkin
     from coadjoint.methods import GroupVariational as GroupVariational
     from coadjoint.methods import HamiltonianMidpoint as HamiltonianMidpoint
+    from coadjoint.methods import IsospectralMidpoint as IsospectralMidpoint
     from coadjoint.methods import KahanLi6 as KahanLi6
     from coadjoint.methods import KahanLi8 as KahanLi8
     from coadjoint.methods import LeftRectangle as LeftRectangle

@@ -6,6 +6,7 @@ from coadjoint.methods.energy_momentum import EnergyMomentum
 from coadjoint.methods.galerkin import Galerkin
 from coadjoint.methods.group_variational import GroupVariational
 from coadjoint.methods.hamiltonian_midpoint import HamiltonianMidpoint
+from coadjoint.methods.isospectral_midpoint import IsospectralMidpoint
 from coadjoint.methods.left_rectangle import LeftRectangle
 from coadjoint.methods.method import Claims, Method
 from coadjoint.methods.midpoint import Midpoint
@@ -33,6 +34,7 @@ __all__ = [
     "Galerkin",
     "GroupVariational",
     "HamiltonianMidpoint",
+    "IsospectralMidpoint",
     "KahanLi6",
     "KahanLi8",
     "LeftRectangle",

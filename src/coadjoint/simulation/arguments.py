@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics import quantities
 from coadjoint.mechanics.reading import require_scalar
@@ -41,7 +41,14 @@ def require_quantities(system: System, state: State) -> None:
             raise ArgumentError(
                 f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
             )
-        require_scalar(partial(quantities.value, system, function), f"The quantity `{name}`", (state,))
+        try:
+            require_scalar(partial(quantities.value, system, function), f"The quantity `{name}`", (state,))
+        except (LagrangianError, AttributeError) as error:
+            if state.g is None and "None" in str(error):
+                raise ArgumentError(
+                    f"The quantity `{name}` needs g, which this method does not compute: see its carry_g."
+                ) from error
+            raise
 
 
 def whole(value: Any, name: str) -> int:

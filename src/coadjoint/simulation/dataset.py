@@ -163,13 +163,15 @@ def variables(
     """
     group, Q, V = system.places
     found: Variables = {}
-    for name, leaf in zip(group.leaf_names, jax.tree.leaves(records.g), strict=True):
+    leaves = () if records.g is None else zip(group.leaf_names, jax.tree.leaves(records.g), strict=True)
+    for name, leaf in leaves:
         found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
     more = evaluate(derived, records) if derive is None else derive(records)
-    rotation = more.pop("rotation")
+    rotation = more.pop("rotation", None)
     for name in ("xi", "mu"):
         found[name] = (("time", "algebra"), getattr(records, name))
-    found[_seen_from_there(system)] = (("time", "algebra"), more.pop("xi_there"))
+    if "xi_there" in more:
+        found[_seen_from_there(system)] = (("time", "algebra"), more.pop("xi_there"))
     for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
@@ -201,7 +203,10 @@ def reported(system: System, records: State) -> Variables:
 
 
 def derived(records: State) -> dict[str, Any]:
-    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record."""
+    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record; nothing without g."""
+    if records.g is None:
+        return {}
+
 
     def one(state: State) -> dict[str, Any]:
         group, Q, _ = state.places

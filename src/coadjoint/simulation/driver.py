@@ -28,8 +28,8 @@ Extrema = dict[str, tuple[np.ndarray, np.ndarray]]
 PATIENCE = 0.25
 """Seconds between two updates of progress: what chunks are sized for."""
 
-CAPACITY = {"native": 8192, "xla": xla.CAPACITY}
-"""The most records of a chunk by machine code, so that what a call costs is lost among them, and by XLA."""
+CAPACITY = 8192
+"""The most records of a chunk by machine code, so that what a call costs is lost among them."""
 
 
 @dataclass
@@ -129,10 +129,9 @@ class Plan:
     """Names and events that are monitored; with `until` the first of them ends the run."""
     until: bool = False
 
-    @property
-    def capacity(self) -> int:
-        """The most records of a chunk."""
-        return CAPACITY[self.backend]
+    def capacity(self, state: State) -> int:
+        """The most records of a chunk from such a state."""
+        return CAPACITY if self.backend == "native" else xla.capacity(state)
 
     @property
     def watches(self) -> bool:
@@ -174,7 +173,7 @@ class Driver:
         left = self.plan.steps - position.steps
         wished = max(int(speed * PATIENCE), 1)
         if phase == 0 and min(wished, left) >= every:
-            records, length = min(wished // every, left // every, self.plan.capacity), every
+            records, length = min(wished // every, left // every, self.plan.capacity(position.state)), every
         else:
             records, length = 1, min(wished, left, every - phase)
         began = time.perf_counter()

@@ -35,7 +35,9 @@ class EventDriver(Driver):
 
     def _stretch(self, position: Position, speed: float) -> None:
         """Run for about PATIENCE seconds, node by node, up to the first event that ends the run."""
-        length = min(max(int(speed * PATIENCE), 1), self.plan.steps - position.steps, self.plan.capacity)
+        length = min(
+            max(int(speed * PATIENCE), 1), self.plan.steps - position.steps, self.plan.capacity(position.state)
+        )
         began = time.perf_counter()
         chunk = self._run(position.state, length, 1)
         values = self._values(position, chunk)

@@ -148,7 +148,7 @@ def step_size(system: System, step: Step, record: State, h: Array, constants: An
         title="group defect",
         largest="largest distance from the group",
     ),
-    when=lambda system, method, state: system.group.constrained,
+    when=lambda system, method, state: system.group.constrained and state.g is not None,
 )
 def group_defect(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
     """How far g is from its group."""

@@ -49,6 +49,9 @@ ALONE = Shown(run_card, certificate)
 TOGETHER = Shown(ensemble_card)
 """How runs and ensembles are told."""
 
+MOST_DIRECTIONS = 500
+"""The most dimensions of a group of which all spatial momenta are observed at every step."""
+
 Watched = tuple[tuple[str, Event], ...]
 """Events by their names."""
 
@@ -135,13 +138,24 @@ def _watching(system: System, state: State, chosen: list[KelvinNoether], monitor
     """What monitors observe with; raises what is wrong with what they observe."""
     found: dict[str, Any] = {}
     if monitors:
+        if chosen and state.g is None:
+            raise ArgumentError(
+                "Kelvin–Noether quantities need g, which this method does not compute: see its carry_g."
+            )
         for quantity in chosen:
             quantity.require_equivariant(system, state)
         if not chosen:
-            found["c0"] = isotropy_algebra(system, state)
+            found["c0"] = _directions(system, state)
         if system.quantities:
             require_quantities(system, state)
     return found
+
+
+def _directions(system: System, state: State) -> np.ndarray:
+    """The directions of conserved momenta that a run observes, a row each: none without g, and of large groups."""
+    if state.g is None or system.group.dim > MOST_DIRECTIONS:
+        return np.zeros((0, system.group.dim))
+    return isotropy_algebra(system, state)
 
 
 def _program(

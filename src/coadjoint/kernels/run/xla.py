@@ -19,9 +19,18 @@ from coadjoint.kernels.trace.forked import require_own_xla
 CAPACITY = 1024
 """The most records one chunk may keep: one size, so that all chunks of a run share a compilation."""
 
+ROOM = 2**25
+"""The most bytes for the records of a chunk, of which states that are large have fewer than CAPACITY."""
+
 
 ENSEMBLE_CAPACITY = 64
 """The same for an ensemble."""
+
+
+def capacity(state: Any) -> int:
+    """The most records of one chunk from such a state: a power of two."""
+    size = sum(8 * int(np.size(leaf)) for leaf in jax.tree.leaves(state))
+    return min(CAPACITY, 1 << max(ROOM // max(size, 1), 1).bit_length() - 1)
 
 
 class StepResult(NamedTuple):
@@ -160,11 +169,11 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
 def run(
     program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
-    """records·save_every steps of `program` from `state`, keeping every save_every-th record; records ≤ CAPACITY."""
+    """records·save_every steps of `program` from `state`, keeping every save_every-th record, `capacity` at most."""
     require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
-        end = _loop(program, parameters, state, *numbers, capacity=CAPACITY, monitored=monitors)
+        end = _loop(program, parameters, state, *numbers, capacity=capacity(state), monitored=monitors)
         end = jax.tree.map(np.asarray, end)
     steps = int(end.done)
     valid = min(-(-steps // save_every), records)
@@ -190,7 +199,7 @@ def run_long(program: Program, parameters: Any, state: Any, h: float, records: i
         while found is None or (found.steps < records * save_every and not found.code):
             row, phase = divmod(steps, save_every)
             wished = clock.pace.steps
-            blocks, length = min(wished // save_every, records - row, CAPACITY), save_every
+            blocks, length = min(wished // save_every, records - row, capacity(state)), save_every
             if phase or not blocks:
                 blocks, length = 1, min(wished, save_every - phase)
             part = run(program, parameters, state, h, blocks, length, False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.groups.matrix_coordinates import MatrixCoordinates
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.explicit_time import unresolved_time
@@ -210,10 +211,17 @@ def _local_sizes(sizes: dict[str, float], halving: int) -> dict[str, float]:
 
 def turning(group: Any, xi: np.ndarray) -> np.ndarray:
     """The largest frequency of ad_ξ, rad/s, of every row: |ω| for rotations and rigid motions."""
+    if isinstance(group, MatrixCoordinates) and not group.dense:
+        return np.array([_spread(evaluate(group.hat, row)) for row in xi])
     structure = _structure(group)
     if not structure.any():
         return np.zeros(len(xi))
     return np.max(np.abs(np.linalg.eigvals(np.einsum("ijk,rj->rik", structure, xi)).imag), axis=1)
+
+
+def _spread(matrix: np.ndarray) -> float:
+    """The largest difference of the imaginary parts of two eigenvalues: eigenvalues of ad_ξ are differences of ξ̂'s."""
+    return float(np.ptp(np.linalg.eigvals(matrix).imag))
 
 
 _structures: dict[Any, np.ndarray] = {}

@@ -36,7 +36,8 @@ def differences(begun: State, one: State, other: State) -> list[Difference]:
     places = begun.places
     group, Q, _ = places
     found = []
-    leaves = zip(group.leaf_names, *(jax.tree.leaves(s.g) for s in (begun, one, other)), strict=True)
+    names = () if begun.g is None else group.leaf_names
+    leaves = zip(names, *(jax.tree.leaves(s.g) for s in (begun, one, other)), strict=True)
     for name, first, here, there in leaves:
         least = NO_MOTION + ROUND_OFF * _largest(first)
         found.append(Difference(f"configuration {name}", _norm(here - there), _norm(here - first), least))

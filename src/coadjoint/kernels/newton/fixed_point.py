@@ -1,0 +1,85 @@
+"""The structure of equations that are a fixed point: z ← z − r(z), without a Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from coadjoint.kernels.newton.solver import Root
+from coadjoint.kernels.program import Code
+
+MOST = 100
+"""The most iterations: a contraction by 0.7 comes to round-off with these."""
+
+ROUND_OFF = 1e-11
+"""A residual below this, relative to the unknowns, that no longer shrinks is round-off."""
+
+SHRINKS = 0.7
+"""What an iteration that converges leaves of the residual at most."""
+
+
+class _Iterate(NamedTuple):
+    unknowns: jax.Array
+    iterations: jax.Array
+    settled: jax.Array
+    size: jax.Array
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """Equations r(z) = z − G(z) with a contraction G: z ← z − r(z) until |r|∞ ≤ tolerance·|z|∞.
+
+    Convergence is linear, so the tolerance is that of the result; an iteration that no longer shrinks r, once that is
+    below 1e-11 of z, has met round-off and ends, too. Derivatives follow from the implicit function theorem: linear
+    equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the same iteration. Nothing is carried over.
+    """
+
+    tolerance: float = 1e-14
+    native = False
+
+    def root(
+        self,
+        residual: Callable[[jax.Array], jax.Array],
+        guess: jax.Array,
+        h: jax.Array,
+        blocks: tuple[int, ...],
+        carried: Any = (),
+    ) -> Root:
+        """residual(z) = 0 from `guess`, both (m,); h and blocks have no part in it."""
+
+        def settle(function, start):
+            end = self._iterated(function, start)
+            found = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
+            code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), found, Code.NOT_FINITE)
+            return end.unknowns, (end.iterations.astype(float), code.astype(float))
+
+        def linear_solve(linear, right):
+            return self._iterated(lambda z: linear(z) - right, right).unknowns
+
+        def tangent_solve(linear, right):
+            return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
+
+        unknowns, (iterations, code) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
+        return Root(unknowns, iterations.astype(int), code.astype(int))
+
+    def _iterated(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array) -> _Iterate:
+        def advance(iterate: _Iterate) -> _Iterate:
+            off = residual(iterate.unknowns)
+            z = iterate.unknowns - off
+            scale = jnp.max(jnp.abs(z))
+            size = jnp.max(jnp.abs(off)) / jnp.where(scale > 0, scale, 1.0)
+            stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
+            # A NaN compares false and would never end the loop.
+            settled = (size <= self.tolerance) | stalled | ~jnp.isfinite(size)
+            return _Iterate(z, iterate.iterations + 1, settled, size)
+
+        return lax.while_loop(
+            lambda i: ~i.settled & (i.iterations < MOST),
+            advance,
+            _Iterate(start, jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf)),
+        )

@@ -1,0 +1,127 @@
+"""Momenta of U(n), SU(n) and SO(n) as matrices, and what isospectral steps do with them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3, LieGroup, SOn, SUn, Un
+from coadjoint.groups.group import Array, Element
+from coadjoint.groups.unitary import ComplexMatrix, product
+
+
+class Algebra:
+    """Momenta W and velocities of a group as matrices.
+
+    In the bases of these groups μ and the matrix of its coordinates say the same: ad*_ξ μ are the coordinates of
+    [W, ξ̂]. An unknown W̃ has coordinates of its own, `unknowns` of them.
+    """
+
+    def __init__(self, group: LieGroup):
+        self.group = group
+
+    @property
+    def unknowns(self) -> int:
+        """How many coordinates W̃ has."""
+        return self.group.dim
+
+    def lifted(self, mu: Array) -> Array:
+        """The coordinates of W̃ = W, (unknowns,), of μ (dim,)."""
+        return mu
+
+    def momentum(self, z: Array) -> Array:
+        """μ (dim,) of the coordinates of W̃."""
+        return z
+
+
+class Orthogonal(Algebra):
+    """Of SO(n): skew matrices (n, n)."""
+
+    def matrix(self, xi: Array) -> Array:
+        """ξ̂, (n, n), of ξ (dim,)."""
+        return self.group.hat(xi)
+
+    unknown = matrix
+
+    def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
+        """The coordinates of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P)."""
+        return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
+
+    def turn(self, xi: Array, epsilon: Array) -> Array:
+        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂ of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
+        X = epsilon * self.matrix(xi)
+        return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
+
+    def turned(self, D: Array, mu: Array) -> Array:
+        """The coordinates of CWCᵀ, (dim,), of those of W: what D adds has no part in the round-off of W."""
+        return mu + self.group.vee((D @ self.matrix(mu)) @ (2 * np.eye(len(D)) + D.T))
+
+    def element(self, D: Array) -> Element:
+        """Cᵀ as an element of the group."""
+        return np.eye(len(D)) + D.T
+
+
+class Unitary(Algebra):
+    """Of U(n) and SU(n): anti-Hermitian matrices (n, n) by their parts; W̃ of SU(n) is one of U(n)."""
+
+    group: Any
+
+    def __init__(self, group: Un | SUn):
+        super().__init__(group)
+        self.hull = Un(group.size)
+
+    @property
+    def unknowns(self) -> int:
+        return self.hull.dim
+
+    def lifted(self, mu: Array) -> Array:
+        return mu if self.hull == self.group else self.hull.coordinates(self.group.parts(mu))
+
+    def momentum(self, z: Array) -> Array:
+        return z if self.hull == self.group else self.group.coordinates(self.hull.parts(z))
+
+    def matrix(self, xi: Array) -> ComplexMatrix:
+        """ξ̂, (n, n), of ξ (dim,)."""
+        return self.group.parts(xi)
+
+    def unknown(self, z: Array) -> ComplexMatrix:
+        """W̃ of its coordinates."""
+        return self.hull.parts(z)
+
+    def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
+        """The coordinates of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
+        one = ComplexMatrix(2 * epsilon * np.eye(self.hull.size) + epsilon**2 * P.real, epsilon**2 * P.imaginary)
+        return self.hull.coordinates(product(product(P, W), one))
+
+    def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
+        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂ of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
+        A, B = self.matrix(xi)
+        X = epsilon * (A + 1j * B)
+        D = jnp.linalg.solve(np.eye(self.hull.size) - X, 2 * X)
+        return ComplexMatrix(D.real, D.imag)
+
+    def turned(self, D: ComplexMatrix, mu: Array) -> Array:
+        """The coordinates of CWC†, (dim,), of those of W: what D adds has no part in the round-off of W."""
+        back = D.adjoint
+        both = ComplexMatrix(2 * np.eye(self.hull.size) + back.real, back.imaginary)
+        return mu + self.group.coordinates(product(product(D, self.matrix(mu)), both))
+
+    def element(self, D: ComplexMatrix) -> Element:
+        """C† as an element of the group."""
+        back = D.adjoint
+        return ComplexMatrix(np.eye(self.hull.size) + back.real, back.imaginary)
+
+
+def algebra_of(group: LieGroup) -> Any:
+    """The matrices of a group; raises ArgumentError for one that is not SO(n), U(n) or SU(n)."""
+    if isinstance(group, (Un, SUn)):
+        return Unitary(group)
+    if isinstance(group, (SOn, SO3)):
+        return Orthogonal(group)
+    raise ArgumentError(
+        f"co.IsospectralMidpoint needs co.SOn, co.SO3, co.Un or co.SUn, but got {group!r}: "
+        "use co.HamiltonianMidpoint()."
+    )

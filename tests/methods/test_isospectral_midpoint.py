@@ -1,0 +1,195 @@
+"""The isospectral midpoint rule: spectrum, orders, an independent form, gradients, memory, runs without g, refusals."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.groups import matrix_coordinates
+from coadjoint.kernels.newton.fixed_point import FixedPoint
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.trajectory import computed
+from systems import generator
+
+H = 0.1
+
+
+def system_on(group, **more):
+    """ℋ = ½ Σ w_i μ_i² + 0.1 Σ w_i μ_i³, of no symmetry, and a start of size 1."""
+    weights = np.linspace(0.5, 1.5, group.dim)
+
+    def hamiltonian(mu, p):
+        return p.scale * (0.5 * mu @ (weights * mu) + 0.1 * weights @ mu**3)
+
+    system = co.System(group, hamiltonian=hamiltonian, parameters={"scale": 1.0}, **more)
+    mu = generator("isospectral", repr(group)).normal(size=group.dim)
+    return system, system.state(mu=mu / np.linalg.norm(evaluate(group.hat, mu), 2))
+
+
+def matrix(group, mu):
+    """W, complex (n, n)."""
+    found = evaluate(group.hat, mu)
+    return co.complex_form(found) if isinstance(group, (co.Un, co.SUn)) else found + 0j
+
+
+def path(system, start, steps, method=None, h=H):
+    return co.trajectory(system, start, dt=h, steps=steps, method=method or co.IsospectralMidpoint())
+
+
+@pytest.mark.parametrize("group", [co.Un(5), co.SUn(3), co.SOn(5), co.SO3()], ids=repr)
+def test_spectrum_is_kept_to_round_off_whatever_the_tolerance(group):
+    system, start = system_on(group)
+    for tolerance in (1e-14, 1e-5):
+        found = path(system, start, 300, co.IsospectralMidpoint(tolerance=tolerance)).final.mu
+        before, after = (np.linalg.eigvalsh(-1j * matrix(group, mu)) for mu in (start.mu, found))
+        assert np.max(np.abs(found - start.mu)) > 0.1
+        np.testing.assert_allclose(after, before, rtol=0, atol=1e-14)
+
+
+def test_a_step_is_that_of_the_published_equations():
+    """W = (1 − εP̃)W̃(1 + εP̃), W' = (1 + εP̃)W̃(1 − εP̃) with complex matrices, solved by NumPy alone."""
+    group = co.Un(4)
+    system, start = system_on(group)
+    after = path(system, start, 1).final.mu
+    W, epsilon = matrix(group, start.mu), 0.5 * H
+    weights = np.linspace(0.5, 1.5, group.dim)
+    middle = W
+    for _ in range(60):
+        mu = evaluate(group.coordinates, (middle.real, middle.imag))
+        P = -matrix(group, weights * mu + 0.3 * weights * mu**2)
+        middle = W + epsilon * (P @ middle - middle @ P) + epsilon**2 * P @ middle @ P
+    one = np.eye(4)
+    np.testing.assert_allclose((one - epsilon * P) @ middle @ (one + epsilon * P), W, atol=1e-15)
+    expected = (one + epsilon * P) @ middle @ (one - epsilon * P)
+    np.testing.assert_allclose(matrix(group, after), expected, rtol=0, atol=2e-15)
+
+
+def test_carried_g_turns_the_momentum():
+    """μ_k = Ad*_{g_k} of one spatial momentum, and the motion is that without g."""
+    system, start = system_on(co.Un(3))
+    run = co.simulate(system, start, dt=H, steps=20, method=co.IsospectralMidpoint(carry_g=True), accuracy=False)
+    assert run.summary()["kelvin_noether_error_max"] < 1e-14 and run.largest("group_defect") < 1e-14
+    assert run.largest("balance") < 1e-14 and run.largest("newton_residual") < 1e-13
+    np.testing.assert_array_equal(run.final.mu, path(system, start, 20).final.mu)
+    assert np.max(np.abs(run.final.g[0] - np.eye(3))) > 0.1
+
+
+def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
+    """On U(8), with a basis out of reach."""
+    monkeypatch.setattr(matrix_coordinates, "LARGEST_BASIS", 0)
+    system, start = system_on(co.Un(8), quantities={"enstrophy": lambda state: state.mu @ state.mu})
+    method = co.IsospectralMidpoint()
+    run = co.simulate(system, start, dt=H, steps=20, method=method)
+    assert run.relative_change("enstrophy") < 1e-14 and run.relative_change("energy") < 1e-2
+    assert "mu" in run.dataset and "real" not in run.dataset and run.final.g is None
+    watching = system.watching({"turn": lambda state: state.g[0][0, 0]})
+    with pytest.raises(ArgumentError, match="`turn` needs g, which this method does not compute"):
+        co.simulate(watching, start, dt=H, steps=2, method=method)
+    with pytest.raises(ArgumentError, match="Kelvin–Noether quantities need g"):
+        co.simulate(system, start, dt=H, steps=2, method=method, kelvin_noether=co.KelvinNoether(np.ones(64)))
+    with pytest.raises(ArgumentError, match="The start has no g"):
+        co.simulate(system, run.final, dt=H, steps=2, method=co.IsospectralMidpoint(carry_g=True))
+
+
+@pytest.mark.parametrize(
+    ("method", "order", "steps"),
+    [(lambda base: base, 2, 32), (co.Suzuki4, 4, 16), (co.KahanLi6, 6, 16), (co.KahanLi8, 8, 16)],
+    ids=["2", "4", "6", "8"],
+)
+@pytest.mark.budget(15)
+def test_orders(method, order, steps):
+    system, start = system_on(co.Un(4))
+    exact = path(system, start, 96, co.KahanLi8(co.IsospectralMidpoint()), 3.2 / 96).final.mu
+    made = method(co.IsospectralMidpoint())
+    errors = [np.max(np.abs(path(system, start, n, made, 3.2 / n).final.mu - exact)) for n in (steps, 2 * steps)]
+    assert errors[1] > 3e-14
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
+
+
+def test_gradients_equal_differences():
+    """Of the momentum after 12 steps, in the start, forward and reverse, and in a parameter."""
+    system, start = system_on(co.Un(3))
+    along, weight = generator("along").normal(size=(2, 9))
+
+    def value(mu, scale):
+        found = path(system.replace(scale=scale), start.replace(mu=mu), 12).final.mu
+        return weight @ found
+
+    with co.float64():
+        slope, in_scale = jax.grad(value, argnums=(0, 1))(start.mu, 1.0)
+        forward = jax.jvp(lambda e: value(start.mu + e * along, 1.0), (0.0,), (1.0,))[1]
+    slope, in_scale, forward = map(np.asarray, (slope, in_scale, forward))
+
+    def difference(function, e=2e-3):
+        """By Richardson's extrapolation, of order 6."""
+        first, second, third = ((function(d) - function(-d)) / (2 * d) for d in (e, 2 * e, 4 * e))
+        return (64 * first - 20 * second + third) / 45
+
+    expected = difference(lambda e: value(start.mu + e * along, 1.0))
+    np.testing.assert_allclose([slope @ along, forward], expected, rtol=1e-9)
+    np.testing.assert_allclose(in_scale, difference(lambda e: value(start.mu, 1.0 + e)), rtol=1e-9)
+
+
+def test_a_run_that_is_cut_goes_on_to_the_same_bits():
+    """What the iteration starts from is in the state."""
+    system, start = system_on(co.SUn(3))
+    method = co.IsospectralMidpoint(tolerance=1e-4)
+    program = StepProgram(system.replace(), method)
+    given = program, Constants(system.parameters, None)
+    begun = method.begin(system, start, H)
+    whole = computed(*given, begun, H, (10, 1), "xla").final
+    half = computed(*given, begun, H, (4, 1), "xla").final
+    rest = computed(*given, half, H, (6, 1), "xla").final
+    forgot = computed(*given, half.replace(memory=begun.memory), H, (6, 1), "xla").final
+    np.testing.assert_array_equal(rest.mu, whole.mu)
+    assert np.any(forgot.mu != whole.mu)
+
+
+def test_energy_that_time_changes_is_counted():
+    group = co.Un(3)
+    weights = np.linspace(0.5, 1.5, group.dim)
+    system = co.System(group, hamiltonian=lambda mu, *, t: 0.5 * mu @ (weights * mu) * (1 + 0.3 * jnp.sin(t)))
+    start = system.state(mu=np.linspace(-0.5, 0.6, group.dim))
+    run = co.simulate(system, start, dt=0.05, steps=20, method=co.IsospectralMidpoint(), accuracy=False)
+    budget = run.dataset.energy_budget.values
+    assert np.ptp(budget) < 1e-3 < 0.1 < np.ptp(run.dataset.energy.values)
+
+
+def test_what_does_not_fit_is_refused():
+    system, start = system_on(co.Un(3))
+    for arguments, sentence in (
+        ({"tolerance": 1.0}, "`tolerance` must be a number over 0 and below 0.001, but is 1.0"),
+        ({"carry_g": 1}, "`carry_g` must be True or False, but is 1"),
+        ({"start": "velocity"}, "starts from momenta"),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            co.IsospectralMidpoint(**arguments)
+    one = lambda group, **more: co.System(group, hamiltonian=lambda mu, *rest: mu @ mu, **more)  # noqa: E731
+    for made, sentence in (
+        (one(co.SE3()), "needs co.SOn, co.SO3, co.Un or co.SUn, but got SE3"),
+        (co.System(co.SO3(), lambda xi: 0.5 * xi @ xi), "needs a system with a `hamiltonian`"),
+        (one(co.SO3(), forces=lambda motion: co.Force(torque=-motion.xi)), "takes no forces"),
+        (one(co.SO3(), additional=co.Defining()), "takes no additional dynamics"),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            co.IsospectralMidpoint().require_fit(made)
+    with pytest.raises(GroupError, match="does not map the algebra"):
+        co.IsospectralMidpoint(carry_g=True).require_fit(one(co.SUn(3)))
+    with pytest.raises(ArgumentError, match="made of the Cayley transform"):
+        co.IsospectralMidpoint(co.Exponential()).require_fit(system)
+    with pytest.raises(ArgumentError, match='backend="xla"'):
+        co.simulate(system, start, dt=H, steps=2, method=co.IsospectralMidpoint(), backend="native")
+    with pytest.raises(co.StepError, match="take a smaller dt: the iteration needs"):
+        co.simulate(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint(), accuracy=False)
+
+
+def test_the_fixed_point_ends_where_it_diverges():
+    """A contraction converges, and what is none fails with a code, as does what is not finite."""
+    for slope, code in ((0.5, 0), (1.5, 1), (np.nan, 2)):
+        found = evaluate(lambda s: FixedPoint().root(lambda z: z - s * jnp.cos(z), jnp.ones(2), 0.1, (2,))[:3], slope)
+        assert found[2] == code if slope != 1.5 else found[2] in (0, 1)
