@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -58,7 +60,7 @@ def test_a_step_is_that_of_the_published_equations():
     after = path(system, start, 1).final.mu
     W, epsilon = matrix(group, start.mu), 0.5 * H
     weights = np.linspace(0.5, 1.5, group.dim)
-    middle = W
+    middle, P = W, W
     for _ in range(60):
         mu = evaluate(group.coordinates, (middle.real, middle.imag))
         P = -matrix(group, weights * mu + 0.3 * weights * mu**2)
@@ -162,11 +164,12 @@ def test_energy_that_time_changes_is_counted():
 
 def test_what_does_not_fit_is_refused():
     system, start = system_on(co.Un(3))
-    for arguments, sentence in (
+    wrong: Any = (
         ({"tolerance": 1.0}, "`tolerance` must be a number over 0 and below 0.001, but is 1.0"),
         ({"carry_g": 1}, "`carry_g` must be True or False, but is 1"),
         ({"start": "velocity"}, "starts from momenta"),
-    ):
+    )
+    for arguments, sentence in wrong:
         with pytest.raises(ArgumentError, match=sentence):
             co.IsospectralMidpoint(**arguments)
     one = lambda group, **more: co.System(group, hamiltonian=lambda mu, *rest: mu @ mu, **more)  # noqa: E731
@@ -190,6 +193,10 @@ def test_what_does_not_fit_is_refused():
 
 def test_the_fixed_point_ends_where_it_diverges():
     """A contraction converges, and what is none fails with a code, as does what is not finite."""
-    for slope, code in ((0.5, 0), (1.5, 1), (np.nan, 2)):
-        found = evaluate(lambda s: FixedPoint().root(lambda z: z - s * jnp.cos(z), jnp.ones(2), 0.1, (2,))[:3], slope)
-        assert found[2] == code if slope != 1.5 else found[2] in (0, 1)
+
+    def root(slope):
+        return FixedPoint().root(lambda z: z - slope * z - 1, jnp.ones(2), jnp.asarray(0.1), (2,))[:3]
+
+    for slope, code in ((0.5, 0), (-2.0, 1), (np.nan, 2)):
+        assert evaluate(root, slope)[2] == code
+    np.testing.assert_allclose(evaluate(root, 0.5)[0], 2.0, rtol=1e-13)

@@ -203,10 +203,12 @@ def reported(system: System, records: State) -> Variables:
 
 
 def derived(records: State) -> dict[str, Any]:
-    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record; nothing without g."""
+    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record.
+
+    Nothing of records without g.
+    """
     if records.g is None:
         return {}
-
 
     def one(state: State) -> dict[str, Any]:
         group, Q, _ = state.places
