@@ -59,18 +59,20 @@ def test_prediction_errors_of_a_markov_process_are_white_whatever_is_missing():
 def test_a_correlation_time_is_that_of_the_process_though_a_fit_took_up_much_of_it():
     """Of twenty segments of 10 s with a polynomial of three numbers fitted to each, as starts are."""
     random, found = np.random.default_rng(0), []
+    slopes = np.zeros((20, 100, 4))
     time = np.tile(np.arange(100) * 0.1, (20, 1))
     near = neighbours(time, np.ones((20, 100, 1), bool))
+    alone = Neighbours(near.before[..., 0], near.between[..., 0])
     powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, 100), 2)
     for _ in range(12):
         e = np.stack([markov(random, 100, 0.3, 0.1, 1.0) for _ in range(20)])
         left = e - e @ np.linalg.pinv(powers).T @ powers.T
-        slopes = np.concatenate([np.tile(powers, (20, 1, 1)), np.zeros((20, 100, 1))], axis=2)
+        slopes[..., :3] = powers
         slopes[..., 3] = np.linspace(-1, 1, 100) ** 5
-        one = Channel(left, slopes, Neighbours(near.before[..., 0], near.between[..., 0]), 20 * 97 - 1.0)
+        one = Channel(left, slopes, alone, 20 * 97 - 1.0)
         found.append(correlation_time(one, np.tile(1e-9 * np.eye(4), (20, 1, 1)), 3, 0.02, 20.0))
     assert abs(np.mean(found) - 1.0) < 0.12
-    white = Channel(random.normal(size=(20, 100)), slopes, one.near, 1999.0)
+    white = Channel(random.normal(size=(20, 100)), slopes, alone, 1999.0)
     assert correlation_time(white, np.tile(1e-9 * np.eye(4), (20, 1, 1)), 3, 0.02, 20.0) < 0.06
 
 
@@ -78,6 +80,7 @@ def test_a_correlation_time_is_that_of_the_process_though_a_fit_took_up_much_of_
 def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
     """Misses are binomial, 5 % of the intervals, where the noise is told to be coloured; else they are many more."""
     scores = []
+    log = found = None
     for seed in seeds:
         log = noisy(exact, seed)
         found = identify(NEAR, log, start=STATE, parameters=SOUGHT, coloured=["velocity", "rates"])
@@ -89,6 +92,7 @@ def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
         assert not any("follow one another" in warning for warning in found.warnings)
     print(np.round(scores, 1))
     assert np.sum(np.abs(scores) > 1.96) <= stats.binom.ppf(1 - 1 / 2000, np.size(scores), 0.05)
+    assert log is not None and found is not None
     white = identify(NEAR, log, start=STATE, parameters=SOUGHT)
     assert any("follow one another" in warning for warning in white.warnings)
     for name in SOUGHT:

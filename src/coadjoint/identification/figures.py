@@ -13,16 +13,16 @@ from coadjoint.plotting.style import COLOURS, PAGE, PlotFigure, canvas, legend, 
 if TYPE_CHECKING:
     from coadjoint.identification.findings import Identification
 
+LAGS = 30
+"""Of an autocorrelation that is shown."""
+
 
 def measured_and_simulated(found: Identification, columns: Sequence[str] | None = None) -> PlotFigure:
     """Every column as points, with the simulation of the segments as a line; two panels a row.
 
     Raises ArgumentError for columns that the log does not hold.
     """
-    names = list(found.simulated) if columns is None else list(columns)
-    unknown = [name for name in names if name not in found.simulated]
-    if unknown or not names:
-        raise ArgumentError(f"The log has no column `{(unknown or [''])[0]}`; it has {', '.join(found.simulated)}.")
+    names = _names(found, columns)
     rows = -(-len(names) // 2)
     with style():
         figure = canvas(PAGE, 1.15 * rows + 0.4)
@@ -46,3 +46,47 @@ def measured_and_simulated(found: Identification, columns: Sequence[str] | None 
         for column in panels.T:
             time_axis(column, [found.log.time])
     return figure
+
+
+def autocorrelation_and_histogram(found: Identification, columns: Sequence[str] | None = None) -> PlotFigure:
+    """Innovations of every column: autocorrelation with the band that holds 95 % of white noise, ±1.96/√N, and
+    histogram with the density of the normal distribution that the noise is said to have.
+
+    Raises ArgumentError for columns that the log does not hold.
+    """
+    names = _names(found, columns)
+    with style():
+        figure = canvas(PAGE, 1.1 * len(names) + 0.5)
+        panels = figure.subplots(len(names), 2, squeeze=False, sharex="col")
+        x = np.linspace(-4, 4, 161)
+        for (left, right), name in zip(panels, names, strict=True):
+            w = found.innovations[name]
+            rho, count = autocorrelation(w, LAGS), int(np.isfinite(w).sum())
+            left.axhspan(-1.96 / np.sqrt(count), 1.96 / np.sqrt(count), color=COLOURS[5], alpha=0.3, lw=0)
+            left.vlines(np.arange(1, len(rho) + 1), 0, rho, color=COLOURS[0], lw=1.2)
+            left.axhline(0, color=COLOURS[6], lw=0.6)
+            left.set_ylabel(name)
+            right.hist(np.clip(w[np.isfinite(w)], -4, 4), bins=33, range=(-4, 4), density=True, color=COLOURS[5])
+            right.plot(x, np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi), color=COLOURS[6], lw=0.8)
+        panels[0, 0].set_title("autocorrelation of innovations", fontsize=7.5)
+        panels[0, 1].set_title("histogram, and the normal density", fontsize=7.5)
+        panels[-1, 0].set_xlabel("lag (samples)")
+        panels[-1, 1].set_xlabel("innovation over noise")
+    return figure
+
+
+def autocorrelation(w: np.ndarray, lags: int) -> np.ndarray:
+    """ρ_1, ρ_2, … of innovations, over the pairs that are there."""
+    there = np.isfinite(w)
+    left = np.where(there, w - np.mean(w[there]), 0.0)
+    variance = np.sum(left**2) / max(int(there.sum()), 1)
+    pairs = [(left[k:] * left[:-k], there[k:] & there[:-k]) for k in range(1, min(lags, len(w) - 1) + 1)]
+    return np.array([np.sum(product) / max(int(both.sum()), 1) / (variance or 1.0) for product, both in pairs])
+
+
+def _names(found: Identification, columns: Sequence[str] | None) -> list[str]:
+    names = list(found.simulated) if columns is None else list(columns)
+    unknown = [name for name in names if name not in found.simulated]
+    if unknown or not names:
+        raise ArgumentError(f"The log has no column `{(unknown or [''])[0]}`; it has {', '.join(found.simulated)}.")
+    return names

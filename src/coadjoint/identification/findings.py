@@ -13,6 +13,7 @@ from coadjoint.identification.fitting import Fitted
 from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
+from coadjoint.identification.misfit import Misfit, misfits, told
 from coadjoint.identification.sensing import SENSORS
 from coadjoint.identification.smoothing import noise as rough_noise
 from coadjoint.identification.tied import SIGN
@@ -57,7 +58,7 @@ class Identification:
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
     `system` has the values that were found. `correlation_times` of coloured noise, s, by column; 0 where it is white.
     `innovations`: measured less simulated, less what the coloured noise before tells, over the noise; NaN where nothing
-    was measured. `whiteness`: their lag-one correlation by column.
+    was measured. `misfits`: columns whose innovations follow a command. `whiteness`: their lag-one correlation.
     `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
     """
 
@@ -69,6 +70,7 @@ class Identification:
     noise: dict[str, float]
     correlation_times: dict[str, float]
     innovations: dict[str, np.ndarray]
+    misfits: tuple[Misfit, ...]
     assumed: tuple[str, ...]
     whiteness: dict[str, float]
     simulated: dict[str, np.ndarray]
@@ -105,6 +107,13 @@ class Identification:
         from coadjoint.identification.figures import measured_and_simulated
 
         return measured_and_simulated(self, columns)
+
+    def plot_innovations(self, columns: Any = None) -> Any:
+        """Autocorrelation and histogram of the innovations of each column, against those of white normal noise; a
+        matplotlib Figure."""
+        from coadjoint.identification.figures import autocorrelation_and_histogram
+
+        return autocorrelation_and_histogram(self, columns)
 
 
 class Spread(NamedTuple):
@@ -145,6 +154,8 @@ def judged(found: Fitted, level: float) -> Identification:
     warnings += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
     warnings += _missed(fit.log, names, rms, found.estimated)
     warnings += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
+    innovations = _by_rows(fit, np.where(fit.there, -surprise, np.nan))
+    missed = misfits(fit.log, innovations)
     return Identification(
         system=shooting.unknowns.replaced(fit.split(place.shared)[0]),
         log=fit.log,
@@ -153,7 +164,8 @@ def judged(found: Fitted, level: float) -> Identification:
         singular_values=spread.values,
         noise=dict(zip(names, map(float, sigma), strict=True)),
         correlation_times={names[i]: float(fit.times[i]) for i in fit.sensing.coloured},
-        innovations=_by_rows(fit, np.where(fit.there, -surprise, np.nan)),
+        innovations=innovations,
+        misfits=missed,
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
         simulated=_by_rows(fit, fit.simulated(predicted, place.shared)),
@@ -161,7 +173,7 @@ def judged(found: Fitted, level: float) -> Identification:
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *warnings),
+        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *told(missed), *warnings),
     )
 
 

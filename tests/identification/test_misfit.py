@@ -1,0 +1,87 @@
+"""A model that is wrong is told with the column that it misses and the command that it goes with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import signal
+from tests.identification.test_sensing import NEAR, SOUGHT, STATE, SYSTEM
+from tests.torpedo import NOISE, damping, zigzags
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.identification import Log, identify, synthetic_log
+from coadjoint.identification.misfit import misfits, portmanteau
+
+
+def stalling(motion, p):
+    """Fins whose lift falls behind: δ − 1.2 δ³ of the rudder, and that of the planes as the model has it."""
+    inputs, u = motion.inputs, motion.nu[0]
+    lift, zero = 10.0 * u * jnp.abs(u), 0.0 * u
+    rudder = inputs.rudder - 1.2 * inputs.rudder**3
+    return co.Force(
+        torque=-0.7 * lift * jnp.stack([zero, inputs.planes, rudder]),
+        force=jnp.stack([inputs.thrust, -lift * rudder, lift * inputs.planes]),
+    )
+
+
+def simulated(forces):
+    t, inputs = zigzags(60.0)
+    signals = {name: co.Held(t, values) for name, values in inputs.items()}
+    plant = co.System(
+        SYSTEM.group, SYSTEM.lagrangian, additional=SYSTEM.additional, advected=SYSTEM.advected,
+        parameters=SYSTEM.parameters, forces=forces, name="plant",
+    )  # fmt: skip
+    return co.simulate(plant, STATE, dt=0.05, duration=59.9, inputs=signals, save_every=2, monitors=False)
+
+
+@pytest.mark.budget(12)
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.further)])
+def test_a_rudder_that_stalls_is_named(seeds):
+    """In at least nine of ten logs, and first of all misfits."""
+    run = simulated({"damping": damping, "fins": stalling})
+    named = 0
+    for seed in seeds:
+        found = identify(NEAR, synthetic_log(run, noise=NOISE, seed=seed), start=STATE, parameters=SOUGHT)
+        worst = found.misfits[:1]
+        named += bool(worst) and worst[0].input == "rudder" and worst[0].column in ("heading", "r", "v")
+        if seed == 0:
+            assert found.misfits[0].column in str(found)
+            assert len(found.plot_innovations(["r", "heading"]).axes) == 4
+            with pytest.raises(ArgumentError, match="no column `speed`"):
+                found.plot_innovations(["speed"])
+        assert not worst or any(f"misses {worst[0].column} where" in warning for warning in found.warnings)
+    print(named)
+    assert named >= 0.9 * len(seeds)
+
+
+def test_white_innovations_are_no_misfit():
+    """Of 100 logs whose innovations are white one in a thousand may be said to be missed; so many with innovations that
+    follow one another, which tell nothing of a command."""
+    t, inputs = zigzags(60.0)
+    random, alarms = np.random.default_rng(5), np.zeros(2)
+    for _ in range(100):
+        white: dict[str, Any] = {name: random.normal(size=len(t)) for name in ("u", "r")}
+        slow: dict[str, Any] = {name: signal.lfilter([1.0], [1.0, -0.8], values) for name, values in white.items()}
+        alarms += [bool(misfits(Log(t, one, inputs), one)) for one in (white, slow)]
+    assert np.all(alarms < 3)
+
+
+def test_what_follows_a_command_late_is_found_with_its_lag_and_sign():
+    t, inputs = zigzags(60.0)
+    w = np.random.default_rng(1).normal(size=len(t))
+    late = np.concatenate([np.zeros(5), inputs["planes"][:-5]])
+    log = Log(t, {"q": w - 1.5 * late, "u": np.where(t > 30, np.nan, w)}, inputs)
+    (one,) = misfits(log, dict(log.columns))
+    assert (one.column, one.input, one.lag) == ("q", "planes", 0.5)
+    assert one.correlation < 0 and one.following < 1e-3
+
+
+def test_q_is_uniform_for_white_noise_and_vanishes_for_coloured():
+    random = np.random.default_rng(2)
+    p = [portmanteau(random.normal(size=400)) for _ in range(200)]
+    assert 0.4 < np.mean(p) < 0.6 and 0.02 < np.mean(np.array(p) < 0.05) < 0.11
+    assert portmanteau(np.convolve(random.normal(size=410), np.ones(4), "valid")) < 1e-6
