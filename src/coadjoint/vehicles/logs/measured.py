@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint.csv_tables import csv_text, read_sheet
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.log import Log
-from coadjoint.plotting.whole_file import write_text
+from coadjoint.plotting.whole_file import whole_file, write_text
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.columns import written
 from coadjoint.vehicles.logs.headers import NAMES, Column, column
@@ -103,7 +103,15 @@ def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]
 
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:
-    """The log as a CSV file that `read_log` reads: angles in degrees, inputs as `command_…`, missing cells empty."""
+    """The log as a file that `read_log` reads: CSV, angles in degrees, inputs as `command_…`, missing cells empty; or
+    messages of ROS 2 in ENU/FLU where the name ends in `.mcap`."""
+    if Path(path).suffix.lower() == ".mcap":
+        from coadjoint.vehicles.logs.bags.writing import log_bytes
+
+        content = log_bytes(log)
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
+        return
     columns = {"time_s": log.time}
     for prefix, part in (("", log.columns), ("", log.actual), ("command_", log.inputs)):
         for name, values in part.items():

@@ -12,8 +12,10 @@ import made_runs
 from coadjoint import vehicles
 from coadjoint.cli.main import main
 from coadjoint.errors import FileError
+from coadjoint.identification import Log
+from coadjoint.identification.channels import VEHICLE
 from coadjoint.vehicles import Craft, axes
-from coadjoint.vehicles.logs import read_log, write_mcap
+from coadjoint.vehicles.logs import read_log, write_log, write_mcap
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint.vehicles.logs.records import VehicleRecords
 
@@ -56,6 +58,33 @@ def test_a_run_is_read_back_as_it_was(dataset, dive):
         assert np.allclose(log.columns[name], column, rtol=0, atol=1e-14), name
     assert np.array_equal(log.inputs["rudder"], records.actuators["rudder"].command) and log.units["rudder"] == "rad"
     assert np.array_equal(log.actual["rudder"], records.actuators["rudder"].actual)
+
+
+def test_pressure_and_fixes_tell_the_place(dataset, tmp_path):
+    write_mcap(dataset, tmp_path / "dive.mcap", origin=(63.4, 10.4))
+    log, position = read_log(tmp_path / "dive.mcap", topics=["/pressure", "/fix"]), VehicleRecords(dataset).position
+    assert np.allclose(log.columns["depth"], position[:, 2], rtol=0, atol=1e-9)
+    for name, exact in zip(("north", "east"), position.T[:2], strict=True):  # from the first fix
+        assert np.allclose(log.columns[name], exact - exact[0], rtol=1e-6, atol=1e-8)
+
+
+def test_a_log_with_gaps_is_written_and_read_back(tmp_path):
+    random = np.random.default_rng(1736)
+    columns = {name: random.normal(size=50) for name in (*"uvwpqr", "north", "depth")}
+    columns |= {name: random.uniform(-1, 1, 50) for name in ("roll", "pitch", "heading")}
+    columns["u"][::3] = np.nan
+    columns["depth"][1::2] = np.nan
+    for name in ("roll", "pitch", "heading"):
+        columns[name][5:9] = np.nan
+    inputs = {"rudder": random.normal(size=50), "thrusters": random.normal(size=(50, 3))}
+    log = Log(np.arange(50) * 0.1, columns, inputs, {"rudder": "rad", "thrusters": "N"}, step=0.05)
+    write_log(log, tmp_path / "log.mcap")
+    found = read_log(tmp_path / "log.mcap")
+    assert list(found.columns) == [name for name in VEHICLE if name in columns] and found.step == 0.05
+    for name, values in columns.items():
+        assert np.allclose(found.columns[name], values, rtol=0, atol=1e-14, equal_nan=True), name
+    for name, values in inputs.items():
+        assert np.array_equal(found.inputs[name], values) and found.units[name] == log.units[name]
 
 
 def test_other_axes_say_the_same(dataset, dive, tmp_path):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.errors import FileError
+from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, VELOCITY
 
@@ -23,12 +23,10 @@ class WaterAbove(NamedTuple):
     density: float = 1025.0
 
 
-class EARTH:
-    """The ellipsoid WGS 84: the greater half axis, m, and the square of the eccentricity."""
-
-    AXIS, SQUARE = 6378137.0, 6.69437999014e-3
-    GRAVITY = 9.80665
-    MOST_NORTH = 89.0
+AXIS, SQUARE = 6378137.0, 6.69437999014e-3
+"""The ellipsoid WGS 84: the greater half axis, m, and the square of the eccentricity."""
+GRAVITY = 9.80665
+MOST_NORTH = 89.0
 
 
 def converted(
@@ -46,7 +44,7 @@ def converted(
         found |= _along_body(given, where)
     if "pressure" in given:
         _require_once(found, ("depth", "z", "down", "up"), "pressure", where)
-        found["depth"] = (given["pressure"] - water.surface) / (water.density * EARTH.GRAVITY)
+        found["depth"] = (given["pressure"] - water.surface) / (water.density * GRAVITY)
         notes.append(f"Depth is from the pressure of {where}: {water.surface:g} Pa above, {water.density:g} kg/m³.")
     fix = [name for name in ("latitude", "longitude") if name in given]
     if len(fix) == 1:
@@ -67,19 +65,32 @@ def _local(
     if not len(good):
         return latitude, longitude, None
     at = origin or (float(latitude[good[0]]), float(longitude[good[0]]))
-    phi = np.radians(at[0])
-    bend = 1 - EARTH.SQUARE * np.sin(phi) ** 2
-    meridian = EARTH.AXIS * (1 - EARTH.SQUARE) / bend**1.5
-    across = EARTH.AXIS / np.sqrt(bend) * np.cos(phi)
+    meridian, across = _radii(at[0])
     north = meridian * np.radians(latitude - at[0])
     east = across * np.radians((longitude - at[1] + 180) % 360 - 180)
     far = np.nanmax(np.hypot(north, east))
-    if far > 50_000 or abs(at[0]) > EARTH.MOST_NORTH:
+    if far > 50_000 or abs(at[0]) > MOST_NORTH:
         raise FileError(
             f"{where}: a fix is {far / 1000:.0f} km from {at[0]:g}°, {at[1]:g}°: fixes are read up to 50 km from the "
             "origin; give another `origin`, and leave out fixes that are none."
         )
     return north, east, at
+
+
+def _radii(latitude: float) -> tuple[float, float]:
+    """M(φ) and N(φ) cos φ, m, of a latitude in degrees."""
+    phi = np.radians(latitude)
+    bend = 1 - SQUARE * np.sin(phi) ** 2
+    return float(AXIS * (1 - SQUARE) / bend**1.5), float(AXIS / np.sqrt(bend) * np.cos(phi))
+
+
+def fixes(position: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Latitude and longitude, °, of north and east of an origin; raises ArgumentError for an origin that is none."""
+    if len(origin) != 2 or not (np.all(np.isfinite(origin)) and abs(origin[0]) <= MOST_NORTH):
+        raise ArgumentError(f"Argument `origin` must be a latitude within 89° and a longitude, but is {origin!r}.")
+    meridian, across = _radii(origin[0])
+    east = (origin[1] + np.degrees(position[:, 1] / across) + 180) % 360 - 180
+    return origin[0] + np.degrees(position[:, 0] / meridian), east
 
 
 def _along_body(given: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:

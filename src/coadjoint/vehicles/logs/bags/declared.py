@@ -26,7 +26,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.texts import read_table, told_text
 from coadjoint.vehicles.axes import Axes, space_axes
-from coadjoint.vehicles.logs.bags.converted import EARTH, OTHERS, WaterAbove
+from coadjoint.vehicles.logs.bags.converted import MOST_NORTH, OTHERS, WaterAbove
 from coadjoint.vehicles.logs.bags.sensors import CommandTopic, Number, SensorTopic, Stamp
 from coadjoint.vehicles.logs.headers import NAMES, column, inside
 
@@ -170,6 +170,6 @@ def _origin(row: Mapping[str, Any], where: str) -> tuple[float, float] | None:
         raise FileError(f"{where}: `origin` must be [latitude, longitude] in degrees, but is {value!r:.40}.")
     pair = {"latitude": value[0], "longitude": value[1]}
     latitude, longitude = (_number(pair, key, 0.0, f"{where}, origin") for key in pair)
-    if abs(latitude) > EARTH.MOST_NORTH or abs(longitude) > 360:
+    if abs(latitude) > MOST_NORTH or abs(longitude) > 360:
         raise FileError(f"{where}: `origin` must be a latitude within 89° and a longitude, but is {value!r:.40}.")
     return latitude, longitude
