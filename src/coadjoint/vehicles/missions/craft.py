@@ -20,6 +20,7 @@ from coadjoint.vehicles.figures.scenes import BOTTOM, GEOMETRY
 from coadjoint.vehicles.figures.shapes import geometry
 from coadjoint.vehicles.logs.headers import inside
 from coadjoint.vehicles.missions import legs
+from coadjoint.vehicles.missions.faults import faults
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
 from coadjoint.vehicles.missions.water import water
@@ -49,7 +50,8 @@ def set_up(file: MissionFile) -> Setup:
     controller = legs.following(file, _controller(file, vehicle), place)
     # What is mistaken in the file is told before gains are proposed, which takes a second.
     inputs = _inputs(file, vehicle, commands, {} if controller is None else controller.inputs)
-    craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)))
+    faulty = faults(file, vehicle)
+    craft = Craft(vehicle, controller=controller, water=water(file, seeds(file)), faults=faulty)
     kinds = measures(craft)
     craft = craft.replace(**parameters_in_si("parameters", file.parameters, kinds))
     if file.parameters and count_members(craft.parameters.asdict()) is None:

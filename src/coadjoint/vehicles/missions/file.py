@@ -74,6 +74,7 @@ class MissionFile(Runnable):
     mission: dict[str, Any] = field(default_factory=dict)
     initial: dict[str, Any] = field(default_factory=dict)
     perturb: dict[str, Any] = field(default_factory=dict)
+    faults: dict[str, Any] = field(default_factory=dict)
     axes: str = "NED/FRD"
     path: Path = Path("mission.toml")
     WORD: ClassVar = "mission file"
@@ -83,7 +84,7 @@ class MissionFile(Runnable):
         "run": MissionRunSection,
         "output": MissionOutputSection,
     }
-    FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb")
+    FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb", "faults")
 
     @property
     def names(self) -> list[str]:
@@ -100,9 +101,10 @@ class MissionFile(Runnable):
         return set_up(self)
 
     def warnings(self, run: Run) -> list[str]:
+        from coadjoint.vehicles.missions.faults import told
         from coadjoint.vehicles.missions.results import left_water
 
-        return left_water(run.dataset)
+        return [*left_water(run.dataset), *told(self, run.dataset)]
 
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
         from coadjoint.vehicles.missions.results import figures, members, results

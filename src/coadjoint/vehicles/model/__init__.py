@@ -9,6 +9,7 @@ from coadjoint.lazy import lazy
 if TYPE_CHECKING:
     from coadjoint.vehicles.model.craft import Craft as Craft
     from coadjoint.vehicles.model.craft import craft_of as craft_of
+    from coadjoint.vehicles.model.faults import Fault as Fault
     from coadjoint.vehicles.model.vehicle import Quantity as Quantity
     from coadjoint.vehicles.model.vehicle import Vehicle as Vehicle
 

@@ -16,14 +16,15 @@ from coadjoint.mechanics.each import Each, count_members, stacked
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import NodeMotion
-from coadjoint.spaces.named import Named
+from coadjoint.spaces.named import Named, named
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
 from coadjoint.vehicles.model.controller_mistakes import called, steer
 from coadjoint.vehicles.model.energies import Surroundings
+from coadjoint.vehicles.model.faults import Fault, latched, remembered
 from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.vehicle import Vehicle
-from coadjoint.vehicles.parts.part import Part
+from coadjoint.vehicles.parts.part import Part, Passing
 from coadjoint.vehicles.water.water import UniformWater, Water
 
 MEMORY = "memory"
@@ -41,6 +42,7 @@ class Rule(InternalRule):
     vehicle: Vehicle
     controller: Controller | None
     water: Water
+    faults: tuple[Fault, ...] = ()
 
     jumping = ("water",)
     """What is not followed within a step that is judged for its accuracy: a random current is drawn once a step."""
@@ -61,6 +63,8 @@ class Rule(InternalRule):
         if self.controller is not None:
             memory = self.controller.memory()
             found["controller"] = sampling({**actuators, **({MEMORY: memory} if memory else {})}, t)
+        if self.faults:
+            found["faults"] = {fault.name: 0.0 for fault in self.faults}
         remembered = self.water.start()
         return {**found, "water": remembered} if remembered else found
 
@@ -74,14 +78,40 @@ class Rule(InternalRule):
             if twice := [name for name in commands if name in steered]:
                 raise ArgumentError(f"The controller commands `{twice[0]}` already: leave the input of that name out.")
             commands.update({name: getattr(after["controller"]["value"], name) for name in steered})
+        there = latched(self.faults, motion, p) if self.faults else {}
         for part in self.vehicle.commanded:
-            actual = getattr(motion.internal, part.name)
-            if part.name in commands:
-                actual = part.advance(actual, jnp.asarray(commands[part.name]), h, getattr(p, part.name))
-            after[part.name] = actual
+            after[part.name] = self._followed(part, commands.get(part.name), motion, h, p, there)
+        if there:
+            after["faults"] = remembered(there)
         if self.water.start():
             after["water"] = self.water.advance(motion.internal.water, h, p.water)
         return after
+
+    def _followed(self, part: Part, command: Any, motion: NodeMotion, h: Array, p: Any, there: dict[str, Array]) -> Any:
+        """The course of a part under its command and its faults; None stays."""
+        now, own = getattr(motion.internal, part.name), getattr(p, part.name)
+        faults = [fault for fault in self.faults if fault.part == part.name]
+        if part.units is not None:
+            if faults and command is None:
+                command = self._unmoved(part)
+            for fault in faults:
+                command = fault.command(command, there[fault.name])
+        course = now
+        if command is not None:
+            around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
+            carried = self.water.uniform and self.water.steady
+            velocity = motion.nu - around.current() if carried else motion.nu
+            course = part.follow(now, jnp.asarray(command), h, own, Passing(velocity, motion.xi, around.back.T))
+        if part.units is None:
+            for fault in faults:
+                course = fault.stands(course, now, there[fault.name])
+        return course
+
+    def _unmoved(self, part: Part) -> Any:
+        """What a part that a fault commands is told before it, where nobody commands it: what it starts from."""
+        if part.command is None or part.travel(named(part.parameters())) is not None:
+            raise ArgumentError(f"The fault of the {part.title}` needs a command that it replaces: give an input.")
+        return part.command.start
 
     def seeded(self, internal: Named, seeds: np.ndarray) -> Named:
         """Internal states (k, …) whose water has random numbers of these seeds (k,)."""

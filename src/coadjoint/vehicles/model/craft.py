@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ from coadjoint.vehicles.model.actuators import Rule, starting_actuators
 from coadjoint.vehicles.model.changed import require_possible
 from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.model.energies import Surroundings, actual_of
+from coadjoint.vehicles.model.faults import Fault, require_faults
 from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.start import starting_motion, through_water
 from coadjoint.vehicles.model.vehicle import BODY, Vehicle
@@ -36,11 +37,17 @@ class Craft:
         run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, duration=300, inputs={"depth": …})
 
     controller: a Controller, or a function (feedback, p) → {part: command}; without one, inputs of the names of parts
-    command them. water: by default still. Raises ArgumentError for what is none of these.
+    command them. water: by default still. faults: of actuators, from a time or an event on. Raises
+    ArgumentError for what is none of these.
     """
 
     def __init__(
-        self, vehicle: Vehicle, *, controller: Controller | Callable[..., Any] | None = None, water: Water | None = None
+        self,
+        vehicle: Vehicle,
+        *,
+        controller: Controller | Callable[..., Any] | None = None,
+        water: Water | None = None,
+        faults: Sequence[Fault] = (),
     ):
         if not isinstance(vehicle, Vehicle):
             raise ArgumentError(f"Argument `vehicle` must be a Vehicle, but is {vehicle!r}.")
@@ -60,7 +67,9 @@ class Craft:
             controller = FunctionController(function=controller)
         controller = None if controller is None else controller.fitted(vehicle)
         self.vehicle, self.controller, self.water = vehicle, controller, StillWater() if water is None else water
-        self.rule = Rule(vehicle, controller, self.water)
+        commanded = {part.name: part for part in vehicle.commanded}
+        self.faults = require_faults(faults, commanded, f"they are {', '.join(commanded) or 'none'}")
+        self.rule = Rule(vehicle, controller, self.water, self.faults)
         self.parameters = Parameters(**self._nominal)
         """All numbers: the body's own, `p.mass`, and those of each part, `p.rudder.area`, of `water`, `controller`."""
 
@@ -72,7 +81,7 @@ class Craft:
         Raises ArgumentError for a name that is no parameter, and for what body, parts, controller or water cannot
         have, as where they were made; 0 for a lag is none.
         """
-        made = Craft(self.vehicle, controller=self.controller, water=self.water)
+        made = Craft(self.vehicle, controller=self.controller, water=self.water, faults=self.faults)
         made.parameters = self.parameters.replace(**values)
         self._checked(made.parameters.asdict())
         return made

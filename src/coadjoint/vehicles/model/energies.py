@@ -94,6 +94,9 @@ def lagrangian(water: Water, parts: tuple[Part, ...], omega, n, nu, a, p, t, int
     for mass, position, inside in masses(parts, internal, p):
         velocity = moving + jnp.cross(omega, position) + inside
         total = total + mass * (0.5 * velocity @ velocity + p.gravity * around.depth(position))
+    for part in (part for part in parts if part.holds_mass):
+        for momentum, position in part.released(actual_of(part, internal), getattr(p, part.name)):
+            total = total + momentum @ (around.back.T @ (moving + jnp.cross(omega, position)))
     for volume, position in volumes(parts, internal, p):
         total = total - volume * p.gravity * around.pressure_head(position)
         if not carried:

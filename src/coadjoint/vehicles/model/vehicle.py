@@ -128,7 +128,7 @@ def _require_inside(vehicle: Vehicle) -> None:
             )
 
 
-RESERVED = (*BODY, "controller", "water", "shear", "memory", "time", "inputs", "sample", "release")
+RESERVED = (*BODY, "controller", "water", "shear", "memory", "time", "faults", "inputs", "sample", "release")
 """Words that are taken: no part may have them as its name."""
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.parts.part import Command as Command
     from coadjoint.vehicles.parts.part import Flow as Flow
     from coadjoint.vehicles.parts.part import Part as Part
+    from coadjoint.vehicles.parts.part import Passing as Passing
+    from coadjoint.vehicles.parts.payload import Payload as Payload
     from coadjoint.vehicles.parts.propeller import Propeller as Propeller
     from coadjoint.vehicles.parts.published_curves import T200 as T200
     from coadjoint.vehicles.parts.thrusters import Thrusters as Thrusters

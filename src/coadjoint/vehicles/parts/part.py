@@ -43,6 +43,15 @@ class Flow(NamedTuple):
         return moving if self.elsewhere is None else moving - self.elsewhere(position)
 
 
+class Passing(NamedTuple):
+    """How a craft goes at a node, as its momenta have it: velocity of O, through the water where that is uniform and
+    steady, (3,) m/s, body axes; omega, (3,) rad/s; turn: R, from the body to space."""
+
+    velocity: Array
+    omega: Array
+    turn: Array
+
+
 @dataclass(frozen=True)
 class Command:
     """What a controller may set on a part: the unit and shape of the command, and where the actuator starts."""
@@ -89,6 +98,10 @@ class Part(Numbers, ABC):
         wanted = jnp.clip(command, -own.limit, own.limit) if "limit" in own else command
         return towards(actual, wanted, h, own)
 
+    def follow(self, actual: Any, command: Array, h: Array, own: Any, passing: Passing) -> Any:
+        """As `advance`, for a part that needs to know how the craft goes at the node."""
+        return self.advance(actual, command, h, own)
+
     @abstractmethod
     def force(self, flow: Flow, actual: Any, own: Any) -> Force:
         """Force and torque about O on the vehicle, body axes; `actual` is None without a command."""
@@ -116,6 +129,10 @@ class Part(Numbers, ABC):
 
     def displaced(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
         """((volume, position), …): volume that this part adds to the body's, m³ and m."""
+        return ()
+
+    def released(self, actual: Any, own: Any) -> tuple[tuple[Array, Array], ...]:
+        """((momentum in space, place on the body), …), N s and m, of what has left this part."""
         return ()
 
     @property
