@@ -34,10 +34,10 @@ def _fault(name: str, given: Any, vehicle: Any) -> Fault:
     if not isinstance(given, dict):
         raise ArgumentError(f'[faults] holds tables, as in [faults.{name}] with part = "rudder", but is {given!r}.')
     table, action = _split(title, given)
-    part = table.get("part")
+    part = str(table.get("part", ""))
     known = [one.name for one in vehicle.commanded]
     if part not in known:
-        raise ArgumentError(unknown(f"actuator {part!r}", f"[{title}] part: the vehicle", str(part), known))
+        raise ArgumentError(unknown(f"actuator {part!r}", f"[{title}] part: the vehicle", part, known))
     value, which = _stands(title, action, table[action], vehicle.part(part), given)
     begins = {key: table[key] for key in ("time", "depth") if key in table}
     if len(begins) != 1:
