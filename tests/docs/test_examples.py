@@ -62,6 +62,17 @@ def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_
     assert found["momentum"] < 1e-12
 
 
+def test_the_drop_of_a_fluid_moves_as_its_particles_do_and_keeps_its_circulation(run_example):
+    found = run_example("fluid_drop", 2)
+    run = found["run"]
+    assert found["error"] < 1e-9
+    assert max(run.relative_change(name) for name in ("kelvin_noether", "angular_momentum")) < 1e-12
+    assert np.max(np.abs(np.linalg.det(run.records.g) - 1)) < 1e-12
+    circulation = 2 * found["U0"][[1, 0], [0, 1]] @ [1, -1] / 2  # of ½ tr(USUᵀ) along the turn of the particles
+    assert abs(run.monitors["kelvin_noether"][0, 0]) * np.sqrt(2) == pytest.approx(abs(circulation), rel=1e-12)
+    assert Path("fluid_drop.png").stat().st_size > 10_000
+
+
 def test_the_charged_particle_runs_round_its_circle(run_example):
     found = run_example("heisenberg", 20)
     assert found["error"] < 1e-4 * found["radius"]
