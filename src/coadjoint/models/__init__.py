@@ -18,6 +18,7 @@ from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, T
 if TYPE_CHECKING:
     from coadjoint.models import beanie as beanie
     from coadjoint.models import falling_cat as falling_cat
+    from coadjoint.models import fluids as fluids
     from coadjoint.models import general_form as general_form
     from coadjoint.models import heavy_top as heavy_top
     from coadjoint.models import paper_form as paper_form

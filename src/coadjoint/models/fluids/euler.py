@@ -1,0 +1,121 @@
+"""Zeitlin's model of an ideal fluid on the sphere, which may rotate: Euler's equations on U(N)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups import Un
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
+from coadjoint.models.fluids.laplacian import dirichlet
+
+
+def hbar(size: int) -> float:
+    """ħ = 2/√(N² − 1), with which [F, G]/ħ stands for i{f, g}."""
+    return 2 / np.sqrt(size**2 - 1)
+
+
+def euler(size: int, rotation: float = 0.0) -> System:
+    """The Euler equations of a fluid on the unit sphere by Zeitlin's matrices of size N, on U(N).
+
+        Ẇ = [P, W]/ħ,   Δ_N P = W − F,   ħ = 2/√(N² − 1),
+
+    W = i times the matrix of the absolute vorticity ω + 2Ω cos θ, F that of 2Ω cos θ, P that of the stream function ψ,
+    Δψ = ω. In the library's form ℋ(μ) = −½⟨μ − f, Δ_N⁻¹(μ − f)⟩/ħ, μ the coordinates of W: so N/(4πħ) times the
+    kinetic energy. All tr Wᵏ are Casimirs, for ∫(ω + 2Ω cos θ)ᵏ; runs by `co.IsospectralMidpoint()` keep them to
+    round-off. Runs observe `kinetic_energy` and `enstrophy`, ½∫ω².
+
+    size: N, from 2. rotation: Ω, rad/s, by default 0; the radius is 1. Parameters: rotation.
+    Raises ArgumentError. Source: Zeitlin 1991, 2004; Modin and Viviani, J. Fluid Mech. 884 (2020).
+    """
+    if isinstance(size, bool) or not isinstance(size, int) or size < 2:
+        raise ArgumentError(f"Argument `size` must be a whole number N from 2, but is {shown(size)}.")
+    if isinstance(rotation, bool) or not isinstance(rotation, (int, float)) or not np.isfinite(rotation):
+        raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
+    planetary, h = from_coefficients(size, _cosine(2.0)), hbar(size)
+
+    def hamiltonian(mu, p):
+        return dirichlet(mu - p.rotation * planetary) / h
+
+    def kinetic_energy(state, p):
+        return 4 * jnp.pi / size * dirichlet(state.mu - p.rotation * planetary)
+
+    def enstrophy(state, p):
+        omega = state.mu - p.rotation * planetary
+        return 2 * jnp.pi / size * omega @ omega
+
+    return System(
+        Un(size),
+        hamiltonian=hamiltonian,
+        parameters={"rotation": float(rotation)},
+        quantities={"kinetic_energy": kinetic_energy, "enstrophy": enstrophy},
+        name="ideal fluid on a sphere" if not rotation else "ideal fluid on a rotating sphere",
+    )
+
+
+def start(fluid: System, vorticity: Coefficients) -> State:
+    """The state of a fluid with the relative vorticity ω = Σ c_lm Y_lm.
+
+    vorticity: c (L, L) as `harmonics.from_coefficients` takes them, 1/s; c_00 must be 0.
+    """
+    size = _size(fluid)
+    mu = from_coefficients(size, vorticity)
+    if np.asarray(vorticity)[0, 0] != 0:
+        raise ArgumentError(
+            f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {np.asarray(vorticity)[0, 0]}."
+        )
+    return fluid.state(mu=mu + _planetary(fluid))
+
+
+def vorticity(fluid: System, records: Any) -> Coefficients:
+    """c_lm (…, N, N), complex, of the relative vorticity of a state or of records with leading axes."""
+    size = _size(fluid)
+    return coefficients_of(size, np.asarray(records.mu) - _planetary(fluid))
+
+
+def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0) -> Coefficients:
+    """Random c_lm for l = 1 … degree, (degree + 1, degree + 1), with ½∫ω² = enstrophy."""
+    random = np.random.default_rng(seed)
+    c = np.tril(random.normal(size=(degree + 1, degree + 1)) + 1j * random.normal(size=(degree + 1, degree + 1)))
+    c[:, 0] = np.sqrt(2) * c[:, 0].real
+    c[0] = 0
+    total = 0.5 * np.sum(np.abs(c) ** 2 * np.where(np.arange(degree + 1) > 0, 2.0, 1.0))
+    return c * np.sqrt(enstrophy / total)
+
+
+def rossby_haurwitz(degree: int, order: int, amplitude: float, spin: float = 0.0) -> Coefficients:
+    """c_lm of a wave Y_lm on a solid-body rotation: ω = 2α cos θ + 2 Re(amplitude Y_lm), l = degree, m = order > 0.
+
+    Its pattern turns westwards at the rate c = 2(Ω + α)/(l(l + 1)) − α, rad/s, α = spin, Ω the rotation of the sphere,
+    without change of form, at every N > l. Raises ArgumentError for an order that is not 1 … degree.
+    """
+    if not 1 <= order <= degree:
+        raise ArgumentError(f"Argument `order` must be from 1 to degree = {degree}, but is {shown(order)}.")
+    c = np.zeros((degree + 1, degree + 1), complex)
+    c[degree, order] = amplitude
+    c[1, 0] = 2 * spin * np.sqrt(4 * np.pi / 3)
+    return c
+
+
+def _cosine(amplitude: float) -> Coefficients:
+    """c_lm of amplitude · cos θ."""
+    c = np.zeros((2, 2), complex)
+    c[1, 0] = amplitude * np.sqrt(4 * np.pi / 3)
+    return c
+
+
+def _planetary(fluid: System) -> np.ndarray:
+    """The coordinates (N²,) of 2Ω cos θ."""
+    parameters: Any = fluid.parameters
+    return float(parameters.rotation) * from_coefficients(_size(fluid), _cosine(2.0))
+
+
+def _size(fluid: System) -> int:
+    if not isinstance(fluid.group, Un) or fluid.parameters is None or not hasattr(fluid.parameters, "rotation"):
+        raise ArgumentError(f"Argument `fluid` must be a fluid of co.models.fluids, but is {shown(fluid.name)}.")
+    return fluid.group.size

@@ -1,0 +1,100 @@
+"""Functions on the sphere as matrices and back: spherical harmonics, their matrices T_lm, latitudes and longitudes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.models.fluids.laplacian import tridiagonal
+
+Coefficients = np.ndarray
+"""c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
+
+
+@lru_cache(maxsize=8)
+def _matrices(size: int) -> tuple[np.ndarray, ...]:
+    """Of every m the columns t_l, l = m … N − 1, (N − m, N − m), of length √(N/4π): the mth diagonal of T_lm."""
+    found = []
+    for m in range(size):
+        diagonal, off = tridiagonal(size, m)
+        vectors = eigh_tridiagonal(diagonal, off)[1][:, ::-1] if size - m > 1 else np.ones((1, 1))
+        vectors = vectors * np.where(vectors[0] < 0, -1.0, 1.0)
+        found.append((-1.0) ** m * np.sqrt(size / (4 * np.pi)) * vectors)
+    return tuple(found)
+
+
+def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
+    """The coordinates (N²,) on U(N) of W = iF, where F is the Hermitian matrix of the function.
+
+    coefficients: c (L, L) as in `Coefficients`, L ≤ N. Raises ArgumentError for another shape, for more than N of them,
+    and where c_l0 is not real.
+    """
+    c: Any = np.asarray(coefficients, complex)
+    if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape[0] > size or not np.all(np.isfinite(c)):
+        raise ArgumentError(
+            f"Argument `coefficients` must be finite numbers c_lm, (L, L) with L up to N = {size}, but has shape "
+            f"{c.shape}: {shown(coefficients)}."
+        )
+    if np.any(np.abs(c[:, 0].imag) > 1e-12 * np.max(np.abs(c), initial=0.0)):
+        raise ArgumentError("Argument `coefficients` must be real for m = 0, because the function is.")
+    rows = np.zeros((size, size))
+    for m in range(c.shape[0]):
+        entries: Any = _matrices(size)[m][:, : c.shape[0] - m] @ c[m:, m]
+        i = np.arange(size - m)
+        # W = iF: its real part is −Im F, its imaginary part Re F; a coordinate off the diagonal is √2 of an entry.
+        if m:
+            rows[i, i + m], rows[i + m, i] = -np.sqrt(2) * entries.imag, np.sqrt(2) * entries.real
+        else:
+            rows[i, i] = entries.real
+    return rows.ravel()
+
+
+def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
+    """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`."""
+    rows = np.reshape(momentum, (*np.shape(momentum)[:-1], size, size))
+    found = np.zeros(rows.shape, complex)
+    for m in range(size):
+        i = np.arange(size - m)
+        entries = rows[..., i, i] + 0j if m == 0 else (rows[..., i + m, i] - 1j * rows[..., i, i + m]) / np.sqrt(2)
+        found[..., m:, m] = entries @ _matrices(size)[m] * (4 * np.pi / size)
+    return found
+
+
+def legendre(degree: int, z: np.ndarray) -> np.ndarray:
+    """P̄_lm(z) (L, L, points), L = degree + 1, with Y_lm = P̄_lm(cos θ) e^{imφ} orthonormal; by recurrence in l."""
+    z = np.asarray(z, float)
+    found = np.zeros((degree + 1, degree + 1, len(z)))
+    sine = np.sqrt(1 - z * z)
+    found[0, 0] = np.sqrt(1 / (4 * np.pi))
+    for m in range(degree + 1):
+        if m:
+            found[m, m] = -np.sqrt((2 * m + 1) / (2 * m)) * sine * found[m - 1, m - 1]
+        if m < degree:
+            found[m + 1, m] = np.sqrt(2 * m + 3) * z * found[m, m]
+        for k in range(m + 2, degree + 1):
+            a = np.sqrt((4 * k * k - 1) / (k * k - m * m))
+            b = np.sqrt(((k - 1) ** 2 - m * m) / (4 * (k - 1) ** 2 - 1))
+            found[k, m] = a * (z * found[k - 1, m] - b * found[k - 2, m])
+    return found
+
+
+def on_grid(coefficients: Coefficients, latitudes: int = 91, longitudes: int = 180):
+    """Latitudes and longitudes (rad) of an even grid, and the function there, (…, latitudes, longitudes)."""
+    c = np.asarray(coefficients)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, latitudes)
+    longitude = np.linspace(0, 2 * np.pi, longitudes, endpoint=False)
+    size = c.shape[-1]
+    values = legendre(size - 1, np.sin(latitude))
+    along = np.einsum("...lm,lmt->...mt", c, values)
+    waves = np.exp(1j * np.outer(np.arange(size), longitude)) * np.where(np.arange(size) > 0, 2.0, 1.0)[:, None]
+    return latitude, longitude, np.einsum("...mt,mp->...tp", along, waves).real
+
+
+def power(coefficients: Coefficients) -> np.ndarray:
+    """Σ_m |c_lm|² over all m from −l to l, (…, L): the share of every degree l in ∫f²."""
+    c = np.asarray(coefficients)
+    return np.sum(np.abs(c) ** 2 * np.where(np.arange(c.shape[-1]) > 0, 2.0, 1.0), axis=-1)
