@@ -26,7 +26,7 @@ _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
 _LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
 
-BAGS = (".mcap", ".db3", ".bag", ".bin")
+BAGS = (".mcap", ".db3", ".bag", ".bin", ".tlog")
 """The ends of names of what robots record."""
 
 IRREGULAR = 1.2

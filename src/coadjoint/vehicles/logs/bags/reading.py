@@ -25,7 +25,9 @@ from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
 from coadjoint.vehicles.logs.bags.sensors import ARDUPILOT, TYPES, CommandTopic, Number, SensorTopic, driven, usual
 from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
+from coadjoint.vehicles.logs.bags.tlog_file import read_tlog
 
+ARDUPILOT_FILES = (".bin", ".tlog")
 OWN = "coadjoint"
 """The name of the metadata that bags of this library hold: the axes, the step and the units of commands."""
 
@@ -42,7 +44,7 @@ def read_bag(
     """The log that a robot recorded, what its sensors measured and what drove it.
 
     Of ROS an MCAP file, `.db3`, `.bag`, or a folder of rosbag2; of ArduPilot `.BIN`, whose messages are topics such as
-    `ATT` and `IMU[0]`.
+    `ATT` and `IMU[0]`, and telemetry, `.tlog`, by pymavlink.
 
     Odometry, poses, twists, inertial units, pressures and fixes are known by their types; topics `…/command/NAME` of
     plain numbers are inputs; of ArduPilot the Kalman filter, the attitude and the gyroscopes.
@@ -57,7 +59,7 @@ def read_bag(
     file = Path(path)
     if axes is not None:
         space_axes(axes)
-    native = "NED/FRD" if file.suffix.lower() == ".bin" else "ENU/FLU"
+    native = "NED/FRD" if file.suffix.lower() in ARDUPILOT_FILES else "ENU/FLU"
     wanted = declared(sensors, axes, native)
     chosen = set(topics) | wanted.topics if topics is not None else wanted.topics if sensors is not None else None
     bags = [_opened(part, chosen, partial) for part in _parts(file)]
@@ -101,8 +103,8 @@ def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | 
     try:
         if file.suffix.lower() == ".bag":
             return read_ros1(file, wanted, partial)
-        if file.suffix.lower() == ".bin":
-            return read_dataflash(file, wanted)
+        if file.suffix.lower() in ARDUPILOT_FILES:
+            return (read_tlog if file.suffix.lower() == ".tlog" else read_dataflash)(file, wanted)
         return read_sqlite(file, wanted) if file.suffix.lower() == ".db3" else read_mcap(file, wanted, partial)
     except OSError as error:
         if isinstance(error, FileError):

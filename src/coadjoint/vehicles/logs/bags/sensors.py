@@ -123,8 +123,17 @@ ARDUPILOT: dict[str, dict[str, Number]] = {
     "NKF1": _FILTER,
     "ATT": _ANGLES,
     "IMU": {"p": Number("GyrX"), "q": Number("GyrY"), "r": Number("GyrZ")},
+    "ATTITUDE": {
+        "roll": Number("roll"),
+        "pitch": Number("pitch"),
+        "heading": Number("yaw"),
+        "p": Number("rollspeed"),
+        "q": Number("pitchspeed"),
+        "r": Number("yawspeed"),
+    },
+    "LOCAL_POSITION_NED": {"north": Number("x"), "east": Number("y"), "depth": Number("z")},
 }
-"""What messages of ArduPilot's logs measure: the extended Kalman filter, the attitude and the gyroscopes."""
+"""What messages of ArduPilot's logs and telemetry measure: the Kalman filter, the attitude and the gyroscopes."""
 _ATTITUDES = {name: {"ATT": 3, "NKF1": 2}.get(name, 1) for name in ARDUPILOT}
 
 

@@ -1,0 +1,54 @@
+"""Telemetry of MAVLink, which pymavlink packs and reads."""
+
+from __future__ import annotations
+
+import struct
+import sys
+
+import numpy as np
+import pytest
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.vehicles.logs import read_log
+
+VALUES = np.random.default_rng(1809).uniform(-1, 1, (30, 9)).astype(np.float32)
+
+
+@pytest.fixture
+def telemetry(tmp_path):
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    rows = []
+    for i, x in enumerate(VALUES):
+        attitude = dialect.MAVLink_attitude_message(1000 + 100 * i, *map(float, x[:6]))
+        place = dialect.MAVLink_local_position_ned_message(1000 + 100 * i, *map(float, x[6:]), 0.0, 0.0, 0.0)
+        beat = dialect.MAVLink_heartbeat_message(12, 3, 0, 0, 0, 3)  # which measures nothing
+        for late, message in enumerate((attitude, place, beat)):
+            rows.append(struct.pack(">Q", 10**15 + 10**5 * i + 1000 * late) + message.pack(link))
+    path = tmp_path / "dive.tlog"
+    path.write_bytes(b"".join(rows))
+    return path
+
+
+def test_attitude_rates_and_position_become_a_log(telemetry):
+    log = read_log(telemetry)
+    there = np.isfinite(log.columns["roll"])
+    names = ("roll", "pitch", "heading", "p", "q", "r")
+    assert np.array_equal(np.stack([log.columns[name][there] for name in names], axis=1), VALUES[:, :6])
+    assert np.array_equal(log.columns["depth"][~there], VALUES[:, 8].astype(float))
+    assert log.time[1] == pytest.approx(0.001, abs=2e-6) and log.duration == pytest.approx(2.901, abs=2e-6)
+
+
+def test_a_file_that_is_none_is_refused(tmp_path):
+    for content in (b"", b"time_s,u_m_s"):
+        (tmp_path / "x.tlog").write_bytes(content)
+        with pytest.raises(FileError, match="is no telemetry of MAVLink: its ninth byte must be fd or fe"):
+            read_log(tmp_path / "x.tlog")
+
+
+def test_without_pymavlink_a_sentence_says_how_to_install_it(telemetry, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymavlink.mavutil", None)
+    with pytest.raises(
+        ArgumentError, match=r'needs pymavlink, which is not installed: pip install "coadjoint\[logs\]"'
+    ):
+        read_log(telemetry)
