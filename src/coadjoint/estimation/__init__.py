@@ -22,5 +22,6 @@ if TYPE_CHECKING:
     from coadjoint.estimation.measurements import Measurement as Measurement
     from coadjoint.estimation.model import ModelProcess as ModelProcess
     from coadjoint.estimation.process import Process as Process
+    from coadjoint.estimation.smoother import smoothed as smoothed
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -16,12 +16,16 @@ from coadjoint.kernels.run.kalman import Filters, MeasurementCode
 
 
 class PreparedMeasurement(NamedTuple):
-    """A measurement with its function of (e, row), R (m, m), and the largest NIS that is believed."""
+    """A measurement with its function of (e, row), R (m, m), the largest NIS that is believed, and what is a whole turn
+
+    of each number, (m,), or 0.
+    """
 
     name: str
     function: RowFunction
     covariance: np.ndarray
     gate: float
+    turns: np.ndarray
 
 
 class FilterEngine:
@@ -33,7 +37,7 @@ class FilterEngine:
         self._filters = None
         if model is not None and None not in functions:
             seen = [
-                MeasurementCode(one.function.native, one.covariance, one.gate)
+                MeasurementCode(one.function.native, one.covariance, one.gate, one.turns)
                 for one in measurements
                 if one.function.native
             ]
@@ -83,6 +87,7 @@ class FilterEngine:
     ) -> None:
         seen, H = one.function(np.zeros((len(rows), self._process.width)), rows)
         nu = values[:, : seen.shape[1]] - seen
+        nu = nu - one.turns * np.floor(nu / np.where(one.turns > 0, one.turns, 1.0) + 0.5)
         known = np.all(np.isfinite(nu), axis=1)
         found = corrected(P, H, one.covariance, np.where(known[:, None], nu, 0.0))
         used = known & ~(found.nis > one.gate)

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.measurements import Measurement, semidefinite
+from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.timetable import Timetable, series
+from coadjoint.estimation.timetable import SAME, Timetable, series
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 
 
@@ -50,6 +51,7 @@ class Filter:
         deviations: standard deviations of the errors at the start, name → one number or one for each coordinate; what
             is not named is known exactly. Of a `ModelProcess` the names are g, q, xi, nu and those of `drifting`.
         covariance: P, (n, n), of the process's errors, instead of `deviations`.
+        memory: how many seconds back a measurement may be late for `update`, by default 0.
         members: how many filters are run at once, as for many seeds, by default None: one, whose arrays have no axis
             of members.
 
@@ -64,6 +66,7 @@ class Filter:
         measurements: Mapping[str, Measurement],
         deviations: Mapping[str, Any] | None = None,
         covariance: Any = None,
+        memory: float = 0.0,
         members: int | None = None,
     ):
         if not isinstance(process, Process):
@@ -79,6 +82,7 @@ class Filter:
         }
         self._sizes = {name: len(one.covariance) for name, one in self._prepared.items()}
         self._numbers = {name: i for i, name in enumerate(self._prepared)}
+        self._past = Past(memory)
         self._engine = FilterEngine(process, list(self._prepared.values()))
 
     @property
@@ -112,22 +116,52 @@ class Filter:
             raise ArgumentError(f"Argument `dt` of a prediction must be a positive number of seconds, but is {dt!r}.")
         if inputs:
             self._require_inputs(inputs)
-            self.rows = self.process.with_inputs(self.rows, inputs)
-        self._follow([(PREDICT, 0, 0, 0)], np.full((1, 1), float(dt)), 0)
+        before, given = (self.t, self.rows, self.P), dict(inputs or {})
+        self.rows = self.process.with_inputs(self.rows, given)
+        try:
+            self._follow([(PREDICT, 0, 0, 0)], np.full((1, 1), float(dt)), 0)
+        except StepError:
+            self.rows = before[1]
+            raise
+        self._past.predicted(*before, float(dt), given)
 
-    def update(self, measured: Mapping[str, Any]) -> dict[str, Innovation]:
-        """Take what was measured at the time of the estimate, name → value; what is NaN was not measured.
+    def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
+        """Take what was measured, name → value, at the time t, s, by default that of the estimate; NaN is no value.
 
-        Returns an `Innovation` for each. Raises ArgumentError for names that are no measurements and for other shapes,
-        StepError where the covariance does not stay finite.
+        A measurement that is late, t before the time of the estimate by at most `memory`, is taken where it belongs:
+        the filter goes back to the step around t and on again with all that it has been told since.
+
+        Returns an `Innovation` for each. Raises ArgumentError for names that are no measurements, for other shapes and
+        for times that are not kept, StepError where the covariance does not stay finite.
         """
-        return {name: self._take(name, value) for name, value in measured.items()}
+        if t is None or abs(t - self.t) <= SAME:
+            return {name: self._take(name, value) for name, value in measured.items()}
+        for name in measured:
+            self._measurement(name)
+        steps = self._past.back(t, self.t)
+        self.rows, self.P = steps[0].rows, steps[0].P
+        found: dict[str, Innovation] = {}
+        for i, step in enumerate(steps):
+            dt = step.dt
+            if i == 0:
+                early = t - step.t
+                if early > SAME:
+                    self.predict(early, step.inputs)
+                found = {name: self._take(name, value) for name, value in measured.items()}
+                dt -= max(early, 0.0)
+            if dt > SAME:
+                self.predict(dt, step.inputs)
+            for name, value in step.taken:
+                self._take(name, value)
+        return found
 
     def _take(self, name: str, value: Any) -> Innovation:
+        self._measurement(name)
         one = series(name, ([0.0], [value]), "measured", self._sizes, self.members)
         data = one.values if one.values.ndim == 2 else one.values[0]
         told = self._follow([(CORRECT, self._numbers[name], 0, 0)], data, 2)
         nis, used = told[:, 0], told[:, 1] > 0
+        self._past.took(name, value)
         return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
 
     def _follow(self, orders: Any, data: np.ndarray, size: int) -> np.ndarray:
@@ -165,12 +199,17 @@ class Filter:
         given = (len(self.process.example), self.process.width)
         plan = table.orders(given, places, save_every, covariances, numbers)
         output = self._follow(plan.orders, plan.data, plan.size)
-        return filtered(self.process, plan, output, covariances, self.members is None)
+        self._past.forget()
+        return filtered(self.process, plan, output, covariances, self.members is None, save_every)
 
     def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
         if given is not None and not isinstance(given, Mapping):
             raise ArgumentError(f"Argument `{argument}` must be name → (times, values), but is {shown(given)}.")
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
+
+    def _measurement(self, name: str) -> None:
+        if name not in self._sizes:
+            raise ArgumentError(f"There is no measurement `{name}`: there are {', '.join(self._sizes) or 'none'}.")
 
     def _require_inputs(self, inputs: Mapping[str, Any]) -> None:
         for name in inputs:
@@ -191,7 +230,7 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
         raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
     size = seen.shape[1]
     gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
-    return PreparedMeasurement(name, function, measurement.noise(size, name), gate)
+    return PreparedMeasurement(name, function, measurement.noise(size, name), gate, measurement.turns(size, name))
 
 
 def _members(members: Any) -> int | None:

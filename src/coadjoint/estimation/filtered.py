@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.estimation.process import Process
 
 
 class Consistency(NamedTuple):
@@ -35,15 +37,37 @@ class Filtered:
     covariances: Any
     nis: dict[str, Consistency]
     names: tuple[str, ...]
-    _state: Callable[[np.ndarray], Any] = field(repr=False)
+    _process: Process = field(repr=False)
+    every: int = 1
+    """Every how many nodes were kept."""
+
+    def replaced(self, rows: np.ndarray, deviations: np.ndarray, covariances: np.ndarray) -> Filtered:
+        """A copy with other estimates of the same shapes."""
+        return replace(self, rows=rows, deviations=deviations, covariances=covariances)
 
     @property
     def states(self) -> Any:
         """The states, with a leading axis of nodes in every leaf."""
-        return self._state(self.rows)
+        return self._process.state(self.rows)
+
+    def nees(self, truth: np.ndarray) -> tuple[np.ndarray, int]:
+        """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members), about the true rows of the same shape.
+
+        Of a filter whose model and noise are those of the truth it is χ² with as many degrees of freedom: those of the
+        directions that are not known exactly. Raises ArgumentError where the covariances were not kept.
+        """
+        if self.covariances is None:
+            raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
+        if np.shape(truth) != self.rows.shape:
+            raise ArgumentError(f"Argument `truth` must be rows of the shape {self.rows.shape}, not {np.shape(truth)}.")
+        free = np.flatnonzero(np.all(self.deviations > 0, axis=tuple(range(self.deviations.ndim - 1))))
+        e = (self._process.errors(self.rows, truth) / np.where(self.deviations > 0, self.deviations, 1.0))[..., free]
+        spread = self.deviations[..., free]
+        P = self.covariances[..., free[:, None], free] / (spread[..., :, None] * spread[..., None, :])
+        return np.einsum("...i,...i->...", e, np.linalg.solve(P, e[..., None])[..., 0]), len(free)
 
 
-def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool) -> Filtered:
+def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool, every: int) -> Filtered:
     """From an output (members, …) of orders; one: whether there is no axis of members."""
     count, members = len(plan.times), len(output)
     size, n = len(process.example), process.width
@@ -61,5 +85,5 @@ def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool
         nis[name] = Consistency(times, told[..., 0], told[..., 1] > 0)
     return Filtered(
         plan.times, rows(plan.rows, count, size), np.sqrt(np.maximum(variances, 0.0)), covariances, nis, process.names,
-        process.state,
+        process, every,
     )  # fmt: skip

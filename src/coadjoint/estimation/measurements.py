@@ -20,6 +20,8 @@ class Measurement:
     covariance: R, (m, m), or the variances (m,), or one number for all.
     gate: the probability with which a value of the model is believed, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
         and S its covariance, is beyond this quantile of χ² is left out. By default None, all are believed.
+    angles: whether the numbers are angles in rad, one truth value or (m,): then ν is the shorter way round. By default
+        False.
 
     Raises ArgumentError for covariances that are not positive and for a gate that is no probability.
     """
@@ -27,6 +29,7 @@ class Measurement:
     function: Callable[..., Any]
     covariance: Any
     gate: float | None = None
+    angles: Any = False
 
     def __post_init__(self):
         if not callable(self.function):
@@ -48,6 +51,16 @@ class Measurement:
                 "Argument `gate` of co.estimation.Measurement must be a probability between 0 and 1, as 0.999, but "
                 f"is {shown(self.gate)}."
             )
+
+    def turns(self, size: int, name: str) -> np.ndarray:
+        """2π of each number that is an angle, 0 of others, (m,), of a function with m values."""
+        angles = np.asarray(self.angles)
+        if angles.dtype != bool or angles.shape not in ((), (size,)):
+            raise ArgumentError(
+                f"`angles` of `{name}` must be a truth value, or one for each of {size} numbers, but is "
+                f"{shown(self.angles)}."
+            )
+        return np.broadcast_to(np.where(angles, 2 * np.pi, 0.0), (size,))
 
     def noise(self, size: int, name: str) -> np.ndarray:
         """R, (m, m), of a function with m values."""

@@ -68,6 +68,10 @@ class Process(ABC):
         """The row (size,) of the state that differs from another by e (n,)."""
 
     @abstractmethod
+    def differ(self, row: Any, other: Any) -> Any:
+        """e (n,) with other = retract(row, e), to first order, or exactly."""
+
+    @abstractmethod
     def row(self, state: Any) -> np.ndarray:
         """The row (size,) of a state; raises ArgumentError for what is none of this process."""
 
@@ -152,6 +156,18 @@ class Process(ABC):
         size = len(self.example)
         given = np.concatenate([self.example, np.zeros(self.width)])
         return RowFunction(lambda x, y: self.retract(y[:size], y[size:]), np.zeros(0), given)
+
+    def errors(self, rows: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """`differ` of rows (…, size) and others of the same shape, (…, n): the errors of estimates about the truth."""
+        both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
+        return self.differing(np.zeros((len(both), 0)), both)[0].reshape(*rows.shape[:-1], self.width)
+
+    @cached_property
+    def differing(self) -> RowFunction:
+        """(), (x, y) ↦ differ(x, y)."""
+        size = len(self.example)
+        given = np.concatenate([self.example, self.example])
+        return RowFunction(lambda x, y: self.differ(y[:size], y[size:]), np.zeros(0), given)
 
     def measurement(self, function: Callable[..., Any]) -> RowFunction:
         """(e, x) ↦ function of the motion at retract(x, e), flat, with its Jacobian by e."""

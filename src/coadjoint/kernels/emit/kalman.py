@@ -21,7 +21,7 @@ FIELDS = (
     *("errors", "size", "state", "unknowns", "noises", "drifting", "implicit"),
     *("row", "P", "parameters", "places", "step", "tangent", "after", "x", "y", "value", "J", "of_unknowns"),
     *("densities", "Phi", "turned", "W", "step_scratch", "status", "retract", "moved", "input_places"),
-    *("measurements", "sizes", "covariances", "gates", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
+    *("measurements", "sizes", "covariances", "gates", "turns", "nu", "H", "HP", "S", "K", "KR", "e", "zeros"),
 )
 """What the memory of a filter holds: sizes and addresses, whole numbers each."""
 
@@ -202,12 +202,13 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     n, size = m.whole("errors"), f.at(m.wholes("sizes"), measurement)
     row, nu, H, S, R = *(m.numbers(k) for k in ("row", "nu", "H", "S")), f.at(m.wholes("covariances"), measurement)
     function = f.b.inttoptr(f.at(m.wholes("measurements"), measurement), _FUNCTION)
+    turns = f.b.inttoptr(f.at(m.wholes("turns"), measurement), NUMBERS)
     # A function leaves alone what is always 0.
     _clear(f, H, f.times(size, n))
     f.b.call(function, [m.numbers("zeros"), row, nu, H, WHOLE(1)])
     total = f.variable(DOUBLE, DOUBLE(0.0))
     with f.over(size) as i:
-        difference = f.b.fsub(f.at(values, i), f.at(nu, i))
+        difference = _shorter(f, f.b.fsub(f.at(values, i), f.at(nu, i)), f.at(turns, i))
         f.put(nu, i, difference)
         f.b.store(f.b.fadd(f.b.load(total), f.b.fsub(difference, difference)), total)
     f.put(output, 0, DOUBLE(float("nan")))
@@ -236,6 +237,15 @@ def _correct(module: ir.Module, algebra: DenseAlgebra) -> Any:
     _apply(f, m, algebra, size, R)
     f.b.ret(f.b.zext(_not_finite(f, m), WHOLE))
     return f.function
+
+
+def _shorter(f: Loops, difference: Any, turn: Any) -> Any:
+    """x − turn·⌊x/turn + ½⌋ where there is a turn, as 2π of an angle; x where turn is 0."""
+    floor = f.function.module.declare_intrinsic("llvm.floor", [DOUBLE])
+    some = f.b.fcmp_ordered("!=", turn, DOUBLE(0.0))
+    parts = f.b.fdiv(difference, f.b.select(some, turn, DOUBLE(1.0)))
+    whole = f.b.call(floor, [f.b.fadd(parts, DOUBLE(0.5))])
+    return f.b.fsub(difference, f.b.fmul(turn, whole))
 
 
 def _apply(f: Loops, m: _Memory, algebra: DenseAlgebra, size: Any, R: Any) -> None:

@@ -38,11 +38,15 @@ class Model(NamedTuple):
 
 
 class MeasurementCode(NamedTuple):
-    """A measurement: its function of (e, row), R (m, m), and the largest NIS that is believed."""
+    """A measurement: its function of (e, row), R (m, m), the largest NIS that is believed, and what is a whole turn of
+
+    each number, (m,), 2π of an angle, 0 of what does not turn.
+    """
 
     function: NativeFunction
     covariance: np.ndarray
     gate: float
+    turns: np.ndarray
 
 
 @cache
@@ -86,10 +90,12 @@ class Filters:
         for name, value in (("places", M.places), ("of_unknowns", M.unknowns), ("input_places", M.inputs)):
             self._hold(name, np.concatenate([value, [0]]).astype(np.int64))
         covariances = [np.ascontiguousarray(one.covariance, float) for one in seen]
-        self._held |= {f"R {i}": R for i, R in enumerate(covariances)}
+        turns = [np.ascontiguousarray(one.turns, float) for one in seen]
+        self._held |= {f"of {i}": part for i, part in enumerate([*covariances, *turns])}
         self._hold("measurements", np.array([address(one.function.code) for one in seen] + [0], np.int64))
         self._hold("sizes", np.array([len(R) for R in covariances] + [0], np.int64))
         self._hold("covariances", np.array([R.ctypes.data for R in covariances] + [0], np.int64))
+        self._hold("turns", np.array([part.ctypes.data for part in turns] + [0], np.int64))
         self._hold("gates", np.array([one.gate for one in seen] + [0.0]))
         sizes = {"errors": n, "size": size, "state": M.state, "unknowns": u, "noises": w, "drifting": k}
         functions = {"step": address(M.step), "tangent": address(M.tangent.code), "retract": address(M.retract.code)}

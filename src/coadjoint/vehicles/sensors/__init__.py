@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.sensors.imu import Imu as Imu
     from coadjoint.vehicles.sensors.kinematics import Kinematics as Kinematics
     from coadjoint.vehicles.sensors.kinematics import at_node as at_node
+    from coadjoint.vehicles.sensors.measurement import measurement as measurement
     from coadjoint.vehicles.sensors.noise import Noise as Noise
     from coadjoint.vehicles.sensors.sensor import Sensor as Sensor
     from coadjoint.vehicles.sensors.usbl import Usbl as Usbl

@@ -1,0 +1,65 @@
+"""What a filter remembers of its last steps, so that a late measurement comes where it belongs."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.timetable import SAME
+
+
+@dataclass
+class PastStep:
+    """A prediction: where it began, dt, the inputs that were given with it, and what was taken after it."""
+
+    t: float
+    rows: np.ndarray
+    P: np.ndarray
+    dt: float
+    inputs: dict[str, Any]
+    taken: list[tuple[str, Any]] = field(default_factory=list)
+
+
+class Past:
+    """The steps of the last `memory` seconds."""
+
+    def __init__(self, memory: Any):
+        if not (isinstance(memory, (int, float, np.floating)) and 0.0 <= memory < np.inf):
+            raise ArgumentError(
+                f"Argument `memory` must be a number of seconds that is not negative, but is {shown(memory)}."
+            )
+        self._memory, self._steps = float(memory), deque[PastStep]()
+
+    def predicted(self, t: float, rows: np.ndarray, P: np.ndarray, dt: float, inputs: dict[str, Any]) -> None:
+        """A prediction from t was made."""
+        if not self._memory:
+            return
+        self._steps.append(PastStep(t, rows, P, dt, inputs))
+        while self._steps[0].t + self._steps[0].dt <= t + dt - self._memory + SAME:
+            self._steps.popleft()
+
+    def took(self, name: str, value: Any) -> None:
+        """A measurement was taken at the end of the last step."""
+        if self._steps:
+            self._steps[-1].taken.append((name, value))
+
+    def forget(self) -> None:
+        """Nothing of what was before can be taken up again."""
+        self._steps.clear()
+
+    def back(self, t: Any, now: float) -> list[PastStep]:
+        """The steps from that around t on, which are forgotten; raises ArgumentError where none is kept."""
+        first = self._steps[0].t if self._steps else now
+        if not (isinstance(t, (int, float, np.floating)) and first - SAME <= t <= now + SAME):
+            raise ArgumentError(
+                f"A measurement at t = {shown(t)} s cannot be taken: the filter stands at {now:g} s and remembers its "
+                f"steps from {first:g} s on; `memory` of the filter says how far back it does."
+            )
+        steps: list[PastStep] = []
+        while self._steps and self._steps[-1].t + self._steps[-1].dt > t + SAME:
+            steps.insert(0, self._steps.pop())
+        return steps

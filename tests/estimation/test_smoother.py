@@ -1,0 +1,60 @@
+"""The smoother of a log is the solution of the whole least-squares problem where all is linear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_late import H, boat, filter
+
+import coadjoint as co
+from coadjoint.estimation import smoothed
+
+
+def test_a_linear_log_is_smoothed_as_the_whole_problem_is_solved():
+    process, _ = boat()
+    random, times = np.random.default_rng(4), H * np.arange(1, 41)
+    seen = {
+        "usbl": (times[4::5], random.normal(size=(8, 2))),
+        "speed": (times[::2], 0.5 + 0.05 * random.normal(size=(20, 2))),
+    }
+    push = 0.3 * random.normal(size=(40, 2))
+    one = filter()
+    first, P = one.rows[0].copy(), one.P[0].copy()
+    found = one.run(seen, dt=H, inputs={"push": (times - H, push)}, covariances=True)
+    ours = smoothed(found)
+    free = [process.names.index(name) for name in ("q[0]", "q[1]", "pi[0]", "pi[1]")]
+    # All nodes together are normal, with the covariance L D Lᵀ of the start and of every noise; then all is measured.
+    N, row = len(times) + 1, first
+    L, D, rows = np.zeros((4 * N, 4 * N)), np.zeros((4 * N, 4 * N)), [first]
+    L[:4, :4], D[:4, :4] = np.eye(4), P[np.ix_(free, free)]
+    for k in range(1, N):
+        here = process.with_inputs(row[None], {"push": push[k - 1]})
+        row = process.advanced(here, H)[0]
+        Phi, Q = (part[0][np.ix_(free, free)] for part in process.linearised(here, row[None], H))
+        new = slice(4 * k, 4 * k + 4)
+        L[new], D[new, new] = Phi @ L[4 * k - 4 : 4 * k], Q
+        L[new, new] = np.eye(4)
+        rows.append(row)
+    C, R, nu = [], [], []
+    for name, first_one, variance in (("usbl", 0, 1.0), ("speed", 2, 0.05**2)):
+        for t, y in zip(*seen[name], strict=True):
+            k = round(t / H)
+            state = process.state(rows[k])
+            nu.append(y - (state.n if name == "usbl" else state.pi))
+            C.append(np.eye(4 * N)[4 * k + first_one : 4 * k + first_one + 2])
+            R += [variance] * 2
+    C, joint = np.concatenate(C), L @ D @ L.T
+    gain = np.linalg.solve(C @ joint @ C.T + np.diag(R), C @ joint).T
+    spread = joint - gain @ C @ joint
+    for k, e in enumerate((gain @ np.concatenate(nu)).reshape(N, 4)):
+        state, mine, here = process.state(rows[k]), process.state(ours.rows[k]), slice(4 * k, 4 * k + 4)
+        assert np.allclose(mine.n, state.n + e[:2], atol=1e-10) and np.allclose(mine.pi, state.pi + e[2:], atol=1e-10)
+        assert np.allclose(ours.covariances[k][np.ix_(free, free)], spread[here, here], rtol=1e-8, atol=1e-12)
+    assert np.all(ours.deviations <= found.deviations + 1e-9)
+    assert np.array_equal(ours.rows[-1], found.rows[-1])
+
+
+def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():
+    found = filter().run({"speed": ([0.1], [[0.5, 0.0]])}, dt=H)
+    with pytest.raises(co.ArgumentError, match="covariances=True, save_every=1"):
+        smoothed(found)
