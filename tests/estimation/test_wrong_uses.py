@@ -95,7 +95,7 @@ WRONG = {
     "process": (lambda: Filter(system(), start(), measurements={}, deviations={}), "one such as ModelProcess"),
     "step": (lambda: filter().predict(0.0), "positive number of seconds"),
     "input": (lambda: filter().predict(0.1, {"pull": 1.0}), "no input `pull`: there are push"),
-    "name": (lambda: filter().update({"depth": 1.0}), "no `depth`.*there are place"),
+    "name": (lambda: filter().update({"depth": 1.0}), "no measurement `depth`: there are place"),
     "value": (lambda: filter().update({"place": [1.0, 2.0]}), "1 numbers at each time"),
     "order of times": (lambda: run(measured={"place": ([1.0, 0.5], [0.5, 0.5])}), "must not go back"),
     "times": (lambda: run(measured={"place": ([1.0, 2.0], [0.5])}), "as many values"),
