@@ -95,6 +95,9 @@ class Runnable(ABC):
         """Warnings about a run in addition to its certificate."""
         return []
 
+    def observe(self, run: Run) -> None:  # noqa: B027 — by default nothing is
+        """Put into the dataset of a run that has ended what is observed of it beside its motion."""
+
     @abstractmethod
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
         """Write what belongs to a run but its trajectory: what the summary says, and the names of the figures.

@@ -192,6 +192,7 @@ def write(file: Runnable, folder: Path, stage: Path, made: Setup, run: Run, fail
     run.warnings += made.warnings
     if run.count:
         run.dataset.attrs.update(made.told)
+        file.observe(run)
         run.warnings += file.warnings(run)
         run.save(stage / TRAJECTORY)
         summary, figures = file.results(stage, run)

@@ -191,7 +191,7 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
     made = read.dataset
     assert made.sensor_imu_gyroscope.dims == ("sensor_imu_time", "sensor_imu_gyroscope_component")
     assert made.sensor_imu_accelerometer.attrs["units"] == "m/s²" and made.attrs["sensors_seed"] == 1
-    assert made.sensor_dvl_velocity.attrs["tried"] == 85
+    assert made.sensor_dvl_arrival.attrs["tried"] == 85
     picked = made.sensor_imu_gyroscope.sel(sensor_imu_gyroscope_component="angular_velocity_z")
     assert np.array_equal(picked, read["imu"].of("angular_velocity_z"))
     assert np.array_equal(read["imu"].of("gyroscope"), made.sensor_imu_gyroscope)

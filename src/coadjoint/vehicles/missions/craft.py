@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,8 @@ from coadjoint.vehicles.missions import legs
 from coadjoint.vehicles.missions.faults import faults
 from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
+from coadjoint.vehicles.missions.sensors import sensors_section
+from coadjoint.vehicles.missions.vehicle import vehicle_of
 from coadjoint.vehicles.missions.water import water
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def set_up(file: MissionFile) -> Setup:
     from coadjoint.vehicles.missions.measures import measures, parameters_in_si
     from coadjoint.vehicles.model.craft import Craft
 
-    vehicle, doubts = _vehicle(file)
+    vehicle, doubts = vehicle_of(file)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
     begun = _start(file, commands)
     place = begun.get("position", (0.0, 0.0, 0.0))
@@ -58,6 +59,7 @@ def set_up(file: MissionFile) -> Setup:
         doubts += [f"With [parameters] {sentence}" for sentence in doubts_of_changes(craft)]
     start = craft.start(**begun)
     require_room(file, start)
+    sensors_section(file, vehicle)
     system = craft.system
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
@@ -81,19 +83,6 @@ def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: d
             f"Section [mission] needs {', '.join(lacking)}: the controller of {vehicle.name} takes them."
         )
     return inputs
-
-
-def _vehicle(file: MissionFile) -> tuple[Any, list[str]]:
-    """The vehicle, and what is doubtful about one of the user's own."""
-    from coadjoint.vehicles.files.registry import load_vehicle
-
-    if not file.vehicle.file:
-        return load_vehicle(file.vehicle.name), []
-    path = file.located(file.vehicle.file)
-    with warnings.catch_warnings():  # they are told with the run
-        warnings.simplefilter("ignore", UserWarning)
-        vehicle = load_vehicle(path)
-    return vehicle, [f"{path.name}: {sentence}" for sentence in vehicle.warnings]
 
 
 def _controller(file: MissionFile, vehicle: Any) -> Any:

@@ -75,6 +75,7 @@ class MissionFile(Runnable):
     initial: dict[str, Any] = field(default_factory=dict)
     perturb: dict[str, Any] = field(default_factory=dict)
     faults: dict[str, Any] = field(default_factory=dict)
+    sensors: dict[str, Any] = field(default_factory=dict)
     axes: str = "NED/FRD"
     path: Path = Path("mission.toml")
     WORD: ClassVar = "mission file"
@@ -84,7 +85,7 @@ class MissionFile(Runnable):
         "run": MissionRunSection,
         "output": MissionOutputSection,
     }
-    FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb", "faults")
+    FREE: ClassVar = ("parameters", "water", "controller", "mission", "initial", "perturb", "faults", "sensors")
 
     @property
     def names(self) -> list[str]:
@@ -106,6 +107,11 @@ class MissionFile(Runnable):
 
         return [*left_water(run.dataset), *told(self, run.dataset)]
 
+    def observe(self, run: Run) -> None:
+        from coadjoint.vehicles.missions.sensors import observe
+
+        observe(self, run)
+
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
         from coadjoint.vehicles.missions.results import figures, members, results
 
@@ -125,6 +131,8 @@ def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:
         raise ArgumentError("[output] mcap is the log of one run, but [run] members are several: leave it out.")
     if made["perturb"] and made["run"].members == 1:
         raise ArgumentError("Section [perturb] needs [run] members, how many swim, 2 or more.")
+    if "sensors" in table and not table["sensors"]:
+        made["sensors"] = {"seed": 0}  # an empty section asks for all sensors
     return MissionFile(path=path, text=text, axes=axes, **made)
 
 

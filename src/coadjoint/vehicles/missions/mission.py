@@ -41,7 +41,8 @@ class Mission:
         return made
 
     def run(self, *, progress: bool | None = None) -> Run | Ensemble:
-        """The run of the mission, with way points and the vehicle's length among its attributes.
+        """The run of the mission, with way points and the vehicle's length among its attributes; with [sensors] its
+        dataset has what these read.
 
         Raises ArgumentError and LagrangianError before the run; StepError, with what was computed, at a step that
         fails.
@@ -50,6 +51,7 @@ class Mission:
 
         run = simulate(self.file, self.setup, progress)
         run.dataset.attrs.update(self.setup.told)
+        self.file.observe(run)
         run.warnings += [*self.setup.warnings, *self.file.warnings(run)]
         return run
 

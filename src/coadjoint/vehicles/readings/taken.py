@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -54,12 +54,7 @@ class SensorReading:
     @property
     def text(self) -> str:
         """The readings as CSV: time_s, arrival_s and a column for each number, angles in degrees."""
-        columns = {"time_s": self.time, "arrival_s": self.arrival}
-        for name, unit, values in zip(self.sensor.names, self.sensor.units, self.values.T, strict=True):
-            turned = "rad" in unit
-            unit = unit.replace("rad", "deg")
-            columns[f"{name}{ending(unit) or '_' + _spelled(unit)}"] = np.degrees(values) if turned else values
-        return csv_text(columns)
+        return _text(self.time, self.arrival, self.sensor.names, self.sensor.units, self.values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +92,46 @@ class Readings(Mapping[str, SensorReading]):
         for name, read in self.taken.items():
             key, begin, sensor = PREFIX + name, 0, read.sensor
             dataset.coords[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})
-            about = {"units": "s", "long_name": "when a reading was there"}
+            about = {"units": "s", "long_name": "when a reading was there", "tried": read.tried}
             dataset[f"{key}_arrival"] = (f"{key}_time", read.arrival, about)
             for channel in sensor.channels:
                 count = len(channel.components)
                 axis = f"{key}_{channel.name}_component"
                 attrs: dict[str, Any] = {"units": channel.unit, "kind": sensor.kind, "rate": float(sensor.rate)}
-                attrs |= {"latency": float(sensor.latency), "tried": read.tried}
+                attrs |= {"latency": float(sensor.latency)}
                 values = read.values[:, begin : begin + count]
                 dataset[f"{key}_{channel.name}"] = ((f"{key}_time", axis), values, attrs)
                 dataset.coords[axis] = (axis, list(channel.components))
                 begin += count
         dataset.attrs["sensors_seed"] = self.seed
+
+
+def read_sensors(dataset: Any) -> list[str]:
+    """The names of the sensors whose readings a dataset has."""
+    ends = (PREFIX, "_arrival")
+    found = [str(name) for name in dataset.data_vars if str(name).startswith(ends[0]) and str(name).endswith(ends[1])]
+    return [name[len(ends[0]) : -len(ends[1])] for name in found]
+
+
+def sensor_text(dataset: Any, name: str) -> str:
+    """The readings of one sensor in a dataset as CSV: time_s, arrival_s and a column for each number."""
+    key, names, units, parts = PREFIX + name, [], [], []
+    arrival = dataset[f"{key}_arrival"]
+    for channel in dataset.data_vars.values():
+        if channel.dims[:1] == (f"{key}_time",) and channel.ndim == 2:
+            names += [str(one) for one in dataset[channel.dims[1]].values]
+            units += [channel.attrs["units"]] * channel.shape[1]
+            parts.append(channel.values)
+    return _text(dataset[f"{key}_time"].values, arrival.values, names, units, np.concatenate(parts, axis=1))
+
+
+def _text(time: Any, arrival: Any, names: Sequence[str], units: Sequence[str], values: np.ndarray) -> str:
+    columns = {"time_s": time, "arrival_s": arrival}
+    for name, unit, column in zip(names, units, values.T, strict=True):
+        turned = "rad" in unit
+        unit = unit.replace("rad", "deg")
+        columns[f"{name}{ending(unit) or '_' + _spelled(unit)}"] = np.degrees(column) if turned else column
+    return csv_text(columns)
 
 
 def _spelled(unit: str) -> str:

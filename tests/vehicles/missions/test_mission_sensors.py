@@ -1,0 +1,96 @@
+"""Sensors in missions: in the dataset, in the folder, the same to the bit, and mistakes told in a sentence."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.cli.main import main
+from coadjoint.errors import ArgumentError
+from coadjoint.vehicles.files.writing import vehicle_to_toml
+from coadjoint.vehicles.parts import Damping, Thrusters
+
+MISSION = """
+[vehicle]
+file = "float.toml"
+[controller]
+kind = "none"
+[mission]
+push = [9.0]
+[initial]
+position_m = [0, 0, 10]
+[sensors]
+names = ["imu", "dvl", "pressure"]
+seed = 7
+bottom_m = 18
+[run]
+dt = 0.05
+duration = 3
+save_every = 4
+[output]
+figures = false
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    push = Thrusters("push", positions=[[0.1, 0.02, 0]], directions=[[0.8, 0, 0.6]], curve={"linear": 1.0}, lag=0.5)
+    sensors = co.vehicles.load("bluerov2_heavy_blue").sensors
+    vehicle = co.vehicles.Vehicle(
+        name="float", mass=10.0, inertia=[0.1, 0.2, 0.2], added_mass=[2, 5, 5, 0.1, 0.1, 0.1], length=1.0,
+        center_of_mass=(0, 0, 0.05), parts=(Damping("damping", quadratic=[10, 30, 30, 1, 1, 1]), push), sensors=sensors,
+    )  # fmt: skip
+    Path("float.toml").write_text(vehicle_to_toml(vehicle), encoding="utf-8")
+    Path("bare.toml").write_text(vehicle_to_toml(replace(vehicle, sensors=())), encoding="utf-8")
+
+
+def mission(text=MISSION, name="dive.toml"):
+    Path(name).write_text(text, encoding="utf-8")
+    return co.vehicles.load_mission(name)
+
+
+def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder():
+    mission()
+    assert main(["run", "dive.toml", "--out", "dive"]) == 0
+    saved = co.load("dive/trajectory.nc").dataset
+    names = [name for name in saved.data_vars if str(name).startswith("sensor_")]
+    assert {"sensor_imu_gyroscope", "sensor_dvl_velocity", "sensor_pressure_depth"} < set(names)
+    assert not any("compass" in str(name) for name in names)
+    assert saved.attrs["sensors_seed"] == 7 and saved.sizes["sensor_imu_time"] == 301
+    summary = json.loads(Path("dive/summary.json").read_text())["mission"]["sensors"]
+    assert summary["imu"] == {"readings": 301, "tried": 301} and summary["dvl"]["tried"] == 16
+    rows = Path("dive/sensor_pressure.csv").read_text().splitlines()
+    assert rows[0] == "time_s,arrival_s,depth_m" and len(rows) == 62
+    depth = np.array([float(row.split(",")[2]) for row in rows[1:]])
+    moved = np.interp(saved.sensor_pressure_time, saved.time, saved.q[:, 2])
+    assert np.all(np.abs(depth - moved) < 0.25) and np.allclose(depth / 0.002, np.round(depth / 0.002))
+    assert not Path("dive/sensor_compass.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("seed = 7", "seed = -7", r"\[sensors\] seed must be a whole number of at least 0, but is -7"),
+        ("seed = 7", "seed = 1.5", r"\[sensors\] seed must be a whole number"),
+        ("seed = 7", "sede = 7", r"Section \[sensors\] has no key `sede`: did you mean `seed`"),
+        ('"imu", ', '"inu", ', r"has no sensor 'inu': did you mean `imu`"),
+        ('"imu", ', '"dvl", ', r"names has a sensor twice"),
+        ('["imu", "dvl", "pressure"]', '"imu"', r"names must be a list such as"),
+        ("bottom_m = 18", 'bottom = "deep"', r"bottom must be the depth of the bottom, one number"),
+        ("bottom_m = 18", "bottom_s = 18", r"ends in a unit of time, but `bottom` measures length"),
+        (
+            "duration = 3",
+            'duration = 3\nmembers = 2\n[perturb]\nmass = "1 %"',
+            r"reads a single vehicle, but \[run\] members",
+        ),
+        ('file = "float.toml"', 'file = "bare.toml"', r"The vehicle float has no sensors"),
+    ],
+)
+def test_mistakes_in_the_section_are_told_in_a_sentence(old, new, sentence):
+    assert old in MISSION
+    with pytest.raises(ArgumentError, match=sentence):
+        _ = mission(MISSION.replace(old, new, 1)).setup
