@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from coadjoint.groups import LieGroup as LieGroup
     from coadjoint.groups import MatrixGroup as MatrixGroup
     from coadjoint.groups import Opposite as Opposite
+    from coadjoint.groups import Power as Power
     from coadjoint.groups import SemidirectProduct as SemidirectProduct
     from coadjoint.groups import SLn as SLn
     from coadjoint.groups import SOn as SOn
@@ -114,6 +115,7 @@ if TYPE_CHECKING:
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import Adjoint as Adjoint
+    from coadjoint.spaces import Between as Between
     from coadjoint.spaces import Coadjoint as Coadjoint
     from coadjoint.spaces import Defining as Defining
     from coadjoint.spaces import Dual as Dual

@@ -17,6 +17,7 @@ from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.groups.opposite import Opposite
+from coadjoint.groups.power import Power
 from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -46,6 +47,8 @@ class DifferenceMap:
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), strict=True)
             return tuple(self.tau(factor, part) for factor, part in parts)
+        if isinstance(group, Power):
+            return group.each(lambda one: self.tau(group.factor, one), xi)
         return self._tau(group, xi)
 
     def dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
@@ -55,6 +58,8 @@ class DifferenceMap:
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(chi), strict=True)
             return jnp.concatenate([self.dtau(factor, x, c) for factor, x, c in parts])
+        if isinstance(group, Power):
+            return jnp.reshape(group.each(lambda x, c: self.dtau(group.factor, x, c), xi, chi), -1)
         return self._dtau(group, xi, chi)
 
     def dtau_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
@@ -72,6 +77,8 @@ class DifferenceMap:
         if isinstance(group, DirectProduct):
             parts = zip(group.factors, group.split(xi), group.split(mu), strict=True)
             return jnp.concatenate([self.dtau_inverse_dual(factor, x, m) for factor, x, m in parts])
+        if isinstance(group, Power):
+            return jnp.reshape(group.each(lambda x, m: self.dtau_inverse_dual(group.factor, x, m), xi, mu), -1)
         return self._dtau_inverse_dual(group, xi, mu)
 
     def chart(self, group: LieGroup, xi: Array) -> Array | float:
@@ -95,6 +102,9 @@ class DifferenceMap:
         if isinstance(group, DirectProduct):
             for factor in group.factors:
                 self.require_fit(factor)
+            return
+        if isinstance(group, Power):
+            self.require_fit(group.factor)
             return
         if not group.dim:  # {e}, of which there is one map
             return

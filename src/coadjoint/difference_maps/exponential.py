@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps.difference_map import DifferenceMap
-from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite
+from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.small_angle import (
     BERNOULLI,
@@ -58,6 +58,8 @@ class Exponential(DifferenceMap):
     def chart(self, group: LieGroup, xi: Array) -> Array | float:
         if isinstance(group, Opposite):
             return self.chart(group.group, xi)
+        if isinstance(group, Power):
+            return jnp.max(group.each(lambda one: jnp.asarray(self.chart(group.factor, one)), xi))
         if isinstance(group, DirectProduct):
             return reduce(jnp.maximum, [self.chart(f, x) for f, x in zip(group.factors, group.split(xi), strict=True)])
         turned = group.rotation_angle(xi) / (2 * np.pi)

@@ -7,6 +7,7 @@ from coadjoint.groups.group import LieGroup
 from coadjoint.groups.heisenberg import Heisenberg
 from coadjoint.groups.matrix_group import MatrixGroup
 from coadjoint.groups.opposite import Opposite
+from coadjoint.groups.power import Power
 from coadjoint.groups.quaternions import SU2, UnitQuaternion
 from coadjoint.groups.rigid_motions import SE2, SE3
 from coadjoint.groups.rotations import SO2, SO3
@@ -26,6 +27,7 @@ __all__ = [
     "LieGroup",
     "MatrixGroup",
     "Opposite",
+    "Power",
     "SLn",
     "SOn",
     "SUn",

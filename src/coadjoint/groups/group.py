@@ -78,6 +78,10 @@ class LieGroup:
         """ξ (dim,) as a tangent vector at e: a PyTree like an element, the derivative of any curve e + εξ + O(ε²)."""
         raise NotImplementedError
 
+    def view(self, xi: Array) -> Array:
+        """ξ or μ (dim,) as the user's functions see it: as it is, but by links on `co.Power`."""
+        return xi
+
     def hat(self, xi: Array) -> Array:
         """ξ̂ = Σ ξ_k e_k ∈ 𝔤, the matrix (N, N) of coordinates ξ (dim,)."""
         return jnp.tensordot(xi, self.basis, axes=1)

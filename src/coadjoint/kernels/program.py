@@ -32,6 +32,10 @@ FLOOR = 1e-15
 
 MAX_ITERATIONS = 25
 
+MAX_UNKNOWNS = 60
+"""The most unknowns of a stage that native code takes: their elimination is written out, and of a
+larger one XLA does it as well."""
+
 
 class Code(enum.IntEnum):
     """How a step ended. A failed step leaves the state at the last good node."""
@@ -96,7 +100,7 @@ class Stage(Protocol):
         ...
 
     def carry(self, after: State, carried: Any) -> State:
-        """The state after a step with what its solution leaves for the next one."""
+        """The state after a step with what its solution leaves for the next one; with None, as it is in records."""
         ...
 
     def guess(self, parameters: Parameters, state: State, h: Scalar) -> Unknowns:

@@ -11,8 +11,10 @@ import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.coupling import large, structure
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
 from coadjoint.mechanics.reading import in_words, require_float64, require_scalar
@@ -184,6 +186,9 @@ def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: 
         return lagrangian(velocities[: group.dim], n, nu + Q.tangent(group, n, y), a)
 
     velocities = np.concatenate([xi, np.zeros(Q.dim(group))])
+    how = structure(system.places)
+    if large(group) and isinstance(how, Coupled):
+        return _require_regular_links(how, at, velocities)
     hessian = np.asarray(evaluate(jax.hessian(at), velocities))
     empty, eigenvalues, direction = _weakest(hessian)
     if empty or abs(eigenvalues).min() <= SINGULAR:
@@ -195,6 +200,23 @@ def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: 
     if eigenvalues[0] < 0:
         count = int(np.sum(eigenvalues < 0))
         return [f"The kinetic energy is not positive definite: {count} of its {len(eigenvalues)} axes are negative."]
+    return []
+
+
+def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.ndarray) -> list[str]:
+    """`_require_regular` of the kinetic energy of each link by itself, where links have none together."""
+    lower, diagonal, _ = evaluate(lambda z: how.blocks(jax.linearize(jax.grad(at), z)[1]), velocities)
+    if how.layout.width > 1 or np.any(lower):
+        return []
+    for link, mass in enumerate(diagonal):
+        empty, eigenvalues, direction = _weakest(mass)
+        if empty or abs(eigenvalues).min() <= SINGULAR:
+            raise LagrangianError(
+                f"The Legendre transform must be regular, but the mass matrix of link {link} is singular: motion along "
+                f"{np.round(direction, 3).tolist()} carries no kinetic energy; give it a mass or leave it out."
+            )
+        if eigenvalues[0] < 0:
+            return [f"The kinetic energy is not positive definite at link {link}."]
     return []
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import CoadjointError, LagrangianError, shown
-from coadjoint.groups import LieGroup
+from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Force, Places
@@ -99,6 +99,8 @@ def _covector(group: LieGroup, name: str, value: Any, size: int, space: Space | 
             [_covector(group, f"{name}.{key}", parts[key], s.ambient(group), s, of) for key, s in spaces.items()]
         )
     array = _array(what, value)
+    if isinstance(group, Power) and np.ndim(array) == 2 and np.shape(array) == (group.count, size // group.count):
+        array = jnp.reshape(array, -1)
     if np.shape(array) != (size,):
         where = "; this system has no additional dynamics that a force could act on" if size == 0 else ""
         raise LagrangianError(f"{what} must have shape ({size},), but has shape {np.shape(array)}{where}.")

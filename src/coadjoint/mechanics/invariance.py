@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups import LieGroup, Opposite
+from coadjoint.groups import LieGroup, Opposite, Power
 from coadjoint.mechanics.state import Places
 from coadjoint.spaces import Space
 from coadjoint.spaces.by_inverse import by_inverse
@@ -27,6 +27,11 @@ def places_of(group: LieGroup, additional: Space, advected: Space, invariance: I
     if isinstance(group, Opposite):
         raise ArgumentError(
             f'Argument `group` must be the group itself, {group.group!r}, where invariance="right", but is {group!r}.'
+        )
+    if isinstance(group, Power):
+        raise ArgumentError(
+            f'Argument `group` must be no power of a group where invariance="right", but is {group!r}: chains are '
+            "left-invariant."
         )
     return Places(Opposite(group), by_inverse(additional), by_inverse(advected))
 

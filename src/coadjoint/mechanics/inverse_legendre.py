@@ -12,11 +12,12 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.jaxprs import depends
+from coadjoint.mechanics.coupling import jacobian_solve, large
 from coadjoint.mechanics.legendre import Place
 from coadjoint.mechanics.legendre import velocities as slopes
 from coadjoint.mechanics.momentum_sizes import Sizes, above, alone, largest, relative
 from coadjoint.mechanics.start import legendre
-from coadjoint.mechanics.state import State
+from coadjoint.mechanics.state import Places, State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import traced_once
 
@@ -65,8 +66,8 @@ def _velocities(system: System, state: State) -> Velocities:
         return _by_hamiltonian(system, state)
     problem = _Problem(system, state)
     z = jnp.concatenate([state.xi, system.additional.coordinates(system.group, state.n, state.nu)])
-    if _affine(problem.mismatch, z):
-        return Velocities(*problem.unpack(_newton(problem.mismatch, z)), None)
+    if _is_affine(system, problem.mismatch, z):
+        return Velocities(*problem.unpack(_newton(system.places, problem.mismatch, z)), None)
     values = _Problem(*jax.lax.stop_gradient((system, state)))
     begun = values.sizes(z := jax.lax.stop_gradient(z))
     trips = min(max(TRIPS // len(z) ** 2, 2), 12) if TRIPS else 0
@@ -75,7 +76,9 @@ def _velocities(system: System, state: State) -> Velocities:
         0, trips, lambda _, z: jax.lax.cond(values.residual(z, begun) > NEAR, improve, lambda z: z, z), z
     )
     left = values.residual(z, begun)
-    z = jax.lax.fori_loop(0, PLAIN_TRIPS, lambda _, z: jnp.where(left <= NEAR, _newton(problem.mismatch, z), z), z)
+    z = jax.lax.fori_loop(
+        0, PLAIN_TRIPS, lambda _, z: jnp.where(left <= NEAR, _newton(system.places, problem.mismatch, z), z), z
+    )
     return Velocities(*problem.unpack(z), values.residual(jax.lax.stop_gradient(z), begun))
 
 
@@ -110,8 +113,8 @@ class _Problem(NamedTuple):
         return jnp.maximum(*(above(error, size, size + first) for error, size, first in parts))
 
 
-def _newton(mismatch: Callable[[Array], Array], z: Array) -> Array:
-    return z - jnp.linalg.solve(jax.jacfwd(mismatch)(z), mismatch(z))
+def _newton(places: Places, mismatch: Callable[[Array], Array], z: Array) -> Array:
+    return z - jacobian_solve(places, mismatch, z, mismatch(z))
 
 
 def _improved(problem: _Problem, z: Array) -> Array:
@@ -124,13 +127,21 @@ def _improved(problem: _Problem, z: Array) -> Array:
     def error(z: Array) -> Array:
         return jnp.maximum(*(relative(part, size) for part, size in zip(problem.errors(z), scale, strict=True)))
 
-    increment = jnp.linalg.solve(jax.jacfwd(problem.mismatch)(z), problem.mismatch(z))
+    increment = jacobian_solve(problem.system.places, problem.mismatch, z, problem.mismatch(z))
     best, least = z, error(z)
     for fraction in FRACTIONS:
         there = z - fraction * increment
         now = error(there)
         best, least = jnp.where(now < least, there, best), jnp.where(now < least, now, least)
     return best
+
+
+def _is_affine(system: System, function: Callable[[Array], Array], z: Array) -> bool:
+    """`_affine`; of many links from the derivative along one direction, because that along all takes N² numbers."""
+    if not large(system.group):
+        return _affine(function, z)
+    along = np.random.default_rng(1797).normal(size=np.shape(z))
+    return not any(depends(lambda z: jax.jvp(function, (z,), (jnp.asarray(along),))[1], np.zeros(np.shape(z))))
 
 
 def _affine(function: Callable[[Array], Array], z: Array) -> bool:

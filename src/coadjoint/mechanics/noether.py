@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.coupling import large
 from coadjoint.mechanics.invariance import acted_on
 from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
@@ -132,12 +134,13 @@ def isotropy_algebra(system: System, state: State) -> np.ndarray:
 def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
     """`isotropy_algebra` of every state of a record with one leading axis: a basis (k, dim) for each."""
     group, V = system.group, system.advected
+    directions = _directions(group)
     if V.ambient(group) == 0:
-        return [np.eye(group.dim)] * len(states.t)
+        return [directions] * len(states.t)
 
     def action(s: State):
         a0 = V.act(group, s.g, s.a)
-        return a0, jax.vmap(lambda c0: V.infinitesimal(group, c0, a0), out_axes=1)(jnp.eye(group.dim))
+        return a0, jax.vmap(lambda c0: V.infinitesimal(group, c0, a0), out_axes=1)(jnp.asarray(directions))
 
     a0, moved = evaluate(jax.vmap(action), states)
     moved = np.array(moved)
@@ -147,7 +150,15 @@ def isotropy_algebras(system: System, states: State) -> list[np.ndarray]:
     _, singular, rows = np.linalg.svd(moved, full_matrices=True)
     largest = singular.max(axis=1, initial=0.0)
     ranks = np.sum(singular > 1e-10 * largest[:, None], axis=1)
-    return [_echelon(own[rank:]) for own, rank in zip(rows, ranks, strict=True)]
+    return [_echelon(own[rank:]) @ directions for own, rank in zip(rows, ranks, strict=True)]
+
+
+def _directions(group: LieGroup) -> np.ndarray:
+    """The c₀ (k, dim) that are looked through: all of 𝔤, on many links those that move all of them alike."""
+    if not large(group):
+        return np.eye(group.dim)
+    assert isinstance(group, Power)
+    return np.tile(np.eye(group.factor.dim), group.count)
 
 
 def _echelon(rows: np.ndarray) -> np.ndarray:

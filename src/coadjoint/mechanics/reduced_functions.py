@@ -53,7 +53,7 @@ class ReducedFunctions:
                 "This system has a discrete Lagrangian only; use the method co.Variational(difference_map), or "
                 "co.GroupVariational(difference_map) where it is in group form."
             )
-        arguments = self._views(xi, (n, nu), a)
+        arguments = self._views(self.group.view(xi), (n, nu), a)
         return self.lagrangian(*arguments, **self.keywords(self.lagrangian, t, inputs, internal))
 
     def reduced_hamiltonian(self, mu, n, pi, a, t=0.0, inputs=None, internal=None) -> Array:
@@ -63,7 +63,9 @@ class ReducedFunctions:
         """
         if self.hamiltonian is None:
             raise LagrangianError("This system has no Hamiltonian; pass `hamiltonian` to co.System.")
-        return self.hamiltonian(*self._views(mu, (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal))
+        return self.hamiltonian(
+            *self._views(self.group.view(mu), (n, pi), a), **self.keywords(self.hamiltonian, t, inputs, internal)
+        )
 
     def reduced_discrete_lagrangian(self, xi, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:
         """Λ(ξ, n, s, a; h), one number, with this system's parameters; raises LagrangianError for a system without it.
@@ -74,7 +76,7 @@ class ReducedFunctions:
             raise LagrangianError(
                 "This system has no discrete Lagrangian in algebra form; pass `discrete_lagrangian` to co.System."
             )
-        arguments = self._views(xi, (n, s), a)
+        arguments = self._views(self.group.view(xi), (n, s), a)
         return self.discrete_lagrangian(*arguments, h, **self.keywords(self.discrete_lagrangian, t, inputs, internal))
 
     def reduced_group_lagrangian(self, F, n, s, a, h, t=0.0, inputs=None, internal=None) -> Array:

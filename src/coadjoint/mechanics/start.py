@@ -15,6 +15,7 @@ from coadjoint.kernels.trace.digest import TRACED_OUTSIDE
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.coupling import jacobian_solve
 from coadjoint.mechanics.each import count_members, member_of, stacked
 from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
@@ -146,7 +147,7 @@ def of_momenta(system: System, state: State) -> tuple[Any, Any]:
         return found[:dim], found[dim:]
 
     def improve(_: int, z: Array) -> Array:
-        return z - jnp.linalg.solve(jax.jacfwd(momenta)(z), momenta(z) - given)
+        return z - jacobian_solve(system.places, momenta, z, momenta(z) - given)
 
     z = jax.lax.fori_loop(0, FROM_REST, improve, jnp.zeros_like(given))
     solved = jnp.max(jnp.abs(momenta(z) - given), initial=0.0) <= SOLVED * jnp.max(jnp.abs(given), initial=0.0)

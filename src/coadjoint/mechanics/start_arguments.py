@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups import DirectProduct, LieGroup
+from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.each import Each, count_members, member_of
@@ -50,12 +50,24 @@ def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bo
     else:
         q, qdot = _pair(system, q, qdot)
     xi = (
-        np.zeros(system.group.dim) if xi is None else checked_vector(xi, system.group.dim, "mu" if by_momenta else "xi")
+        np.zeros(system.group.dim)
+        if xi is None
+        else checked_vector(_end_to_end(system.group, xi), system.group.dim, "mu" if by_momenta else "xi")
     )
     t = float64(t, "Argument `t`")
     if np.shape(t) != ():
         raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(t)}.")
     return Checked(element, q, qdot, xi, _advected(system, a0), t)
+
+
+def _end_to_end(group: LieGroup, xi: Any) -> Any:
+    """ξ or μ of links (N, dim G) as (N·dim G,); whatever else as it is."""
+    if not isinstance(group, Power) or not (traced(xi) or isinstance(xi, (list, np.ndarray))):
+        return xi
+    given: Any = xi
+    with suppress(ValueError):
+        given = xi if traced(xi) else np.asarray(xi)
+    return given.reshape(-1) if np.shape(given) == (group.count, group.factor.dim) else xi
 
 
 def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_momenta: bool = False) -> Checked:
@@ -181,6 +193,6 @@ def _advected(system: System, a0: Any) -> Array:
         if a0 is not None:
             raise ArgumentError("This system has no advected parameters: leave out `a0`.")
         return np.zeros(0)
-    if a0 is None:
+    if a0 is None and not V.at_start:
         raise ArgumentError(f"This system has advected parameters: give `a0`, {V.ambient(group)} numbers in all.")
     return V.point(group, a0, "a0")

@@ -31,6 +31,7 @@ from coadjoint.mechanics.system_arguments import (
 )
 from coadjoint.spaces import Space
 from coadjoint.spaces.axioms import require_own_forms
+from coadjoint.spaces.links import on_links
 
 
 @dataclass(frozen=True, init=False)
@@ -133,8 +134,8 @@ class System(ReducedFunctions):
         values = {
             "group": group,
             "lagrangian": lagrangian,
-            "additional": space_from(additional, "additional"),
-            "advected": space_from(advected, "advected"),
+            "additional": on_links(group, space_from(additional, "additional")),
+            "advected": on_links(group, space_from(advected, "advected")),
             "forces": forces_from(forces, parameters is not None),
             "discrete_lagrangian": discrete_lagrangian,
             "group_lagrangian": group_lagrangian,
@@ -203,7 +204,9 @@ class System(ReducedFunctions):
     def motion(self, xi, n, nu, a, t, inputs=None, internal=None) -> Motion:
         """The motion that forces and inputs read."""
         n, nu = (self.additional.view(self.group, x) for x in (n, nu))
-        return Motion(xi, n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal)
+        return Motion(
+            self.group.view(xi), n, nu, self.advected.view(self.group, a), t, self.inputs_at(t, inputs), internal
+        )
 
     def motion_at(self, state: State, inputs: Any = None, h: Any = 0.0) -> NodeMotion:
         """The motion at a node, of which inputs and internal states over the step of h from there may be functions.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any, Literal, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -16,6 +15,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.coupling import jacobian_solve
 from coadjoint.mechanics.over_step import advanced
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
@@ -179,7 +179,7 @@ def velocity_start(system: System, state: State, step: Step, fraction: float, h:
             return step.residual(here, state.replace(mu=p[: group.dim], pi=pi), fraction * h, z)
 
         p = jnp.concatenate([state.mu, Q.coordinates(group, state.n, state.pi)])
-        p = p - jnp.linalg.solve(jax.jacfwd(mismatch)(p), mismatch(p))
+        p = p - jacobian_solve(here.places, mismatch, p, mismatch(p))
         return p[: group.dim], Q.tangent(group, state.n, p[group.dim :])
 
     mu, pi = evaluate(momenta, state, system.parameters, h)

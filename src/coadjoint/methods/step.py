@@ -10,13 +10,16 @@ import jax.numpy as jnp
 from coadjoint.difference_maps import DifferenceMap
 from coadjoint.difference_maps.axioms import require_own_map
 from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.newton.coupled import Coupled, Factors
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import FLOOR, Structure
+from coadjoint.mechanics.coupling import structure
 from coadjoint.mechanics.discrete import Node
 from coadjoint.mechanics.momentum_sizes import above, alone, largest, relative
 from coadjoint.mechanics.noether import momentum_scale, total_momentum
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.methods.coupled_links import require_coupling
 
 
 class Step(ABC):
@@ -40,16 +43,19 @@ class Step(ABC):
         return system.group.dim, system.additional.dim(system.group)
 
     def structure(self, system: System) -> Structure:
-        """How the equations are solved, `kernels.program.Structure`: by default Newton's method with all unknowns."""
-        return Dense()
+        """How the equations are solved, `kernels.program.Structure`: by default Newton's method with all unknowns,
+        and that of `co.Power`'s coupling where these are (ξ, y).
+        """
+        plain = self.blocks(system) == Step.blocks(self, system)
+        return structure(system.places) if plain else Dense()
 
     def carried(self, state: State) -> Any:
-        """What the solution of the last step left in the state for this one; by default (), nothing."""
-        return ()
+        """What the solution of the last step left in the state for this one; () where there is no such thing."""
+        return state.memory if isinstance(state.memory, Factors) else ()
 
     def carry(self, after: State, carried: Any) -> State:
-        """The state after a step with what its solution leaves for the next one, where the structure has such."""
-        return after
+        """The state after a step with what its solution leaves for the next one; with None without it."""
+        return after if carried == () else after.replace(memory=carried)
 
     def require_fit(self, system: System) -> None:
         """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""
@@ -58,8 +64,12 @@ class Step(ABC):
         self.difference_map.require_fit(system.group)
 
     def remember(self, system: System, state: State) -> State:
-        """The state with the memory that a run of this step starts with."""
-        return state
+        """The state with the memory that a run of this step starts with: where factors are carried over, none yet."""
+        how = self.structure(system)
+        if not isinstance(how, Coupled):
+            return state
+        require_coupling(system, self, state, how)
+        return state if how.native or state.memory is not None else state.replace(memory=how.nothing())
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
         """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
@@ -95,7 +105,8 @@ class Step(ABC):
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         """`state` with the unknowns z = (ξ, y), (dim G + dim Q,), of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
-        return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
+        memory = None if isinstance(state.memory, Factors) else state.memory
+        return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y), memory=memory)
 
     def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
         """The equations of the step at the unknowns z; both of shape (unknowns,)."""

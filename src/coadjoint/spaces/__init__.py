@@ -2,6 +2,7 @@
 
 from coadjoint.spaces.by_inverse import ByInverse
 from coadjoint.spaces.group_itself import GroupItself
+from coadjoint.spaces.links import Between, Links
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
 from coadjoint.spaces.several import Several
@@ -11,11 +12,13 @@ from coadjoint.spaces.submanifold import Submanifold
 
 __all__ = [
     "Adjoint",
+    "Between",
     "ByInverse",
     "Coadjoint",
     "Defining",
     "Dual",
     "GroupItself",
+    "Links",
     "Named",
     "Points",
     "Representation",

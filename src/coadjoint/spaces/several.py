@@ -48,6 +48,10 @@ class Several(Space):
     def flat(self) -> bool:  # type: ignore[override]
         return all(space.flat for space in self.factors)
 
+    @property
+    def at_start(self) -> bool:  # type: ignore[override]
+        return all(space.at_start for space in self.factors)
+
     def _split(self, group: LieGroup, *arrays: Array, inner: bool = False) -> list[tuple[Any, ...]]:
         """Each factor with its parts of the arrays; the first array in frame coordinates where `inner`."""
         ambient = [0, *np.cumsum([s.ambient(group) for s in self.factors])]
@@ -122,13 +126,15 @@ class Several(Space):
     def _joined(self, method: str, group: LieGroup, value: Any, name: str) -> Array:
         if isinstance(value, Named):
             value = value.asdict()
-        if not isinstance(value, Mapping) or set(value) != set(self.names):
+        may = {key for key, space in zip(self.names, self.factors, strict=True) if space.at_start}
+        value = {} if value is None and self.at_start else value
+        if not isinstance(value, Mapping) or set(value) | may != set(self.names):
             given = sorted(value) if isinstance(value, Mapping) else value
             raise ArgumentError(
                 f"Argument `{name}` must be a dictionary of {', '.join(self.names)}, but is {shown(given)}."
             )
         spaces = zip(self.names, self.factors, strict=True)
-        parts = [getattr(s, method)(group, value[key], f"{name}.{key}") for key, s in spaces]
+        parts = [getattr(s, method)(group, value.get(key), f"{name}.{key}") for key, s in spaces]
         concatenate = np.concatenate if all(isinstance(p, np.ndarray) for p in parts) else jnp.concatenate
         return concatenate(parts)
 

@@ -30,6 +30,9 @@ class Space:
     flat: bool = True
     """Whether the space is its own ambient space."""
 
+    at_start: bool = False
+    """Whether a start may leave out the point, which is then what `point` makes of None."""
+
     def ambient(self, group: LieGroup) -> int:
         """The length of the arrays that hold points."""
         raise NotImplementedError

@@ -11,13 +11,10 @@ import numpy as np
 
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
-from coadjoint.kernels.program import Program, Stage
+from coadjoint.kernels.program import MAX_UNKNOWNS, Program, Stage
 from coadjoint.kernels.trace.symbolic import nodes
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import Structured, Untraceable
-
-MAX_UNKNOWNS = 60
-"""A larger stage would be mostly linear algebra, which XLA does as well."""
 
 
 @dataclass(frozen=True)

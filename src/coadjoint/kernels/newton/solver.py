@@ -63,6 +63,17 @@ class _Iterate(NamedTuple):
     together: jax.Array
 
 
+def parts_of(blocks: tuple[int, ...]) -> list[slice]:
+    """Where each block of unknowns stands; all of them where there are no blocks."""
+    ends = np.cumsum(blocks)
+    return [slice(end - size, end) for size, end in zip(blocks, ends, strict=True) if size] or [slice(None)]
+
+
+def sizes_of(vector: jax.Array, parts: list[slice]) -> jax.Array:
+    """The largest entry in size of each part of a vector."""
+    return jnp.stack([jnp.max(jnp.abs(vector[part])) for part in parts])
+
+
 def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.Array, blocks: tuple[int, ...]) -> Root:
     """Solve residual(z) = 0 from `guess`: z ← z − J⁻¹ r until |δ_b|∞ ≤ TOLERANCE·|z_b|∞ + FLOOR/|h| in every block.
 
@@ -70,11 +81,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
     Derivatives of the result follow from the implicit function theorem, ∂z = −J⁻¹ ∂r: they cost one linear solve
     and do not depend on how Newton went.
     """
-    ends = np.cumsum(blocks)
-    parts = [slice(end - size, end) for size, end in zip(blocks, ends, strict=True) if size] or [slice(None)]
-
-    def sizes_of(vector: jax.Array) -> jax.Array:
-        return jnp.stack([jnp.max(jnp.abs(vector[part])) for part in parts])
+    parts = parts_of(blocks)
 
     def settle(function, start):
         floor = FLOOR / jnp.abs(h)
@@ -83,7 +90,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
             z = iterate.unknowns
             increment = jnp.linalg.solve(jax.jacfwd(function)(z), -function(z))
             z = z + increment
-            sizes, scales = sizes_of(increment), sizes_of(z)
+            sizes, scales = sizes_of(increment, parts), sizes_of(z, parts)
             together = jnp.max(sizes) <= TOLERANCE * jnp.max(scales) + floor
             stalled = together & iterate.together & (sizes > STALLED * iterate.sizes)
             settled = jnp.all((sizes <= TOLERANCE * scales + floor) | stalled)
@@ -94,7 +101,7 @@ def solve(residual: Callable[[jax.Array], jax.Array], guess: jax.Array, h: jax.A
         end = lax.while_loop(
             lambda i: ~i.settled & (i.iterations < MAX_ITERATIONS),
             advance,
-            _Iterate(start, jnp.asarray(0), jnp.asarray(False), sizes_of(start), jnp.asarray(False)),
+            _Iterate(start, jnp.asarray(0), jnp.asarray(False), sizes_of(start, parts), jnp.asarray(False)),
         )
         code = jnp.where(
             ~jnp.all(jnp.isfinite(end.unknowns)),

@@ -10,9 +10,8 @@ from typing import Any
 
 import jax
 
-from coadjoint.kernels.emit.plan import MAX_UNKNOWNS
 from coadjoint.kernels.newton.increments import CANCELLATION
-from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE, Program
+from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, MAX_UNKNOWNS, STALLED, TOLERANCE, Program
 from coadjoint.kernels.run import kept
 from coadjoint.kernels.trace.identity import Shapes
 

@@ -37,13 +37,23 @@ class Probe:
     ):  # fmt: skip
         self.backend, self.program, self.monitors = backend, program, monitors
         self.parameters, self.axes, self.count = parameters, axes, count
-        self.layout: Layout = pack(state)[0]
+        # What a step carries over is no part of records; here every row begins with nothing of it.
+        self._stage = program.stages[0]
+        self._carried = jax.tree.map(np.zeros_like, self._stage.carried(state))
+        self.layout: Layout = pack(self._bare(state))[0]
         if axes is None:
             self._shape, numbers = pack(parameters)
             self._p = numbers[None]
         else:
             self._shape, self._p = ensemble.members_of(parameters, axes)
         self._kernel = self._compiled(state) if backend == "native" else None
+
+    def _bare(self, state: Any) -> Any:
+        return state if self._carried == () else self._stage.carry(state, None)
+
+    def _whole(self, row: np.ndarray) -> Any:
+        state = self.layout.unpack(row)
+        return state if self._carried == () else self._stage.carry(state, self._carried)
 
     def _compiled(self, state: Any) -> Kernel:
         """The machine code of the run."""
@@ -109,9 +119,9 @@ class Probe:
             return self._xla_members(rows, h, steps, whose)
         after, records, codes = np.array(rows), np.array(rows), np.zeros(len(rows), int)
         for i, row in enumerate(rows):
-            state = self.layout.unpack(row)
+            state = self._whole(row)
             found = xla.run(self.program, self.parameters, state, float(h[i]), 1, steps, self.monitors)
-            codes[i], after[i] = int(found.code), pack(found.final)[1]
+            codes[i], after[i] = int(found.code), pack(self._bare(found.final))[1]
             if found.steps:
                 records[i] = pack(jax.tree.map(lambda leaf: leaf[0], found.records))[1]
         return Probed(after, records, codes)

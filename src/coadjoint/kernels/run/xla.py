@@ -110,6 +110,7 @@ class _Carry(NamedTuple):
 
 @partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
 def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
+    @partial(jax.jit, inline=True)  # traced once for its shapes and for the loop
     def observe(state):
         result = step(program, parameters, state, h, monitored)
         seen = dict(program.monitors(parameters, result.record, h)) if monitored else {}

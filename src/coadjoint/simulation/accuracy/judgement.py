@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from coadjoint.groups import Power
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.simulation.accuracy.doubling import Doubling
@@ -213,6 +214,8 @@ def turning(group: Any, xi: np.ndarray) -> np.ndarray:
     """The largest frequency of ad_ξ, rad/s, of every row: |ω| for rotations and rigid motions."""
     if isinstance(group, MatrixCoordinates) and not group.dense:
         return np.array([_spread(evaluate(group.hat, row)) for row in xi])
+    if isinstance(group, Power):
+        return turning(group.factor, np.reshape(xi, (-1, group.factor.dim))).reshape(len(xi), -1).max(axis=1)
     structure = _structure(group)
     if not structure.any():
         return np.zeros(len(xi))

@@ -1,0 +1,44 @@
+"""How the unknowns of a system's equations are coupled, and linear systems that are solved by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+
+from coadjoint.groups import LieGroup, Power
+from coadjoint.groups.group import Array
+from coadjoint.kernels.newton.coupled import Coupled
+from coadjoint.kernels.newton.solver import Dense
+from coadjoint.kernels.program import Structure
+from coadjoint.mechanics.state import Places
+
+
+def structure(places: Places) -> Structure:
+    """That of equations for (ξ, y), (dim G + dim Q,): of links that are coupled, unless all of them are."""
+    group, Q, _ = places
+    return _structure(group, Q.dim(group)) if isinstance(group, Power) else Dense()
+
+
+@lru_cache(maxsize=256)
+def _structure(group: Power, size: int) -> Structure:
+    if group.coupling == "all" or size % group.count:
+        return Dense()
+    found = Coupled(group.count, (group.factor.dim, size // group.count), group.pairs)
+    wide = 2 * found.layout.width >= group.count > 2
+    return Dense() if wide else found
+
+
+def jacobian_solve(places: Places, function: Callable[[Array], Array], z: Array, right: Array) -> Array:
+    """x with (∂function/∂z) x = right at z = (ξ, y), all (dim G + dim Q,), by the structure of the equations."""
+    how = structure(places)
+    if isinstance(how, Coupled) and not how.native:
+        return how.jacobian_solve(function, z, right)
+    return jnp.linalg.solve(jax.jacfwd(function)(z), right)
+
+
+def large(group: LieGroup) -> bool:
+    """Whether a group is of so many links that nothing may be formed for each pair of its coordinates."""
+    return isinstance(group, Power) and group.dim > 60

@@ -1,0 +1,76 @@
+"""Whether the links of a system act on each other as `coupling` of `co.Power` says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.newton.coupled import Coupled
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.log import logger
+from coadjoint.mechanics.state import State
+
+if TYPE_CHECKING:
+    from coadjoint.mechanics.system import System
+    from coadjoint.methods.step import Step
+
+_log = logger(__name__)
+APART = 1e-9
+"""How much of a derivative may be at links that are not paired: what round-off is there."""
+
+
+def require_coupling(system: System, step: Step, state: State, how: Coupled) -> None:
+    """Raise ArgumentError where an equation of the step has unknowns of a link that it is not paired with.
+
+    At random configurations and velocities about the state, J v of a random v is compared with that of the blocks.
+    """
+    if not system.verify or traced(state, system.parameters) or np.ndim(state.t):
+        return
+    random = np.random.default_rng(1826)
+    m = system.unknowns
+    eta, z, v = 0.3 * random.normal(size=system.group.dim), random.normal(size=m), random.normal(size=m)
+    h = np.float64(0.1)
+
+    def residual(eta, z):
+        g = system.group.exp(eta)
+        back = system.group.inverse(g)
+        here = state.replace(a=system.advected.act(system.group, back, state.a), memory=None)
+        return step.residual(system, here, h, z)
+
+    def compared(eta, z, v):
+        pushed = jax.linearize(lambda z: residual(eta, z), z)[1]
+        lower, diagonal, upper = how.blocks(pushed)
+        rows = how.in_blocks(v)
+        nothing = jnp.zeros_like(rows[:1])
+        found = (
+            jnp.einsum("mij,mj->mi", lower, jnp.concatenate([nothing, rows[:-1]]))
+            + jnp.einsum("mij,mj->mi", diagonal, rows)
+            + jnp.einsum("mij,mj->mi", upper, jnp.concatenate([rows[1:], nothing]))
+        )
+        return how.by_links(pushed(v) - how.out_of_blocks(found)), jnp.max(jnp.abs(diagonal))
+
+    away, size = evaluate(compared, eta, z, v)
+    per_link = np.max(np.abs(away), axis=1)
+    if np.max(per_link) <= APART * max(float(size), 1.0) or not np.all(np.isfinite(per_link)):
+        _log.info("%s: %s.", system.name, how.words)
+        return
+    link = int(np.argmax(per_link))
+
+    def of_link(eta, z):
+        _, pull = jax.vjp(lambda z: residual(eta, z), z)
+        weights = np.zeros((how.count, sum(how.sizes)))
+        weights[link] = random.normal(size=sum(how.sizes))
+        return how.by_links(pull(how.end_to_end(jnp.asarray(weights)))[0])
+
+    seen = np.max(np.abs(evaluate(of_link, eta, z)), axis=1)
+    near = {link, *(i for pair in how.pairs if link in pair for i in pair)}
+    others = [i for i in range(how.count) if i not in near]
+    other = max(others, key=lambda i: seen[i])
+    raise ArgumentError(
+        f"The links {min(link, other)} and {max(link, other)} act on each other, but `coupling` of {system.group!r} "
+        'does not pair them: give their pair, as in coupling=[(0, 1), …], "ring" or "all".'
+    )

@@ -1,0 +1,72 @@
+"""Equations of links that act on each other in pairs: the block elimination solves what dense elimination does."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coadjoint.kernels.newton.coupled import RENEWED, Coupled
+from coadjoint.kernels.newton.layout import layout
+from coadjoint.kernels.program import Code
+
+CHAIN = tuple((i, i + 1) for i in range(6))
+COUPLINGS = {
+    "chain": CHAIN,
+    "ring": (*CHAIN, (0, 6)),
+    "tree": ((0, 1), (0, 2), (1, 3), (1, 4), (2, 5), (5, 6)),
+    "none": (),
+}
+
+
+def equations(pairs, sizes, curved=0.3):
+    """A random system r(z) = A z + ε sin(A z) − s with this coupling, as (r, z)."""
+    random = np.random.default_rng(11)
+    whole = np.zeros((7, sum(sizes), 7, sum(sizes)))
+    for i, j in [*pairs, *((j, i) for i, j in pairs), *((i, i) for i in range(7))]:
+        whole[i, :, j] = random.normal(size=2 * (sum(sizes),)) + 6 * (i == j) * np.eye(sum(sizes))
+    how = Coupled(7, sizes, pairs)
+    order = np.asarray(how.end_to_end(jnp.arange(7.0 * sum(sizes)).reshape(7, -1))).astype(int)
+    A, s = whole.reshape(7 * sum(sizes), -1)[np.ix_(order, order)], random.normal(size=7 * sum(sizes))
+    return how, A, lambda z: A @ z + curved * jnp.sin(A @ z) - s
+
+
+@pytest.mark.parametrize(("kind", "sizes"), [("chain", (2,)), ("ring", (1, 2)), ("tree", (2,)), ("none", (1, 2))])
+def test_block_elimination_solves_what_dense_elimination_does(kind, sizes):
+    with jax.enable_x64(True):
+        how, A, _ = equations(COUPLINGS[kind], sizes)
+        right = np.random.default_rng(2).normal(size=len(A))
+        found = jax.jit(lambda b: how.jacobian_solve(lambda z: jnp.asarray(A) @ z, jnp.zeros(len(A)), b))(right)
+        assert np.max(np.abs(A @ np.asarray(found) - right)) < 1e-13
+
+
+def test_a_chain_has_three_colours_and_a_ring_is_folded_in_two():
+    chain, ring = layout(1000, tuple((i, i + 1) for i in range(999))), layout(7, COUPLINGS["ring"])
+    assert (chain.colours, chain.width, chain.rows) == (3, 1, 1000)
+    assert (ring.width, ring.rows) == (2, 4)
+
+
+def test_factors_are_carried_over_and_the_root_has_the_derivative_of_its_equations():
+    how, _, r = equations(CHAIN, (2,))
+
+    @jax.jit
+    def root(p, guess, h, carried):
+        return how.root(lambda z: r(z) - p, guess, h, (14,), carried)
+
+    p, none = np.zeros(14), how.nothing()
+    with jax.enable_x64(True):
+        first = root(p, np.zeros(14), 0.1, none)
+        again = root(p, first.unknowns + 1e-3, 0.1, first.carried)
+        assert (int(first.code), int(again.code)) == (Code.CONVERGED, Code.CONVERGED)
+        assert np.max(np.abs(r(again.unknowns))) < 1e-13
+        assert all(map(np.array_equal, first.carried, again.carried))
+        assert 1 < int(again.iterations) <= RENEWED
+        # Of another h they are computed anew.
+        assert float(root(p, first.unknowns + 1e-3, 0.2, first.carried).carried.h) == 0.2
+
+        def found(p):
+            return root(p, np.zeros(14), 0.1, none).unknowns
+
+        slope, back = jax.jit(jax.jacfwd(found))(p), jax.jit(jax.jacrev(found))(p)
+        expected = np.linalg.inv(np.asarray(jax.jit(jax.jacfwd(r))(found(p))))
+    assert np.max(np.abs(slope - expected)) < 1e-12
+    assert np.max(np.abs(back - expected)) < 1e-12

@@ -1,0 +1,101 @@
+"""Chains of links: runs by the structure of their coupling, momentum, resumed runs, and what is not coupled so."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.kernels.run import xla
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.methods.program import Constants, StepProgram
+
+WEIGHTS = np.array([1.0, 2.0, 1.5])
+
+
+def chain(xi, a, p):
+    """Rigid bodies on springs that turn a body back to where the one before it points."""
+    return 0.5 * jnp.sum(p.inertia * xi * xi) + p.stiffness * jnp.sum(jnp.trace(a, axis1=1, axis2=2))
+
+
+def bodies(count, coupling="chain", pairs=None, lagrangian=chain):
+    """A chain of `count` bodies that turn about different axes."""
+    system = co.System(
+        co.Power(co.SO3(), count, coupling), lagrangian, advected=co.Between(pairs),
+        parameters={"inertia": WEIGHTS, "stiffness": np.float64(2.0)},
+    )  # fmt: skip
+    s = np.linspace(0, np.pi, count)
+    return system, system.state(xi=np.stack([np.sin(s), 0.5 * np.cos(s), 0.2 + 0 * s], axis=1))
+
+
+def spatial_momentum(system, records):
+    def total(state):
+        return jnp.sum(system.group.view(system.group.Ad_dual(system.group.inverse(state.g), state.mu)), axis=0)
+
+    return records.each(total)
+
+
+@pytest.mark.budget(6)
+def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
+    system, start = bodies(21)
+    begun, method = co.Midpoint().begin(system, start, 0.05), co.Midpoint()
+    program = StepProgram(replace_parameters(system, None), method, version="chain")
+
+    def run(state, steps):
+        return xla.run(program, Constants(system.parameters, None), state, 0.05, steps, 1, False)
+
+    whole, first = run(begun, 60), run(begun, 25)
+    momentum = spatial_momentum(system, whole.records)
+    assert np.max(np.abs(momentum - momentum[0])) < 2e-14 * np.max(np.abs(momentum))
+    assert whole.code == 0
+    assert whole.iterations / whole.steps < 8
+    # The factors of the last step belong to the state: in two pieces the run is the same to the bit.
+    assert first.final.memory.h == 0.05
+    rest = run(first.final, 35)
+    for ours, theirs in zip(*map(jax.tree.leaves, (whole.final, rest.final)), strict=True):
+        assert np.array_equal(ours, theirs)
+    # They are no part of what is saved.
+    assert whole.records.memory is None
+
+
+@pytest.mark.budget(8)
+def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
+    system, start = bodies(4, "ring", [(0, 1), (1, 2), (2, 3), (3, 0)])
+    native, xla = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind) for kind in ("native", "xla"))
+    for ours, theirs in zip(*map(jax.tree.leaves, (native.final, xla.final)), strict=True):
+        assert np.max(np.abs(ours - theirs), initial=0.0) < 1e-13
+
+
+def test_links_that_act_on_each_other_without_being_a_pair_are_named():
+    def wrong(xi, a, p):
+        return chain(xi, a, p)
+
+    system, start = bodies(24, "chain", [(0, 1), (3, 17)], wrong)
+    with pytest.raises(ArgumentError, match=r"links 3 and 17 act on each other, but `coupling` of Power"):
+        co.trajectory(system, start, dt=0.05, steps=1)
+
+
+def test_links_are_an_axis_of_what_the_lagrangian_and_forces_read():
+    seen = {}
+
+    def lagrangian(xi, a):
+        seen.update(xi=xi.shape, down=a.down.shape)
+        return 0.5 * jnp.sum(xi * xi) - jnp.sum(a.down[:, 2])
+
+    def forces(motion):
+        seen["motion"] = motion.xi.shape
+        return co.Force(torque=-0.1 * motion.xi)
+
+    system = co.System(co.Power(co.SO3(), 5), lagrangian, advected={"down": co.Defining()}, forces=forces)
+    start = system.state(xi=np.ones((5, 3)), a0={"down": [0.0, 0.0, 1.0]})
+    assert start.named.a.down.shape == (5, 3)
+    assert np.array_equal(start.xi, np.ones(15))
+    run = co.trajectory(system, start, dt=0.01, steps=2)
+    assert seen == {"xi": (5, 3), "down": (5, 3), "motion": (5, 3)}
+    assert np.max(np.abs(run.final.xi.reshape(5, 3) - run.final.xi[:3])) < 1e-15
+
+
+def test_a_chain_that_would_be_right_invariant_is_refused():
+    with pytest.raises(ArgumentError, match="must be no power of a group where invariance"):
+        co.System(co.Power(co.SO3(), 3), lambda xi: 0.5 * jnp.sum(xi * xi), invariance="right")
