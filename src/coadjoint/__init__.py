@@ -115,12 +115,12 @@ if TYPE_CHECKING:
     from coadjoint.simulation.steppers.stepper import Stepper as Stepper
     from coadjoint.simulation.trajectory import trajectory as trajectory
     from coadjoint.spaces import Adjoint as Adjoint
-    from coadjoint.spaces import Between as Between
     from coadjoint.spaces import Coadjoint as Coadjoint
     from coadjoint.spaces import Defining as Defining
     from coadjoint.spaces import Dual as Dual
     from coadjoint.spaces import GroupItself as GroupItself
     from coadjoint.spaces import Points as Points
+    from coadjoint.spaces import RelativePoses as RelativePoses
     from coadjoint.spaces import Several as Several
     from coadjoint.spaces import Space as Space
     from coadjoint.spaces import Sphere as Sphere

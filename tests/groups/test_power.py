@@ -62,7 +62,7 @@ def test_a_power_of_a_thousand_links_forms_no_array_of_pairs_of_coordinates():
 
 
 def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
-    group, space = co.Power(co.SE3(), 3), co.Between([(0, 1), (-1, 0), (2, 0)])
+    group, space = co.Power(co.SE3(), 3), co.RelativePoses([(0, 1), (-1, 0), (2, 0)])
     space.require_fit(group)
     random = np.random.default_rng(5)
     xi, eta = 0.5 * random.normal(size=(2, group.dim))
@@ -96,9 +96,9 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
         (lambda: co.Power(co.SO3(), 3, 7), "must be a list of pairs of links"),
         (lambda: co.Power(co.SO3(), 3, [(0, 3)]), "The pair \\(0, 3\\) of `coupling` must be of two links from 0 to 2"),
         (lambda: co.Power(co.SO3(), 3, [(1, 1)]), "and of different ones"),
-        (lambda: co.Between([(0, 1, 2)]), "must be pairs of links such as"),
-        (lambda: co.Between([(0, 9)]).require_fit(co.Power(co.SE3(), 3)), "or −1 for the ground"),
-        (lambda: co.Between().require_fit(co.SE3()), "need a group of links such as co.Power"),
+        (lambda: co.RelativePoses([(0, 1, 2)]), "must be pairs of links such as"),
+        (lambda: co.RelativePoses([(0, 9)]).require_fit(co.Power(co.SE3(), 3)), "or −1 for the ground"),
+        (lambda: co.RelativePoses().require_fit(co.SE3()), "need a group of links such as co.Power"),
     ],
 )
 def test_what_is_no_power_is_told_in_a_sentence(made, sentence):

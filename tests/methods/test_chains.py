@@ -22,7 +22,7 @@ def chain(xi, a, p):
 def bodies(count, coupling="chain", pairs=None, lagrangian=chain):
     """A chain of `count` bodies that turn about different axes."""
     system = co.System(
-        co.Power(co.SO3(), count, coupling), lagrangian, advected=co.Between(pairs),
+        co.Power(co.SO3(), count, coupling), lagrangian, advected=co.RelativePoses(pairs),
         parameters={"inertia": WEIGHTS, "stiffness": np.float64(2.0)},
     )  # fmt: skip
     s = np.linspace(0, np.pi, count)

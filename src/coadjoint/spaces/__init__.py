@@ -2,7 +2,7 @@
 
 from coadjoint.spaces.by_inverse import ByInverse
 from coadjoint.spaces.group_itself import GroupItself
-from coadjoint.spaces.links import Between, Links
+from coadjoint.spaces.links import Links, RelativePoses
 from coadjoint.spaces.named import Named
 from coadjoint.spaces.representations import Adjoint, Coadjoint, Defining, Dual, Points, Representation, Trivial
 from coadjoint.spaces.several import Several
@@ -12,7 +12,6 @@ from coadjoint.spaces.submanifold import Submanifold
 
 __all__ = [
     "Adjoint",
-    "Between",
     "ByInverse",
     "Coadjoint",
     "Defining",
@@ -21,6 +20,7 @@ __all__ = [
     "Links",
     "Named",
     "Points",
+    "RelativePoses",
     "Representation",
     "Several",
     "Space",

@@ -18,7 +18,7 @@ from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space, checked_vector
 
 GROUND = -1
-"""The link that stands still at e, in a pair of `Between`."""
+"""The link that stands still at e, in a pair of `RelativePoses`."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,10 @@ class _Element(_Rows):
 
 
 @dataclass(frozen=True)
-class Between(Space):
+class RelativePoses(Space):
     """The poses of links relative to others: e = g_i⁻¹ e₀ g_j for every pair (i, j), on which Gᴺ acts by g_i e g_j⁻¹.
 
-        system = co.System(co.Power(co.SE3(), 50), rod, advected=dict(joint=co.Between(), height=co.Dual()))
+        system = co.System(co.Power(co.SE3(), 50), rod, advected=dict(joint=co.RelativePoses(), height=co.Dual()))
 
     With e₀ = e, its value at the start where `a0` leaves it out, it is g_i⁻¹g_j, the pose of link j as link i sees it.
     So an energy of the joints is a function of `a.joint`, elements of G with a leading axis of pairs. Moving all links
@@ -145,7 +145,7 @@ class Between(Space):
             given = tuple((int(i), int(j)) for i, j in self.pairs)
         except (TypeError, ValueError):
             raise GroupError(
-                f"Argument `pairs` of Between must be pairs of links such as [(0, 1), (1, 2)], but is "
+                f"Argument `pairs` of RelativePoses must be pairs of links such as [(0, 1), (1, 2)], but is "
                 f"{shown(self.pairs)}."
             ) from None
         object.__setattr__(self, "pairs", given)
@@ -157,7 +157,7 @@ class Between(Space):
         ]
         if wrong:
             raise GroupError(
-                f"The pair {wrong[0]} of Between must be of two different links from 0 to {power.count - 1}, or −1 for "
+                f"The pair {wrong[0]} of RelativePoses must be of two links from 0 to {power.count - 1}, or −1 for "
                 "the ground."
             )
         super().require_fit(group)
@@ -235,7 +235,7 @@ class Between(Space):
 
 def on_links(group: LieGroup, space: Space) -> Space:
     """A space as it stands on a group: on Gᴺ that of every link, unless it is of links already or has no points."""
-    if not isinstance(group, Power) or isinstance(space, (Links, Between)):
+    if not isinstance(group, Power) or isinstance(space, (Links, RelativePoses)):
         return space
     if isinstance(space, Several):
         parts = zip(space.names, space.factors, strict=True)
