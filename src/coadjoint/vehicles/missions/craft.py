@@ -24,7 +24,9 @@ from coadjoint.vehicles.missions.perturb import perturbed, seeds
 from coadjoint.vehicles.missions.results import require_room
 from coadjoint.vehicles.missions.sensors import sensors_section
 from coadjoint.vehicles.missions.vehicle import vehicle_of
+from coadjoint.vehicles.missions.water import bottom as seabed
 from coadjoint.vehicles.missions.water import water
+from coadjoint.vehicles.water.borders import altitude
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -60,7 +62,8 @@ def set_up(file: MissionFile) -> Setup:
     start = craft.start(**begun)
     require_room(file, start)
     sensors_section(file, vehicle)
-    system = craft.system
+    grid = seabed(file)
+    system = craft.system if grid is None else craft.system.watching({"altitude": altitude(grid)})
     if file.run.members > 1:
         system = perturbed(file, system, kinds)
         craft.replace(**system.parameters.asdict())  # refuses a member that cannot be

@@ -246,6 +246,17 @@ def bottom(file: MissionFile) -> float | None:
     return float(_one(given, "bottom")) if "bottom" in given else None
 
 
+def _bottom_of(file: MissionFile, given: dict[str, Any]) -> Any:
+    """The bottom that a mission ends at: a depth in m, or the grid of [water.bottom]; raises ArgumentError."""
+    from coadjoint.vehicles.missions.water import bottom
+
+    grid = bottom(file)
+    if (grid is None) == ("bottom" not in given):
+        what = "both have one" if grid is not None else "there is none"
+        raise ArgumentError(f'[mission] ends = "bottom" needs `bottom`, its depth in m, or [water.bottom], but {what}.')
+    return given["bottom"] if grid is None else grid
+
+
 def until(file: MissionFile, arrived: Any = None) -> Any:
     """The event that ends the mission before its time, None where nothing does; raises ArgumentError.
 
@@ -263,9 +274,7 @@ def until(file: MissionFile, arrived: Any = None) -> Any:
         if end == "surface":
             events.append(borders.at_surface())
         elif end == "bottom":
-            if "bottom" not in given:
-                raise ArgumentError('[mission] ends = "bottom" needs `bottom`, its depth in m.')
-            events.append(borders.at_bottom(given["bottom"], given.get("clearance", 0.0)))
+            events.append(borders.at_bottom(_bottom_of(file, given), given.get("clearance", 0.0)))
         elif arrived is None:
             raise ArgumentError('[mission] ends = "last way point" needs `way_points`.')
         else:

@@ -55,7 +55,7 @@ def water(file: MissionFile, seeds: Any = None) -> Any:
     One current with its `kind` ("uniform" unless given) and fields, or several, each a table [water.NAME], which add
     up, with [water.density]. `file` of a table is a CSV file. Raises ArgumentError and FileError.
     """
-    given = file.water
+    given = {name: table for name, table in file.water.items() if name != "bottom"}
     if not given:
         return None
     named = {name: table for name, table in given.items() if isinstance(table, dict) and name != "profile"}
@@ -75,6 +75,26 @@ def water(file: MissionFile, seeds: Any = None) -> Any:
         own = None if seeds is None else each(seeds.values + place * APART)
         made[name] = _made(file, table, f"water.{name}", kinds, default, own)
     return Sea(**made)
+
+
+def bottom(file: MissionFile) -> Any:
+    """The bottom of [water.bottom], a grid in a file, CSV or netCDF; None where there is none.
+
+    Raises ArgumentError and FileError.
+    """
+    given = file.water.get("bottom")
+    if given is None:
+        return None
+    if not isinstance(given, dict) or not isinstance(given.get("file"), str):
+        raise ArgumentError(f'[water.bottom] needs file = "…", a grid in CSV or netCDF, but is {given!r:.60}.')
+    for key in given:
+        if key not in ("file", "between"):
+            raise ArgumentError(unknown(f"key `{key}`", "Section [water.bottom]", key, ("file", "between")))
+    from coadjoint.vehicles.water.bottom import Bottom
+
+    path = file.located(given["file"])
+    reader = Bottom.from_csv if path.suffix == ".csv" else Bottom.from_netcdf
+    return reader(path, given.get("between", "bilinear"))
 
 
 def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.water.borders import at_bottom as at_bottom
     from coadjoint.vehicles.water.borders import at_surface as at_surface
     from coadjoint.vehicles.water.borders import first_of as first_of
+    from coadjoint.vehicles.water.bottom import Bottom as Bottom
     from coadjoint.vehicles.water.currents import TIDES as TIDES
     from coadjoint.vehicles.water.currents import CurrentField as CurrentField
     from coadjoint.vehicles.water.currents import TidalCurrent as TidalCurrent

@@ -1,0 +1,144 @@
+"""A bottom by its depths on a grid: from netCDF and CSV, interpolated with continuous derivatives."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError
+from coadjoint.groups.group import Array
+from coadjoint.vehicles.water.columns import read
+
+MOST = 4_000_000
+"""The most nodes of a grid."""
+NAMES = ("depth", "bottom", "elevation", "z")
+"""What the depths are called in netCDF files; `elevation` is counted up."""
+
+
+class Bottom:
+    """The depth of the bottom, m, as a function (north, east) → depth of its values at the nodes of a grid.
+
+        bottom = Bottom(north=[0, 100], east=[0, 50], depth=[[20, 25], [30, 35]])
+        run = co.simulate(system, start, dt=0.05, duration=300, until=water.at_bottom(bottom, clearance=2.0))
+
+    north, east: coordinates of the nodes, (n,) and (m,) m, evenly spaced and rising. depth: (n, m) m, positive down.
+    between: "bilinear", continuous, or "bicubic", through the same nodes by Catmull and Rom's cubics, whose slopes are
+    continuous, too. Beyond the grid the bottom goes on level with its edge. In terms of jax.numpy, differentiable by
+    the place. Raises ArgumentError for what is no such grid.
+    """
+
+    def __init__(self, north: Any, east: Any, depth: Any, between: Literal["bilinear", "bicubic"] = "bilinear"):
+        if between not in ("bilinear", "bicubic"):
+            raise ArgumentError(f'Argument `between` must be "bilinear" or "bicubic", but is {between!r}.')
+        self.north, self.east = _axis(north, "north"), _axis(east, "east")
+        found = np.asarray(depth, dtype=float)
+        shape = (len(self.north), len(self.east))
+        if found.shape != shape:
+            raise ArgumentError(f"Argument `depth` must have shape {shape}, of north and east, but has {found.shape}.")
+        if found.size > MOST:
+            raise ArgumentError(f"A bottom may have {MOST:,} nodes, but has {found.size:,}: thin it out.")
+        if not np.all(np.isfinite(found)):
+            i, j = np.argwhere(~np.isfinite(found))[0]
+            raise ArgumentError(f"Argument `depth` must be finite, but is not at row {i + 1}, column {j + 1}.")
+        self.depth, self.between = found, between
+
+    @classmethod
+    def from_csv(cls, path: str | os.PathLike[str], between: Literal["bilinear", "bicubic"] = "bilinear") -> Bottom:
+        """The bottom of a CSV file with the columns north, east and depth (m), a row for each node of a grid.
+
+        Raises FileError for a file that cannot be read or is no whole grid, with its line.
+        """
+        columns = read(path, ("north", "east", "depth")).values
+        rows, columns_of = (np.unique(columns[key]) for key in ("north", "east"))
+        depth = np.full((len(rows), len(columns_of)), np.nan)
+        at = np.searchsorted(rows, columns["north"]), np.searchsorted(columns_of, columns["east"])
+        depth[at] = columns["depth"]
+        if len(columns["depth"]) != depth.size or np.any(np.isnan(depth)):
+            raise FileError(
+                f"The file {path} must have one row for each of {len(rows)} × {len(columns_of)} nodes of a grid, but "
+                f"has {len(columns['depth'])} rows."
+            )
+        return _of_file(cls, path, rows, columns_of, depth, between)
+
+    @classmethod
+    def from_netcdf(cls, path: str | os.PathLike[str], between: Literal["bilinear", "bicubic"] = "bilinear") -> Bottom:
+        """The bottom of a netCDF file with a variable depth, or elevation, over the coordinates north and east, m.
+
+        Raises FileError for a file that cannot be read or holds no such grid.
+        """
+        import xarray
+
+        source = Path(path)
+        if not source.is_file():
+            raise FileError(f"There is no file {source}.")
+        try:
+            with xarray.open_dataset(source) as opened:
+                dataset = opened.load()
+        except Exception as error:
+            raise FileError(f"The file {source} is not a netCDF file that can be read.") from error
+        name = next((name for name in NAMES if name in dataset), None)
+        if name is None or set(dataset[name].dims) != {"north", "east"}:
+            held = ", ".join(map(str, dataset.data_vars)) or "nothing"
+            raise FileError(f"The file {source} needs a variable depth over north and east, but holds {held}.")
+        for axis in ("north", "east"):
+            if axis not in dataset.coords:
+                raise FileError(f"The file {source} has no coordinate {axis}, in m.")
+        grid = dataset[name].transpose("north", "east").sortby(["north", "east"])
+        sign = -1.0 if name == "elevation" else 1.0
+        return _of_file(cls, source, grid.north.values, grid.east.values, sign * grid.values, between)
+
+    def __call__(self, north: Any, east: Any) -> Array:
+        """The depth at a place, m."""
+        i, s = _cell(self.north, north)
+        j, t = _cell(self.east, east)
+        depth = jnp.asarray(self.depth.ravel())
+        n, m = self.depth.shape
+        steps = (0, 1) if self.between == "bilinear" else (-1, 0, 1, 2)
+        rows, columns = ((1 - x, x) if self.between == "bilinear" else _cubic(x) for x in (s, t))
+        total = jnp.zeros(())
+        for a, row in zip(steps, rows, strict=True):
+            for b, column in zip(steps, columns, strict=True):
+                place = jnp.clip(i + a, 0, n - 1) * m + jnp.clip(j + b, 0, m - 1)
+                total = total + row * column * depth[place]
+        return total
+
+
+def _axis(given: Any, name: str) -> np.ndarray:
+    found = np.asarray(given, dtype=float)
+    steps = np.diff(found) if found.ndim == 1 else np.zeros(0)
+    if len(steps) < 1 or not np.all(np.isfinite(found)) or not np.all(steps > 0):
+        raise ArgumentError(f"Argument `{name}` must be two numbers or more that rise, but is {given!r:.60}.")
+    if np.ptp(steps) > 1e-6 * np.max(steps):
+        raise ArgumentError(
+            f"Argument `{name}` must be evenly spaced, but its steps are {min(steps):g} to {max(steps):g} m."
+        )
+    return found
+
+
+def _cell(axis: np.ndarray, at: Any) -> tuple[Array, Array]:
+    """(the node before a place, how far it is to the next, from 0 to 1), held at the ends."""
+    x = (at - axis[0]) / (axis[1] - axis[0])
+    x = jnp.clip(x, 0.0, len(axis) - 1.0)
+    i = jnp.clip(jnp.floor(x), 0.0, len(axis) - 2.0)
+    return i.astype(int), x - i
+
+
+def _cubic(s: Array) -> tuple[Array, ...]:
+    """The weights of four nodes, Catmull and Rom (1974)."""
+    return (
+        0.5 * (-s + 2 * s**2 - s**3),
+        0.5 * (2 - 5 * s**2 + 3 * s**3),
+        0.5 * (s + 4 * s**2 - 3 * s**3),
+        0.5 * (-(s**2) + s**3),
+    )
+
+
+def _of_file(cls: type[Bottom], path: Any, north: Any, east: Any, depth: Any, between: Any) -> Bottom:
+    try:
+        return cls(north, east, depth, between)
+    except ArgumentError as error:
+        raise FileError(f"The file {path} is no bottom on a grid. {error}") from error
