@@ -15,7 +15,7 @@ from coadjoint.simulation import driver
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.progress import Progress
 from coadjoint.vehicles.parts import Damping, Thrusters
-from coadjoint.vehicles.readings import of_run, readings
+from coadjoint.vehicles.readings import observations, of_run, readings
 from coadjoint.vehicles.readings.of_run import at_times, in_blocks
 from coadjoint.vehicles.sensors import Ahrs, Altimeter, Depth, Dvl, Errors, Gps, Imu, Kinematics, Usbl
 from coadjoint.vehicles.serving.inertial import inertial
@@ -220,6 +220,16 @@ def test_mistakes_are_told_in_a_sentence(make, sentence):
     with pytest.raises(ArgumentError) as told:
         make()
     assert sentence in str(told.value)
+
+
+def test_a_stepper_observes_sensors_by_name_as_a_run_is_read():
+    one, start = craft(), run().start
+    seen = observations(one, ["imu", "depth"])
+    stepper = co.Stepper(one.system, start, dt=0.05, inputs={"push": [9.0]}, observe=seen, backend="native")
+    found = stepper.step({"push": [9.0]}, n=40)  # 2 s: a node, and a reading of both
+    read = readings(run(), sensors=["imu", "depth"])
+    np.testing.assert_allclose(found["sensor_imu"], read["imu"].exact[100], atol=1e-10)
+    np.testing.assert_allclose(found["sensor_depth"], read["depth"].exact[6], atol=1e-10)
 
 
 def test_a_beacon_is_ranged_from_a_vehicle_under_way():

@@ -20,6 +20,7 @@ from coadjoint.vehicles.environments.task import Function
 from coadjoint.vehicles.model.actuators import seen
 from coadjoint.vehicles.model.controller import Feedback
 from coadjoint.vehicles.model.craft import Craft
+from coadjoint.vehicles.readings.observed import observations
 from coadjoint.vehicles.serving.inertial import inertial
 from coadjoint.vehicles.serving.served import standing
 
@@ -97,6 +98,7 @@ def observable(
     found["actuators"] = actuators(craft)
     found["commands"] = lambda state, p: commands(state)
     found["specific_force"] = lambda state, p: inertial(craft.system, jnp.zeros(3), state, p).specific_force
+    found |= observations(craft)
     return {**found, **{name: of_feedback(common, function) for name, function in added.items()}}
 
 

@@ -8,6 +8,7 @@ from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.readings.craft_kinematics import kinematics as kinematics
+    from coadjoint.vehicles.readings.observed import observations as observations
     from coadjoint.vehicles.readings.of_run import readings as readings
     from coadjoint.vehicles.readings.taken import Readings as Readings
     from coadjoint.vehicles.readings.taken import SensorReading as SensorReading

@@ -1,0 +1,32 @@
+"""What sensors would read at the nodes of a stepper, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from coadjoint.spaces.named import Named
+from coadjoint.vehicles.model.craft import Craft
+from coadjoint.vehicles.readings.craft_kinematics import kinematics
+from coadjoint.vehicles.readings.of_run import chosen_sensors
+from coadjoint.vehicles.readings.taken import PREFIX
+from coadjoint.vehicles.sensors.sensor import Sensor
+
+
+def observations(
+    craft: Craft, sensors: Sequence[Sensor | str] | None = None, *, bottom: float | None = None
+) -> dict[str, Callable[..., Any]]:
+    """`sensor_NAME` → (state, p) ↦ what a sensor reads at a node without errors, (m,), for `observe` of a `co.Stepper`.
+
+        stepper = co.Stepper(craft.system, start, dt=0.05, observe=observations(craft, ["imu", "dvl"]))
+
+    sensors: names, or sensors of one's own; by default all of the craft's vehicle. bottom: the depth of a level bottom,
+    one number in m. Neither rates nor limits count here, and errors are drawn by `Noise`. Raises ArgumentError.
+    """
+    at = kinematics(craft, bottom=bottom)
+    return {PREFIX + one.name: partial(_read, one, at) for one in chosen_sensors(craft, sensors)}
+
+
+def _read(sensor: Sensor, at: Callable[..., Any], state: Any, p: Any) -> Any:
+    return sensor.reading(at(state, p), Named(**sensor.parameters()))
