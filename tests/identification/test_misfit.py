@@ -39,9 +39,9 @@ def simulated(forces):
 
 
 @pytest.mark.budget(12)
-@pytest.mark.parametrize("seeds", [range(2)])
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.further)])
 def test_a_rudder_that_stalls_is_named(seeds):
-    """First of all misfits."""
+    """In at least nine of ten logs, and first of all misfits."""
     run = simulated({"damping": damping, "fins": stalling})
     named = 0
     for seed in seeds:
@@ -55,7 +55,7 @@ def test_a_rudder_that_stalls_is_named(seeds):
                 found.plot_innovations(["speed"])
         assert not worst or any(f"misses {worst[0].column} where" in warning for warning in found.warnings)
     print(named)
-    assert named == len(seeds)
+    assert named >= 0.9 * len(seeds)
 
 
 def test_white_innovations_are_no_misfit():

@@ -19,11 +19,7 @@ MOST = 3
 
 def gaps(log: Log, samples: Samples) -> list[str]:
     """Sentences on values and rows that are missing, where the log does not tell that itself."""
-    told = [
-        f"{int(np.isnan(values).sum())} of {len(log)} values of {name} are missing."
-        for name, values in log.columns.items()
-        if np.isnan(values).any()
-    ]
+    told = _values(log)
     usual, between = log.interval, np.diff(log.time)
     first, last = samples.rows[:, 0], samples.rows.max(axis=1)
     apart = np.zeros(len(between), bool)
@@ -43,4 +39,15 @@ def gaps(log: Log, samples: Samples) -> list[str]:
         )
     if (more := int(apart.sum()) - MOST) > 0:
         told.append(f"There are {more} more such gaps.")
-    return [sentence for sentence in told if sentence not in log.notes]
+    return told
+
+
+def _values(log: Log) -> list[str]:
+    """On columns with missing values of which the notes of the log do not tell, one sentence."""
+    missing = {name: int(np.isnan(values).sum()) for name, values in log.columns.items()}
+    new = {n: k for n, k in missing.items() if k and f"{k} of {len(log)} values of {n} are missing." not in log.notes}
+    if len(new) == 1:
+        ((name, count),) = new.items()
+        return [f"{count} of {len(log)} values of {name} are missing."]
+    listed = ", ".join(f"{count} of {name}" for name, count in new.items())
+    return [f"Of {len(log)} values are missing: {listed}."] if new else []

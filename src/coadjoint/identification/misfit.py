@@ -56,20 +56,25 @@ class Misfit(NamedTuple):
 
 def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ...]:
     """The columns that follow a command by more than chance, each with the command that it follows most; the clearest
-    first."""
+    first.
+
+    A column alone must reach LEVEL/2 over all columns and features; a feature may also do so by Σ score² over all
+    columns, a χ² of as many, and then is told of the column that follows it most.
+    """
     features = list(_features(log))
-    tests = max(len(features) * len(innovations), 1)
-    least = float(stats.norm.isf(LEVEL / 2 / tests))
-    found: list[Misfit] = []
-    for column, w in innovations.items():
-        there = np.isfinite(w)
-        if there.sum() < FEWEST:
-            continue
-        each = (_correlated(column, w, there, feature) for feature in features)
-        best = max(each, key=lambda m: m.score, default=None)
-        if best is not None and best.score > least:
-            found.append(best._replace(following=portmanteau(w)))
-    return tuple(sorted(found, key=lambda m: -m.score))
+    known = {name: w for name, w in innovations.items() if np.isfinite(w).sum() >= FEWEST}
+    if not features or not known:
+        return ()
+    table = [[_correlated(column, w, np.isfinite(w), feature) for feature in features] for column, w in known.items()]
+    scores = np.array([[one.score for one in row] for row in table])
+    least = float(stats.norm.isf(LEVEL / 4 / scores.size))
+    found = [row[i] for row, i in zip(table, np.argmax(scores, axis=1), strict=True) if row[i].score > least]
+    together = np.sum(scores**2, axis=0)
+    best = int(np.argmax(together))
+    if not found and stats.chi2.sf(together[best], len(known)) < LEVEL / 2 / len(features):
+        found = [table[int(np.argmax(scores[:, best]))][best]]
+    found = [one._replace(following=portmanteau(known[one.column])) for one in found]
+    return tuple(sorted(found, key=lambda one: -one.score))
 
 
 def told(found: tuple[Misfit, ...]) -> list[str]:
