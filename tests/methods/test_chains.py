@@ -36,7 +36,6 @@ def spatial_momentum(system, records):
     return records.each(total)
 
 
-@pytest.mark.budget(6)
 def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
     system, start = bodies(21)
     begun, method = co.Midpoint().begin(system, start, 0.05), co.Midpoint()
@@ -59,7 +58,6 @@ def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
     assert whole.records.memory is None
 
 
-@pytest.mark.budget(8)
 def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
     system, start = bodies(4, "ring", [(0, 1), (1, 2), (2, 3), (3, 0)])
     native, xla = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind) for kind in ("native", "xla"))
