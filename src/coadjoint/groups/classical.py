@@ -64,8 +64,8 @@ class SOn(MatrixCoordinates, _Quadratic):
         return np.stack([unit(self.size, j, i) - unit(self.size, i, j) for i, j in pairs])
 
     def _hat(self, xi: Array) -> Array:
-        lower = jnp.zeros((self.size, self.size)).at[_below(self.size)].set(xi)
-        return lower - lower.T
+        rows = jnp.concatenate([xi, jnp.zeros(1)])[_places(self.size)]
+        return rows - rows.T
 
     def _vee(self, matrix: Array) -> Array:
         return (0.5 * (matrix - matrix.T))[_below(self.size)]
@@ -246,6 +246,14 @@ class SLn(MatrixCoordinates, MatrixElements):
     def project(self, g: Array) -> Array:
         """g(1 − (det g − 1)/n): removes round-off quadratically."""
         return g * (1 - (jnp.linalg.det(g) - 1) / self.size)
+
+
+def _places(size: int) -> np.ndarray:
+    """Where the entry (j, i), i < j, of ξ̂ stands in ξ, and the number after the last for all others, (n, n)."""
+    count = size * (size - 1) // 2
+    found = np.full((size, size), count)
+    found[_below(size)] = np.arange(count)
+    return found
 
 
 def _below(size: int) -> tuple[np.ndarray, np.ndarray]:
