@@ -37,6 +37,8 @@ ERRORS = {
     "matrix": (transposed, result_scaled, short),
     "from_matrix": (transposed, result_scaled),
     "tangent": (flipped, scaled, transposed),
+    "basis_sizes": (result_scaled,),
+    "view": (scaled, flipped),
     "hat": (flipped, scaled, transposed, short),
     "vee": (scaled, flipped, broken),
     "Ad": (scaled, flipped, lambda right, self, g, xi: right(self, self.inverse(g), xi)),

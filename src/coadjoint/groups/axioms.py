@@ -54,7 +54,7 @@ def in_units(group: LieGroup) -> tuple[Any, Any]:
 
 
 def _sizes(group: LieGroup) -> np.ndarray:
-    sizes = group.basis_sizes()
+    sizes = LieGroup.basis_sizes(group)
     return np.where(sizes > 0, sizes, 1.0)
 
 
@@ -133,6 +133,13 @@ def _closed_forms(group: LieGroup, xi: Array, eta: Array, mu: Array, M: Array, g
             lambda: covector(group.ad_dual(xi, mu)),
             lambda: covector(derived.ad_dual(group, xi, mu)),
         ),
+        Identity(
+            "basis_sizes",
+            "that they are the largest entries of the matrices of the basis",
+            group.basis_sizes,
+            lambda: derived.basis_sizes(group),
+        ),
+        Identity("view", "that it has the numbers of ξ in their order", lambda: jnp.ravel(group.view(xi)), lambda: xi),
         Identity(
             "rotation_angle",
             "that the angle of ξ is twice that of ξ/2",
