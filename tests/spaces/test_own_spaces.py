@@ -46,6 +46,7 @@ CURVED_ERRORS = {
 }
 EXEMPT = {
     "flat": "chooses what is compared",
+    "at_start": "chooses what a start may leave out",
     "ambient": "the length of all arrays: what does not fit it is told by shape",
     "require_fit": "a test itself",
     "view": "how the user's functions see a point",

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 from zlib import crc32
 
 import numpy as np
-from scipy.signal import lfilter
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
@@ -107,6 +106,8 @@ class _Channel:
         driven = self.wandering * np.sqrt(1 - self.kept**2) * normal
         if before == 0:
             driven[0] = self.wandering * normal[0]
+        from scipy.signal import lfilter  # a tenth of what a set-up takes
+
         found, _ = lfilter([1.0], [1.0, -self.kept], driven, axis=0, zi=self.kept * self.wander[None])
         self.wander = found[-1]
         return found
