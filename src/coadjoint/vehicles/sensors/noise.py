@@ -103,11 +103,11 @@ class _Channel:
 
     def _wandered(self, normal: np.ndarray, before: int) -> np.ndarray:
         """b_0 = σζ_0, b_k = φ b_{k−1} + σ√(1 − φ²) ζ_k, the exact law of the Gauss–Markov process."""
+        from scipy.signal import lfilter  # a tenth of what a set-up takes
+
         driven = self.wandering * np.sqrt(1 - self.kept**2) * normal
         if before == 0:
             driven[0] = self.wandering * normal[0]
-        from scipy.signal import lfilter  # a tenth of what a set-up takes
-
         found, _ = lfilter([1.0], [1.0, -self.kept], driven, axis=0, zi=self.kept * self.wander[None])
         self.wander = found[-1]
         return found
