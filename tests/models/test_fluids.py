@@ -10,7 +10,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import fluids
-from coadjoint.models.fluids.harmonics import legendre
+from coadjoint.models.fluids.harmonics import _matrices, legendre
 from coadjoint.models.fluids.laplacian import dirichlet, inverse_laplacian, laplacian
 from systems import generator
 
@@ -74,6 +74,19 @@ def test_harmonics_are_those_of_scipy():
     np.testing.assert_allclose(values, -2 * np.outer(P, np.sin(longitude)), atol=1e-14)
 
 
+@pytest.mark.parametrize("size", [64, 128])
+def test_matrices_of_harmonics_have_the_signs_of_closed_forms(size):
+    # Of T_mm ∝ (−S₊)^m all entries have one sign; T_m+1,m ∝ S_z S₊^m + S₊^m S_z is odd about the middle; the entries
+    # of T_N−1,m are (−1)^i √(C(N−1, i) C(N−1, i + m)).
+    for m, columns in enumerate(_matrices(size)):
+        own = (-1.0) ** m * columns
+        assert np.all(own[:, 0] > -1e-13), m
+        if m + 1 < size:
+            upper = (size - m) // 2
+            assert np.all(own[:upper, 1] > -1e-13) and np.all(own[-upper:, 1] < 1e-13), m
+        assert np.all((-1.0) ** np.arange(size - m) * own[:, -1] > -1e-13), m
+
+
 def test_waves_of_rossby_and_haurwitz_turn_at_their_rate_without_change_of_form():
     """c = 2(Ω + α)/(l(l + 1)) − α westwards, at N = l + 3, and nothing else appears, both to order h²."""
     rotation, spin, degree, order, duration = 0.7, 0.3, 3, 2, 1.0
@@ -115,6 +128,10 @@ def test_what_is_no_fluid_is_refused():
         (lambda: fluids.start(fluid, np.ones((5, 5))), r"\(L, L\) with L up to N = 4, but has shape \(5, 5\)"),
         (lambda: fluids.start(fluid, np.eye(3)), "must have mean 0, but c_00 is 1.0"),
         (lambda: fluids.from_coefficients(4, 1j * np.eye(2)), "must be real for m = 0"),
+        (
+            lambda: fluids.from_coefficients(4, np.triu(np.ones((3, 3)))),
+            r"must be 0 where m > l, but c\[0, 1\] is 1\+0j",
+        ),
         (lambda: fluids.rossby_haurwitz(3, 4, 1.0), "`order` must be from 1 to degree = 3, but is 4"),
         (lambda: fluids.start(co.System(co.SO3(), lambda xi: xi @ xi), np.eye(2)), "must be a fluid of co.models"),
     ):

@@ -14,6 +14,9 @@ from coadjoint.models.fluids.laplacian import tridiagonal
 Coefficients = np.ndarray
 """c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
 
+SMALL = 1e-6
+"""What an entry of an eigenvector must be, of the largest, for its sign to be above round-off."""
+
 
 @lru_cache(maxsize=8)
 def _matrices(size: int) -> tuple[np.ndarray, ...]:
@@ -21,17 +24,37 @@ def _matrices(size: int) -> tuple[np.ndarray, ...]:
     found = []
     for m in range(size):
         diagonal, off = tridiagonal(size, m)
-        vectors = eigh_tridiagonal(diagonal, off)[1][:, ::-1] if size - m > 1 else np.ones((1, 1))
-        vectors = vectors * np.where(vectors[0] < 0, -1.0, 1.0)
+        if size - m > 1:
+            values, vectors = (array[..., ::-1] for array in eigh_tridiagonal(diagonal, off))
+            vectors = vectors * _signs(diagonal, off, values, vectors)
+        else:
+            vectors = np.ones((1, 1))
         found.append((-1.0) ** m * np.sqrt(size / (4 * np.pi)) * vectors)
     return tuple(found)
+
+
+def _signs(diagonal: np.ndarray, off: np.ndarray, values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """The signs (n,) that make the first entry of each eigenvector, at the pole, positive.
+
+    That entry may be far below round-off. The eigenvectors grow from there, so that the recurrence
+    b_i x_{i+1} = (λ − a_i) x_i − b_{i−1} x_{i−1} from x_0 = 1 has the sign of the first entry that is not small.
+    """
+    columns = np.arange(len(values))
+    first = np.argmax(np.abs(vectors) > SMALL * np.max(np.abs(vectors), axis=0), axis=0)
+    before, here, signs = np.zeros(len(values)), np.ones(len(values)), np.ones(len(values))
+    for i in range(int(np.max(first))):
+        before, here = here, ((values - diagonal[i]) * here - (off[i - 1] * before if i else 0.0)) / off[i]
+        scale = np.maximum(np.abs(before), np.abs(here))
+        before, here = before / scale, here / scale
+        signs = np.where(first == i + 1, np.sign(here), signs)
+    return signs * np.sign(vectors[first, columns])
 
 
 def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
     """The coordinates (N²,) on U(N) of W = iF, where F is the Hermitian matrix of the function.
 
     coefficients: c (L, L) as in `Coefficients`, L ≤ N. Raises ArgumentError for another shape, for more than N of them,
-    and where c_l0 is not real.
+    where c_l0 is not real, and where c_lm is not 0 for an m above l.
     """
     c: Any = np.asarray(coefficients, complex)
     if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape[0] > size or not np.all(np.isfinite(c)):
@@ -41,6 +64,11 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
         )
     if np.any(np.abs(c[:, 0].imag) > 1e-12 * np.max(np.abs(c), initial=0.0)):
         raise ArgumentError("Argument `coefficients` must be real for m = 0, because the function is.")
+    if np.any(np.triu(c, 1) != 0):
+        l, m = (int(index[0]) for index in np.nonzero(np.triu(c, 1)))
+        raise ArgumentError(
+            f"Argument `coefficients` must be 0 where m > l, but c[{l}, {m}] is {c[l, m]:.6g}: its first index is l."
+        )
     rows = np.zeros((size, size))
     for m in range(c.shape[0]):
         entries: Any = _matrices(size)[m][:, : c.shape[0] - m] @ c[m:, m]
