@@ -205,9 +205,11 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
-    """σ̂² = Σ r²/(N − what the fit took up) of each channel."""
+    """σ̂² = Σ r²/(N − what the fit took up) of each channel, at least what round-off may be."""
     squares = np.sum(solution.residual.reshape(problem.there.shape) ** 2, axis=(0, 1))
-    return problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
+    size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
+    found = problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
+    return np.maximum(found, QUIETEST * size)
 
 
 def _freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:

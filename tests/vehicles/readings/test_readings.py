@@ -151,7 +151,7 @@ def test_readings_are_the_same_to_the_bit_in_a_shorter_run_and_without_the_other
 
 
 def test_readings_of_a_run_that_was_interrupted_and_resumed_are_the_same_to_the_bit(tmp_path, monkeypatch):
-    monkeypatch.setitem(driver.CAPACITY, "native", 50)
+    monkeypatch.setattr(driver, "CAPACITY", 50)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
     chunks = iter(range(2))
