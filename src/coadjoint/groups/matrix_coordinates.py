@@ -91,7 +91,7 @@ def require_size(group: str, size: object, least: int) -> None:
 
 
 def unit(size: int, i: int, j: int) -> np.ndarray:
-    """The matrix with one entry 1, at (i, j)."""
+    """The matrix (size, size) with one entry 1, at (i, j)."""
     found = np.zeros((size, size))
     found[i, j] = 1.0
     return found

@@ -33,7 +33,7 @@ class Algebra:
         return mu
 
     def momentum(self, z: Array) -> Array:
-        """μ (dim,) of the coordinates of W̃."""
+        """μ (dim,) of the coordinates of W̃, (unknowns,)."""
         return z
 
 
@@ -47,11 +47,11 @@ class Orthogonal(Algebra):
     unknown = matrix
 
     def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
-        """The coordinates of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P)."""
+        """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P), of P and W (n, n)."""
         return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
-        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂ of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
+        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
         X = epsilon * self.matrix(xi)
         return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
 
@@ -60,7 +60,7 @@ class Orthogonal(Algebra):
         return mu + self.group.vee((D @ self.matrix(mu)) @ (2 * np.eye(len(D)) + D.T))
 
     def element(self, D: Array) -> Element:
-        """Cᵀ as an element of the group."""
+        """Cᵀ, (n, n), as an element of the group."""
         return np.eye(len(D)) + D.T
 
 
@@ -88,16 +88,16 @@ class Unitary(Algebra):
         return self.group.parts(xi)
 
     def unknown(self, z: Array) -> ComplexMatrix:
-        """W̃ of its coordinates."""
+        """W̃, (n, n), of its coordinates (unknowns,)."""
         return self.hull.parts(z)
 
     def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
-        """The coordinates of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
+        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
         one = ComplexMatrix(2 * epsilon * np.eye(self.hull.size) + epsilon**2 * P.real, epsilon**2 * P.imaginary)
         return self.hull.coordinates(product(product(P, W), one))
 
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
-        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂ of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
+        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
         A, B = self.matrix(xi)
         X = epsilon * (A + 1j * B)
         D = jnp.linalg.solve(np.eye(self.hull.size) - X, 2 * X)
@@ -110,7 +110,7 @@ class Unitary(Algebra):
         return mu + self.group.coordinates(product(product(D, self.matrix(mu)), both))
 
     def element(self, D: ComplexMatrix) -> Element:
-        """C† as an element of the group."""
+        """C†, (n, n), as an element of the group."""
         back = D.adjoint
         return ComplexMatrix(np.eye(self.hull.size) + back.real, back.imaginary)
 

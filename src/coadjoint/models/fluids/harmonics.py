@@ -93,7 +93,10 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
 
 
 def legendre(degree: int, z: np.ndarray) -> np.ndarray:
-    """P̄_lm(z) (L, L, points), L = degree + 1, with Y_lm = P̄_lm(cos θ) e^{imφ} orthonormal; by recurrence in l."""
+    """P̄_lm(z), shape (degree + 1, degree + 1, points), with Y_lm = P̄_lm(cos θ) e^{imφ} orthonormal; by recurrence in l.
+
+    z: cos θ, a number for each point.
+    """
     z = np.asarray(z, float)
     found = np.zeros((degree + 1, degree + 1, len(z)))
     sine = np.sqrt(1 - z * z)
@@ -123,6 +126,9 @@ def on_grid(coefficients: Coefficients, latitudes: int = 91, longitudes: int = 1
 
 
 def power(coefficients: Coefficients) -> np.ndarray:
-    """Σ_m |c_lm|² over all m from −l to l, (…, L): the share of every degree l in ∫f²."""
+    """Σ_m |c_lm|² over all m from −l to l, shape (…, L): the share of every degree l in ∫f².
+
+    coefficients: c, shape (…, L, L).
+    """
     c = np.asarray(coefficients)
     return np.sum(np.abs(c) ** 2 * np.where(np.arange(c.shape[-1]) > 0, 2.0, 1.0), axis=-1)
