@@ -35,6 +35,19 @@ def filter(memory=3.0):
     return Filter(process, start, measurements=measurements, deviations={"q": 5.0, "nu": 0.1}, memory=memory)
 
 
+@pytest.mark.parametrize("t", [None, 1.0])
+def test_a_measurement_that_is_refused_leaves_the_filter_as_it_was(t):
+    one = filter()
+    for _ in range(20):
+        one.predict(0.1)
+    before = one.t, one.rows.copy(), one.P.copy()
+    with pytest.raises(co.ArgumentError, match="is 2 numbers at each time"):
+        one.update({"usbl": [1.0, 2.0, 3.0]}, t=t)
+    assert one.t == before[0] and np.array_equal(one.rows, before[1]) and np.array_equal(one.P, before[2])
+    one.update({"usbl": [1.0, 2.0]}, t=1.0)
+    assert one.t == pytest.approx(2.0)
+
+
 def test_a_late_measurement_leaves_the_filter_as_if_it_had_come_in_time():
     now, late, first, told = filter(), filter(), None, None
     for k in range(1, 41):

@@ -1,4 +1,4 @@
-"""Every model of the catalogue speaks the tracer's language, by every rule."""
+"""Every model of the catalogue speaks the tracer's language, by the rules that fit it."""
 
 import jax
 import numpy as np
@@ -32,11 +32,13 @@ def primitives(jaxpr) -> set[str]:
 def test_a_step_of_a_model_uses_known_primitives_only_and_compiles(name):
     entry = catalogue[name]
     system = entry.make()
-    method = RULES[list(catalogue).index(name) % len(RULES)](co.Exponential())
+    fits_every_rule = entry.method == "Midpoint"
+    rule = RULES[list(catalogue).index(name) % len(RULES)] if fits_every_rule else getattr(co, entry.method)
+    method = rule(co.Exponential())
     state = method.begin(system, entry.start(system), entry.dt)
     program, constants = StepProgram(replace_parameters(system, None), method), Constants(system.parameters, None)
-    z, h = np.zeros(system.unknowns), np.float64(entry.dt)
     stage = program.stages[0]
+    z, h = np.zeros(sum(stage.blocks)), np.float64(entry.dt)
     met = set()
     for function, more in ((stage.residual, ()), (stage.advance, (1.0,)), (stage.chart, ())):
         met |= primitives(jaxpr_of(function, constants, state, h, z, *more)[0].jaxpr)

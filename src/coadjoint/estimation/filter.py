@@ -131,13 +131,24 @@ class Filter:
         A measurement that is late, t before the time of the estimate by at most `memory`, is taken where it belongs:
         the filter goes back to the step around t and on again with all that it has been told since.
 
-        Returns an `Innovation` for each. Raises ArgumentError for names that are no measurements, for other shapes and
-        for times that are not kept, StepError where the covariance does not stay finite.
+        Returns an `Innovation` for each. Where it raises, the filter stays as it was.
+        Raises ArgumentError for names that are no measurements, for other shapes and for times that are not kept,
+        StepError where the covariance does not stay finite.
         """
-        if t is None or abs(t - self.t) <= SAME:
-            return {name: self._take(name, value) for name, value in measured.items()}
-        for name in measured:
+        for name, value in measured.items():
             self._measurement(name)
+            series(name, ([0.0], [value]), "measured", self._sizes, self.members)
+        kept = self.rows, self.P, self._past.copy()
+        try:
+            if t is None or abs(t - self.t) <= SAME:
+                return {name: self._take(name, value) for name, value in measured.items()}
+            return self._again(measured, t)
+        except BaseException:
+            self.rows, self.P, self._past = kept
+            raise
+
+    def _again(self, measured: Mapping[str, Any], t: float) -> dict[str, Innovation]:
+        """Go back to t, take what was measured, and go on with what followed."""
         steps = self._past.back(t, self.t)
         self.rows, self.P = steps[0].rows, steps[0].P
         found: dict[str, Innovation] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,12 @@ class Past:
     def forget(self) -> None:
         """Nothing of what was before can be taken up again."""
         self._steps.clear()
+
+    def copy(self) -> Past:
+        """The same steps, to go back to."""
+        found = Past(self._memory)
+        found._steps = deque(replace(step, taken=list(step.taken)) for step in self._steps)
+        return found
 
     def back(self, t: Any, now: float) -> list[PastStep]:
         """The steps from that around t on, which are forgotten; raises ArgumentError where none is kept."""

@@ -57,6 +57,8 @@ WRONG = {
     '[faults.a]\npart = "rudder"\nstuck = true': "needs one of `time_s` and `depth_m`",
     '[faults.a]\npart = "rudder"\nstuck = true\ntime_m = 1': "time",
     '[faults.a]\npart = "rudder"\nstuck_deg = 90\ntime_s = 1': "the range",
+    '[faults.a]\npart = "rudder"\nstuck_rpm = 3\ntime_s = 1': "stuck_rpm is in 1/s, but rudder stands in rad",
+    '[faults.a]\npart = "rudder"\nstuck = false\ntime_s = 1': "must be a number, or true",
     '[faults.a]\npart = "rudder"\nstuck = "hard"\ntime_s = 1': "must be a number, or true",
     '[faults.a]\npart = "rudder"\ndropped = true\ntime_s = 1': "of a payload",
     '[faults.a]\npart = "rudder"\nout = 0\ntime_s = 1': "the numbers of thrusters from 1",

@@ -74,12 +74,17 @@ def _stands(title: str, action: str, value: Any, part: Any, given: dict[str, Any
         if value is True:
             return None, None
         unit = next((split_name(key)[1] for key in given if key.startswith("stuck_")), "")
-        try:
-            return float(value) * (inside(unit)[1] if unit else 1.0), None
-        except (TypeError, ValueError):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ArgumentError(f"[{title}] stuck must be a number, or true: where it is then; not {value!r}.")
+        if not unit:
+            return float(value), None
+        si, factor = inside(unit)
+        if si != part.command.unit:
             raise ArgumentError(
-                f"[{title}] stuck must be a number, or true: where it is then; not {value!r}."
-            ) from None
+                f"[{title}] stuck_{unit} is in {si}, but {part.name} stands in {part.command.unit}: give it in "
+                "a unit of that."
+            )
+        return float(value) * factor, None
     if action == "dropped":
         if value is not True or part.kind != "payload":
             raise ArgumentError(

@@ -45,7 +45,14 @@ def sensors_section(file: MissionFile, vehicle: Any) -> SensorsSection | None:
     bottom = given.get("bottom", legs.bottom(file))
     if bottom is not None and (isinstance(bottom, bool) or not isinstance(bottom, (int, float))):
         raise ArgumentError(f"[sensors] bottom must be the depth of the bottom, one number, but is {bottom!r}.")
-    return SensorsSection(_names(given, vehicle), seed, None if bottom is None else float(bottom))
+    names = _names(given, vehicle)
+    altimeters = [one.name for one in vehicle.sensors if one.kind == "altimeter" and one.name in names]
+    if altimeters and bottom is None:
+        raise ArgumentError(
+            f"The altimeter {altimeters[0]} needs the depth of a level bottom: give [sensors] bottom_m, or leave "
+            "it out of [sensors] names."
+        )
+    return SensorsSection(names, seed, None if bottom is None else float(bottom))
 
 
 def _names(given: dict[str, Any], vehicle: Any) -> tuple[str, ...]:

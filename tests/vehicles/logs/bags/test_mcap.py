@@ -89,7 +89,9 @@ def test_a_log_with_gaps_is_written_and_read_back(tmp_path):
 
 def test_other_axes_say_the_same(dataset, dive, tmp_path):
     write_mcap(dataset, tmp_path / "ned.mcap", axes="NED/FRD")
-    ned, enu = read_log(tmp_path / "ned.mcap", axes="NED/FRD"), read_log(dive)
+    ned, enu = read_log(tmp_path / "ned.mcap"), read_log(dive)
+    with pytest.raises(FileError, match="says that its axes are NED/FRD, not ENU/FLU"):
+        read_log(tmp_path / "ned.mcap", axes="ENU/FLU")
     for name, values in enu.columns.items():
         assert np.allclose(ned.columns[name], values, rtol=0, atol=1e-14), name
 

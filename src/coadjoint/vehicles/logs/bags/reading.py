@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.log import Log
@@ -49,7 +49,8 @@ def read_bag(
     Odometry, poses, twists, inertial units, pressures and fixes are known by their types; topics `…/command/NAME` of
     plain numbers are inputs; of ArduPilot the Kalman filter, the attitude and the gyroscopes.
 
-    axes: of the messages, by default "ENU/FLU" as in ROS (REP 103), and "NED/FRD" of ArduPilot.
+    axes: of the messages, by default "ENU/FLU" as in ROS (REP 103), and "NED/FRD" of ArduPilot;
+    bags that this library wrote say their own.
     topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
     (docs/logs.md); what it declares takes the place of what is known by types. ignore: columns to leave out.
     partial: of a file that was not closed take what is whole.
@@ -70,6 +71,12 @@ def read_bag(
     if missing := [name for name in chosen or () if name not in there]:
         raise FileError(f"{file} has no topic {missing[0]}; it has {', '.join(sorted(there)) or 'none'}.")
     own = bags[0].metadata.get(OWN, {})
+    if told := own.get("axes"):
+        if axes not in (None, told):
+            raise FileError(f"The bag {file} says that its axes are {told}, not {axes}: leave out `axes`.")
+        native = cast(Axes, told)
+        space_axes(native)
+        wanted = declared(sensors, axes, native)
     found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore)
     if not found:
         known = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in sorted(there.items()))

@@ -24,6 +24,12 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
     with path.open("rb") as opened:
         if opened.read(len(MAGIC)) != MAGIC:
             raise FileError(f"The file {path} is no bag of ROS 2: it is no SQLite database.")
+    journal = path.with_name(path.name + "-wal")
+    if journal.is_file() and journal.stat().st_size:
+        raise FileError(
+            f"The bag {path} was not closed, and {journal.name} beside it holds messages: stop the recorder, then "
+            f"write them into the bag by `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`."
+        )
     try:
         base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
         try:
