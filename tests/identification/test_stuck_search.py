@@ -38,10 +38,16 @@ def test_a_search_that_is_stuck_begins_again_and_comes_to_the_truth():
         damping={"quadratic": 1.3 * truth.damping.quadratic}, added_mass=0.75 * truth.added_mass
     )
     names = ["damping.quadratic", *(f"damping.linear[{i}]" for i in range(3)), "added_mass"]
-    found = identify(guess, synthetic_log(run, noise=NOISE, seed=3), start=start, parameters=names)
+    log = synthetic_log(run, noise=NOISE, seed=3)
+    found = identify(guess, log, start=start, parameters=names, attitude="angles")
     assert found.iterations > 100, "it is no longer stuck: take a harder log"
     quadratic = np.asarray(truth.damping.quadratic)
     for i in range(6):
         estimate = found[f"damping.quadratic[{i}]"]
         assert abs(estimate.value - quadratic[i]) < 4 * estimate.standard_error
     assert found.noise["roll"] < 0.006
+    turned = identify(guess, log, start=start, parameters=names)
+    assert turned.iterations < 30, "compared as rotations attitude does not jump"
+    for i in range(6):
+        estimate = turned[f"damping.quadratic[{i}]"]
+        assert abs(estimate.value - quadratic[i]) < 4 * estimate.standard_error
