@@ -16,6 +16,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels.run import native
 from coadjoint.kernels.trace import library as files
+from coadjoint.mechanics.traced_once import Traced
 from coadjoint.models import catalogue
 from coadjoint.simulation import known
 from coadjoint.simulation.fingerprint import fingerprint
@@ -223,6 +224,18 @@ def test_a_fingerprint_that_is_found_is_that_which_is_traced(cache, monkeypatch)
     forget()
     traced = marks()
     assert again(marks, cache) == traced == anew(marks, monkeypatch)
+
+
+def test_the_fingerprint_does_not_depend_on_what_its_kernel_traced(cache, monkeypatch):
+    monkeypatch.setenv("COADJOINT_CACHE", "")
+    remus = co.vehicles.load("remus_100")
+    craft = co.vehicles.Craft(remus, controller=remus.controller)
+    start = craft.start(position=(0, 0, 2), speed=1.5)
+    wanted = {"depth": 10.0, "heading": 0.0, "speed": 1.5}
+    traces = Traced()
+    run = prepare(craft.system, start, co.Midpoint(), 0.05, 10, 1, True, None, wanted, "auto", traces=traces)
+    assert traces
+    assert fingerprint(run.plan, run.position.state, known=traces) == fingerprint(run.plan, run.position.state)
 
 
 def test_what_runs_load_leaves_scipy_out():

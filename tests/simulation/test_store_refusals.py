@@ -17,6 +17,7 @@ from test_store import stopped_after
 import coadjoint as co
 from coadjoint import disk
 from coadjoint.manifest import MANIFEST, Manifest
+from coadjoint.simulation import fingerprint
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.lock import Lock
 
@@ -203,8 +204,14 @@ print(co.resume({str(folder)!r}, interrupted.system()).good_steps)
         found = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
         assert found.stdout.strip() == "2000", found.stderr
     assert set(Manifest.read(folder).facts["fingerprint"]) == {
-        "equations", "parameters", "start", "monitors", "grid",
+        "tracing", "equations", "parameters", "start", "monitors", "grid",
     }  # fmt: skip
+
+
+def test_a_run_whose_equations_were_traced_in_another_way_is_of_another_version(folder, vehicle, monkeypatch):
+    monkeypatch.setattr(fingerprint, "TRACING", "1")
+    with pytest.raises(co.ArgumentError, match="another version of coadjoint began"):
+        co.resume(folder, vehicle)
 
 
 @pytest.mark.parametrize("name", ["xi", "R", "time", "energy"])

@@ -12,16 +12,21 @@ import jax
 
 P = ParamSpec("P")
 R = TypeVar("R")
-_traced: ContextVar[dict[Callable[..., Any], Callable[..., Any]] | None] = ContextVar("traced", default=None)
+
+Traced = dict[Callable[..., Any], Callable[..., Any]]
+"""Functions, and what JAX keeps of their traces."""
+
+_traced: ContextVar[Traced | None] = ContextVar("traced", default=None)
 
 
 @contextmanager
-def tracing_once() -> Iterator[None]:
+def tracing_once(known: Traced | None = None) -> Iterator[None]:
     """Inside, functions that are marked `traced_once` are traced once for each kind of arguments.
 
-    What the functions of a system do must not change meanwhile.
+    known: takes up what is traced, and gives it to another block that is given the same. What the functions of a system
+    do must not change meanwhile.
     """
-    token = _traced.set({})
+    token = _traced.set({} if known is None else known)
     try:
         yield
     finally:

@@ -13,24 +13,32 @@ from coadjoint.kernels.run import kept, plans
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.driver import Plan
 
+TRACING = "2"
+"""How equations are traced for a fingerprint: those of other numbers cannot be compared."""
 
-def fingerprint(plan: Plan, state: State, one: tuple[Constants, State] | None = None) -> dict[str, str]:
+
+def fingerprint(
+    plan: Plan, state: State, one: tuple[Constants, State] | None = None, known: Traced | None = None
+) -> dict[str, str]:
     """Digests of the equations as they are traced, of the numbers in them, and of the grid.
 
     Equal in every process with the same versions of Python's packages; names of functions do not count. `one` member
-    of an ensemble is what its equations are traced for.
+    of an ensemble is what its equations are traced for; known: what was traced of them for the kernel.
     """
     constants, start = (plan.constants, state) if one is None else one
     name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors)
     traced = kept.find(name)
     if traced is None:
-        traced = _traced(plan, constants, start)
+        with tracing_once(known):
+            traced = _traced(plan, constants, start)
         kept.keep(name, traced)
     directions = [event.direction for _, event in plan.events]
     return {
+        "tracing": TRACING,
         "equations": traced["equations"],
         "parameters": digest(named(plan.constants.system)),
         "start": digest(jax.tree.leaves(state)),

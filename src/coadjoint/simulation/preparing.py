@@ -20,7 +20,7 @@ from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.reading import functions_known
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.traced_once import tracing_once
+from coadjoint.mechanics.traced_once import Traced, tracing_once
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import RENEWED, Constants, StepProgram, as_read
@@ -59,8 +59,12 @@ Watched = tuple[tuple[str, Event], ...]
 def prepare(
     system: System, start: State, method: Method, h: float, steps: int, save_every: int, monitors: bool,
     kelvin_noether: Any, inputs: Any, backend: Backend, until: Any = None, events: Any = None,
+    traces: Traced | None = None,
 ) -> Any:  # fmt: skip
-    """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun."""
+    """A Run, or an Ensemble where co.each is used, that is checked and set up but has not begun.
+
+    traces: takes up what is traced for the kernel, for the run's fingerprint.
+    """
     if (count := count_of(system, start)) is not None:
         whole = (count, h, steps, save_every, monitors, kelvin_noether, inputs, backend, until, events)
         return _prepare_members(system, start, method, *whole)
@@ -77,7 +81,7 @@ def prepare(
     state, warnings, program, watching = begun
     warnings = internal_warnings(system, h) + warnings
     constants = _constants(system, watching)
-    with tracing_once(), as_read(program.version):
+    with tracing_once(traces), as_read(program.version):
         chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}

@@ -18,6 +18,7 @@ from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.simulation.accuracy.judgement import accuracy_from
 from coadjoint.simulation.carry_on import carry_on
@@ -37,14 +38,14 @@ _log = logger(__name__)
 
 
 def streamed(
-    run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any, accuracy: bool
+    run: Run | Ensemble, path: str | os.PathLike[str], chosen: Any, accuracy: bool, traces: Traced
 ) -> StreamedRun | StreamedEnsemble:
     """A run that has not begun, put into a new folder, or taken up where a folder holds the same run.
 
-    `chosen` are the Kelvin–Noether quantities of the user; accuracy: whether it is judged.
+    `chosen` are the Kelvin–Noether quantities of the user; accuracy: whether it is judged; traces: those of its kernel.
     """
     folder = Path(path).absolute()
-    marks = fingerprint(run.plan, run.position.state, run.one)
+    marks = fingerprint(run.plan, run.position.state, run.one, traces)
     held = holds_run(folder)
     form, numbers = start_form(run.start)
     header = {
@@ -135,8 +136,9 @@ def resume(
         raise ArgumentError("The method of this run is not the library's own: give `method` again.")
     start = start_from(header["start"], numbers, system) if start is None else start
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
-    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until)
-    _require_same(place, header, fingerprint(run.plan, run.position.state, run.one))
+    traces = Traced()
+    run = prepare(system, start, method, *grid, kelvin_noether, inputs, header["backend"], until, traces=traces)
+    _require_same(place, header, fingerprint(run.plan, run.position.state, run.one, traces))
     return carry_on(_taken_up(run, place), progress, began, header["accuracy"])  # type: ignore[return-value]
 
 
@@ -184,6 +186,11 @@ _SETTINGS = ("dt", "steps", "save_every", "monitors", "backend", "accuracy")
 def _require_same(folder: Path, then: dict[str, Any], marks: dict[str, str], now: dict[str, Any] | None = None) -> None:
     """Raise ArgumentError unless the run that was set up is the one in the folder; `now` are its settings."""
     before = run_manifest(folder).facts["fingerprint"]
+    if before.get("tracing") != marks["tracing"]:
+        raise ArgumentError(
+            f"The folder {folder} holds a run that another version of coadjoint began: go on with that version, or "
+            "begin the run again in another folder."
+        )
     settings = [] if now is None else [name for name in _SETTINGS if now[name] != then[name]]
     differing = [f"{name} is {then[name]} there and {now[name]} here" for name in settings if now is not None]
     different = [_PARTS[name] for name, mark in before.items() if marks[name] != mark]

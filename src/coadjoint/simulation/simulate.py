@@ -18,6 +18,7 @@ from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.origin import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.traced_once import Traced
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.accuracy.trajectory_error import require_full, with_trajectory_error
@@ -126,14 +127,15 @@ def simulate(
         raise ArgumentError(
             "Argument `events`, and `until` for an ensemble, collect records in memory: leave out `store`."
         )
-    watched = (until, events)
+    watched, traces = (until, events), Traced()
+    grid_of = (h, steps, save_every, monitors)
     with collector_off():
-        run = prepare(system, start, method, h, steps, save_every, monitors, kelvin_noether, inputs, backend, *watched)
+        run = prepare(system, start, method, *grid_of, kelvin_noether, inputs, backend, *watched, traces)
     run.warnings += [told] if told else []
     if store is not None:
         from coadjoint.simulation.resume import streamed  # loads zarr
 
-        run = streamed(run, store, kelvin_noether, judging)
+        run = streamed(run, store, kelvin_noether, judging, traces)
     else:
         require_room(run)
     done: Any = carry_on(run, progress, began, judging)
