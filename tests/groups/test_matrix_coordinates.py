@@ -97,3 +97,17 @@ def test_cayley_is_refused_on_special_unitary_groups():
             co.Cayley().require_fit(group)
     for group in (co.SUn(2), co.Un(9), co.GLn(9), co.SOn(12)):
         co.Cayley().require_fit(group)
+
+
+def test_what_has_an_inverse_is_told_by_singular_values():
+    """The determinant of a small matrix is 0 in float64, that of a singular one with round-off is not."""
+    turned = np.linalg.qr(generator("singular").normal(size=(200, 200)))[0]
+    nearly = turned[:5, :5] * np.array([1, 1, 1, 1, 0.0]) @ turned[:5, 5:10]
+    assert np.linalg.det(0.01 * turned) == 0 != np.linalg.det(nearly)
+    assert evaluate(co.GLn(200).outside, 0.01 * turned) == 0 and evaluate(co.GLn(5).outside, nearly) == np.inf
+    assert evaluate(co.GLn(3).outside, np.zeros((3, 3))) == np.inf
+
+
+def test_sizes_of_numpy_are_sizes():
+    four, three = np.array([4, 3])
+    assert co.SOn(four) == co.SOn(4) and co.Un(three).dim == 9

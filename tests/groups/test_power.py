@@ -97,6 +97,7 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
         (lambda: co.Power(co.SO3(), 3, [(0, 3)]), "The pair \\(0, 3\\) of `coupling` must be of two links from 0 to 2"),
         (lambda: co.Power(co.SO3(), 3, [(1, 1)]), "and of different ones"),
         (lambda: co.RelativePoses([(0, 1, 2)]), "must be pairs of links such as"),
+        (lambda: co.RelativePoses([(0.5, 1.7)]), "must be pairs of links such as"),
         (lambda: co.RelativePoses([(0, 9)]).require_fit(co.Power(co.SE3(), 3)), "or −1 for the ground"),
         (lambda: co.RelativePoses().require_fit(co.SE3()), "need a group of links such as co.Power"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 import scipy.special
@@ -56,7 +58,7 @@ def test_functions_come_back_from_their_matrices():
     found = fluids.coefficients_of(8, fluids.from_coefficients(8, c))
     np.testing.assert_allclose(found[:6, :6], c, atol=1e-14)
     assert np.max(np.abs(found[6:])) < 1e-14
-    assert fluids.power(c).sum() == pytest.approx(4.0)  # ∫ω² = 2 · enstrophy
+    assert fluids.power_spectrum(c).sum() == pytest.approx(4.0)  # ∫ω² = 2 · enstrophy
 
 
 def test_harmonics_are_those_of_scipy():
@@ -87,6 +89,55 @@ def test_matrices_of_harmonics_have_the_signs_of_closed_forms(size):
         assert np.all((-1.0) ** np.arange(size - m) * own[:, -1] > -1e-13), m
 
 
+def on_the_sphere(function, degree):
+    """c_lm (degree + 1, degree + 1) of a polynomial of x (3, …), by Gauss's and the trapezoidal rule, exact here."""
+    z, weights = np.polynomial.legendre.leggauss(degree + 2)
+    longitude = 2 * np.pi * np.arange(2 * degree + 3) / (2 * degree + 3)
+    sine = np.sqrt(1 - z * z)[:, None]
+    values = function(np.stack([sine * np.cos(longitude), sine * np.sin(longitude), z[:, None] + 0 * longitude]))
+    waves = np.exp(-1j * np.outer(np.arange(degree + 1), longitude)) * 2 * np.pi / len(longitude)
+    return np.einsum("t,lmt,mp,tp->lm", weights, legendre(degree, z), waves, values)
+
+
+@pytest.mark.parametrize("size", [16, 64])
+def test_commutators_of_matrices_are_poisson_brackets(size):
+    """[W_f, W_g]/ħ is W of −{f, g} to order 1/N², where {x, y} = z: of f = (a·x)³ and g = (b·x)²."""
+    a, b = np.array([0.3, -0.8, 0.5]), np.array([0.7, 0.4, -0.2])
+    f, g, bracket = (
+        on_the_sphere(function, 5)
+        for function in (
+            lambda x: np.tensordot(a, x, 1) ** 3,
+            lambda x: np.tensordot(b, x, 1) ** 2,
+            lambda x: 6 * np.tensordot(a, x, 1) ** 2 * np.tensordot(b, x, 1) * np.tensordot(np.cross(a, b), x, 1),
+        )
+    )
+    group = co.Un(size)
+    F, G = (fluids.from_coefficients(size, c) for c in (f, g))
+    found = fluids.coefficients_of(size, evaluate(group.ad, F, G) / (2 / np.sqrt(size**2 - 1)))
+    error = np.max(np.abs(found[:6, :6] + bracket)) / np.max(np.abs(bracket))
+    assert error < 6 / size**2 and np.max(np.abs(found[6:])) < 1e-12
+
+
+def test_random_fields_have_the_spectrum_that_is_asked_for():
+    shares = [0, 0, 1.0, 3.0, 0.5]
+    c = fluids.random_vorticity(1, degree=4, enstrophy=0.7, spectrum=shares)
+    np.testing.assert_allclose(fluids.power_spectrum(c), 2 * 0.7 * np.array(shares) / 4.5, atol=1e-15)
+    assert fluids.power_spectrum(fluids.random_vorticity(1, degree=4, enstrophy=0.7)).sum() == pytest.approx(1.4)
+
+
+def test_vortices_have_their_profile():
+    """On the grid ω is the sum of exp((cos γ − 1)/r²), less its mean (1 − e^{−2κ})/(2κ) a vortex."""
+    places, strengths, radius = np.array([[0.4, 1.0], [-0.7, 4.0]]), np.array([2.0, -1.0]), 0.4
+    latitude, longitude, omega = fluids.on_grid(fluids.vortices(30, places, strengths, radius), 13, 24)
+    kappa = 1 / radius**2
+    expected = 0.0
+    for (north, east), s in zip(places, strengths, strict=True):
+        turned = np.cos(latitude)[:, None] * np.cos(north) * np.cos(longitude - east)
+        cosine = turned + np.sin(latitude)[:, None] * np.sin(north)
+        expected += s * (np.exp(kappa * (cosine - 1)) - (1 - np.exp(-2 * kappa)) / (2 * kappa))
+    np.testing.assert_allclose(omega, expected, atol=1e-12)
+
+
 def test_waves_of_rossby_and_haurwitz_turn_at_their_rate_without_change_of_form():
     """c = 2(Ω + α)/(l(l + 1)) − α westwards, at N = l + 3, and nothing else appears, both to order h²."""
     rotation, spin, degree, order, duration = 0.7, 0.3, 3, 2, 1.0
@@ -115,23 +166,44 @@ def test_a_turbulent_fluid_keeps_energy_and_enstrophy():
     assert run.dataset.enstrophy.values[0] == pytest.approx(1.0)
     assert run.relative_change("enstrophy") < 1e-13 and run.relative_change("kinetic_energy") < 1e-4
     l = np.arange(1, 9)
-    energy = 0.5 * np.sum(fluids.power(c)[:, 1:] / (l * (l + 1)), axis=1)
+    energy = 0.5 * np.sum(fluids.power_spectrum(c)[:, 1:] / (l * (l + 1)), axis=1)
     np.testing.assert_allclose(energy, run.dataset.kinetic_energy.values, rtol=1e-12)
     assert np.max(np.abs(c[-1] - c[0])) > 0.1
 
 
+def test_datasets_have_units():
+    size: Any = np.int64(3)
+    fluid = fluids.euler(size)
+    start = fluids.start(fluid, fluids.random_vorticity(7, degree=2))
+    data = co.simulate(fluid, start, dt=0.1, steps=2, method=co.IsospectralMidpoint(), accuracy=False).dataset
+    assert {name: data[name].attrs["units"] for name in ("mu", "xi", "enstrophy", "kinetic_energy", "energy")} == {
+        "mu": "1/s", "xi": "1/s", "enstrophy": "1/s^2", "kinetic_energy": "1/s^2", "energy": "1/s^2"
+    }  # fmt: skip
+
+
 def test_what_is_no_fluid_is_refused():
-    fluid = fluids.euler(4)
+    fluid, fraction = fluids.euler(4), cast(Any, 2.5)
     for call, sentence in (
         (lambda: fluids.euler(1), "`size` must be a whole number N from 2, but is 1"),
         (lambda: fluids.euler(4, rotation=np.nan), "`rotation` must be a finite number, rad/s, but is nan"),
-        (lambda: fluids.start(fluid, np.ones((5, 5))), r"\(L, L\) with L up to N = 4, but has shape \(5, 5\)"),
+        (lambda: fluids.start(fluid, np.tril(np.ones((5, 5)))), r"\(L, L\) with L up to N = 4, but has shape \(5, 5\)"),
         (lambda: fluids.start(fluid, np.eye(3)), "must have mean 0, but c_00 is 1.0"),
         (lambda: fluids.from_coefficients(4, 1j * np.eye(2)), "must be real for m = 0"),
         (
             lambda: fluids.from_coefficients(4, np.triu(np.ones((3, 3)))),
             r"must be 0 where m > l, but c\[0, 1\] is 1\+0j",
         ),
+        (lambda: fluids.power_spectrum(np.ones((2, 2))), r"must be 0 where m > l, but c\[0, 1\]"),
+        (lambda: fluids.on_grid(np.ones(3)), r"must be finite numbers c_lm, \(…, L, L\), but is array"),
+        (lambda: fluids.on_grid(np.eye(2), 1), "`latitudes` must be a whole number from 2, but is 1"),
+        (lambda: fluids.random_vorticity(1, degree=0), "`degree` must be a whole number from 1, but is 0"),
+        (lambda: fluids.random_vorticity(1, enstrophy=-1), "`enstrophy` must be a finite number from 0, but is -1"),
+        (lambda: fluids.random_vorticity(1, 2, spectrum=[1, 1, 1]), "`spectrum` must hold 3 shares from 0"),
+        (lambda: fluids.rossby_haurwitz(fraction, 1, 1.0), "`degree` must be a whole number from 1, but is 2.5"),
+        (lambda: fluids.rossby_haurwitz(2, 1, np.inf), "`amplitude` must be a finite number, but is inf"),
+        (lambda: fluids.vortices(9, [[2.0, 0]], [1.0], 0.3), "`places` must have latitudes from −π/2 to π/2"),
+        (lambda: fluids.vortices(9, [0.1, 0], [1.0], 0.3), r"have the shapes \(2,\) and \(1,\)"),
+        (lambda: fluids.vortices(9, [[0.1, 0]], [1.0], 0), "`radius` must be a finite number above 0, but is 0"),
         (lambda: fluids.rossby_haurwitz(3, 4, 1.0), "`order` must be from 1 to degree = 3, but is 4"),
         (lambda: fluids.start(co.System(co.SO3(), lambda xi: xi @ xi), np.eye(2)), "must be a fluid of co.models"),
     ):

@@ -16,9 +16,9 @@ from coadjoint.kernels.run.kalman import Filters, MeasurementCode
 
 
 class PreparedMeasurement(NamedTuple):
-    """A measurement with its function of (e, row), R (m, m), the largest NIS that is believed, and what is a whole turn
+    """A measurement with its function of (e, row), R (m, m), the largest NIS that is accepted, and each number's turn.
 
-    of each number, (m,), or 0.
+    The turn, (m,), is 2π of an angle and 0 of what does not turn.
     """
 
     name: str

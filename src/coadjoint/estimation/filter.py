@@ -230,7 +230,7 @@ class Filter:
 
 
 def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurement:
-    """A measurement with its function of rows, R and the largest NIS that is believed."""
+    """A measurement with its function of rows, R and the largest NIS that is accepted."""
     if not isinstance(measurement, Measurement):
         raise ArgumentError(
             f"`{name}` of `measurements` must be a co.estimation.Measurement, but is {shown(measurement)}."

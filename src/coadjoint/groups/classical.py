@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates, require_room, require_size, unit
-from coadjoint.groups.matrix_elements import MatrixElements
+from coadjoint.groups.matrix_elements import MatrixElements, singular
 
 
 class _Quadratic(MatrixElements):
@@ -180,7 +180,7 @@ class GLn(MatrixElements):
 
     def outside(self, g: Array) -> Array:
         """Infinite where g has no inverse, else 0."""
-        return jnp.where(jnp.linalg.det(g) == 0, jnp.inf, 0.0)
+        return jnp.where(singular(g), jnp.inf, 0.0)
 
 
 @dataclass(frozen=True)

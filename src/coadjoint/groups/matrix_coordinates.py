@@ -86,7 +86,7 @@ def require_room(group: LieGroup) -> None:
 
 def require_size(group: str, size: object, least: int) -> None:
     """Raise GroupError unless a size is a whole number from `least`."""
-    if not isinstance(size, int) or isinstance(size, bool) or size < least:
+    if not isinstance(size, (int, np.integer)) or isinstance(size, bool) or size < least:
         raise GroupError(f"Argument `size` of {group} must be a whole number from {least}, but is {shown(size)}.")
 
 

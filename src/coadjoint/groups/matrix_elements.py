@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.groups.group import Array, LieGroup
 
@@ -27,3 +28,12 @@ class MatrixElements(LieGroup):
 
     def tangent(self, xi: Array) -> Array:
         return self.hat(xi)
+
+
+def singular(matrix: Array) -> Array:
+    """Whether a matrix (N, N) has no inverse to round-off: its least singular value is below Nε of the largest.
+
+    The determinant does not say: that of 0.01·I of 200 rows is 0 in float64.
+    """
+    values = jnp.linalg.svd(matrix, compute_uv=False)
+    return ~(values[-1] > len(values) * np.finfo(float).eps * values[0])

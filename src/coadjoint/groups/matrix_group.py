@@ -13,7 +13,7 @@ from coadjoint.errors import GroupError, shown, told
 from coadjoint.groups.algebra import require_algebra
 from coadjoint.groups.complex_form import off_real_form, real_form
 from coadjoint.groups.group import Array
-from coadjoint.groups.matrix_elements import MatrixElements
+from coadjoint.groups.matrix_elements import MatrixElements, singular
 from coadjoint.kernels.trace.evaluate import evaluate
 
 _ROUND_OFF = 1e-14
@@ -110,7 +110,7 @@ class MatrixGroup(MatrixElements):
             return self.defect(g)
         rest = jnp.ravel(g - jnp.eye(self.matrix_size))
         off = jnp.max(jnp.abs(rest - self._hull.T @ (self._hull @ rest)))
-        return jnp.where(jnp.linalg.det(g) == 0, jnp.inf, off)
+        return jnp.where(singular(g), jnp.inf, off)
 
     def __eq__(self, other) -> bool:
         return isinstance(other, MatrixGroup) and self._key == other._key

@@ -22,7 +22,7 @@ LARGEST = 12
 
 
 def lattice(*, particles: Any) -> System:
-    """The open lattice of n particles, H = ½ Σ p_i² + Σ e^{q_i − q_{i+1}}, of masses 1, without ends.
+    """The open lattice of n particles, H = ½ Σ p_i² + Σ e^{q_i − q_{i+1}}, unit masses, free ends.
 
     In Flaschka's variables, L symmetric and tridiagonal with L_ii = −p_i/2, L_{i,i+1} = ½ e^{(q_i − q_{i+1})/2}, it is
     dL/dt = [B, L] with B skew, of the entries of L beside the diagonal, and that is the Lie–Poisson
@@ -33,11 +33,12 @@ def lattice(*, particles: Any) -> System:
     particles: n, a whole number from 2 to 12. Raises ArgumentError for another one.
     Source: Flaschka, The Toda lattice II, Prog. Theor. Phys. 51 (1974); Moser (1975).
     """
-    n = int(particles) if isinstance(particles, (int, float)) and particles == int(particles) else 0
-    if not 2 <= n <= LARGEST or isinstance(particles, bool):
+    number = isinstance(particles, (int, float, np.integer)) and not isinstance(particles, bool)
+    if not number or not 2 <= particles <= LARGEST or particles != int(particles):
         raise ArgumentError(
             f"Argument `particles` must be a whole number from 2 to {LARGEST}, but is {shown(particles)}."
         )
+    n = int(particles)
     watched = {f"trace_{power}": partial(trace, power=power) for power in range(3, n + 1)}
     units = dict.fromkeys(("g", "xi", "xi_spatial", "mu", "energy", "discrete_energy", *watched), "1")
     return System(_triangular(n), hamiltonian=energy, quantities=watched, units=units, name=f"Toda lattice of {n}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import index
 from typing import Any
 
 import jax
@@ -142,7 +143,7 @@ class RelativePoses(Space):
         if self.pairs is None:
             return
         try:
-            given = tuple((int(i), int(j)) for i, j in self.pairs)
+            given = tuple((index(i), index(j)) for i, j in self.pairs)
         except (TypeError, ValueError):
             raise GroupError(
                 f"Argument `pairs` of RelativePoses must be pairs of links such as [(0, 1), (1, 2)], but is "

@@ -15,7 +15,7 @@ from coadjoint.kernels.run.machine import Machine, machine
 
 
 class Model(NamedTuple):
-    """What a filter goes on by: sizes, and functions of rows as machine code.
+    """What a filter computes with: sizes, and functions of rows as machine code.
 
     size: of a row. state: how many of its first numbers the step takes; the others drift. unknowns: of the step, and
     which numbers of the row after it they are. parameters: of the step, and the places of those that drift. step: a
@@ -38,9 +38,9 @@ class Model(NamedTuple):
 
 
 class MeasurementCode(NamedTuple):
-    """A measurement: its function of (e, row), R (m, m), the largest NIS that is believed, and what is a whole turn of
+    """A measurement: its function of (e, row), R (m, m), the largest NIS that is accepted, and each number's turn.
 
-    each number, (m,), 2π of an angle, 0 of what does not turn.
+    The turn, (m,), is 2π of an angle and 0 of what does not turn.
     """
 
     function: NativeFunction

@@ -1,16 +1,18 @@
 """Ideal fluids on the sphere by Zeitlin's matrices."""
 
-from coadjoint.models.fluids.euler import euler, random_vorticity, rossby_haurwitz, start, vorticity
-from coadjoint.models.fluids.harmonics import coefficients_of, from_coefficients, on_grid, power
+from coadjoint.models.fluids.euler import euler, start, vorticity
+from coadjoint.models.fluids.harmonics import coefficients_of, from_coefficients, on_grid, power_spectrum
+from coadjoint.models.fluids.initial import random_vorticity, rossby_haurwitz, vortices
 
 __all__ = [
     "coefficients_of",
     "euler",
     "from_coefficients",
     "on_grid",
-    "power",
+    "power_spectrum",
     "random_vorticity",
     "rossby_haurwitz",
     "start",
+    "vortices",
     "vorticity",
 ]

@@ -14,6 +14,16 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet
 
+UNITS = {
+    "mu": "1/s",
+    "xi": "1/s",
+    "energy": "1/s^2",
+    "discrete_energy": "1/s^2",
+    "kinetic_energy": "1/s^2",
+    "enstrophy": "1/s^2",
+}
+"""With the radius of the sphere as the unit of length."""
+
 
 def hbar(size: int) -> float:
     """ħ = 2/√(N² − 1), with which [F, G]/ħ stands for i{f, g}."""
@@ -31,16 +41,19 @@ def euler(size: int, rotation: float = 0.0) -> System:
     round-off. Runs observe `kinetic_energy` and `enstrophy`, ½∫ω².
 
     size: N, from 2. rotation: Ω, rad/s, by default 0; the radius is 1. Parameters: rotation.
-    Raises ArgumentError. Source: Zeitlin 1991, 2004; Modin and Viviani, J. Fluid Mech. 884 (2020).
+    Raises ArgumentError for others. Source: Zeitlin, Self-consistent finite-mode approximations for the hydrodynamics
+    of an incompressible fluid on nonrotating and rotating spheres, Phys. Rev. Lett. 93 (2004); Modin and Viviani, A
+    Casimir preserving scheme for long-time simulation of spherical ideal hydrodynamics, J. Fluid Mech. 884 (2020).
     """
-    if isinstance(size, bool) or not isinstance(size, int) or size < 2:
+    if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 2:
         raise ArgumentError(f"Argument `size` must be a whole number N from 2, but is {shown(size)}.")
-    if isinstance(rotation, bool) or not isinstance(rotation, (int, float)) or not np.isfinite(rotation):
+    size = int(size)
+    if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
         raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
-    planetary, h = from_coefficients(size, _cosine(2.0)), hbar(size)
+    planetary = from_coefficients(size, _cosine(2.0))
 
     def hamiltonian(mu, p):
-        return dirichlet(mu - p.rotation * planetary) / h
+        return dirichlet(mu - p.rotation * planetary) / hbar(size)
 
     def kinetic_energy(state, p):
         return 4 * jnp.pi / size * dirichlet(state.mu - p.rotation * planetary)
@@ -53,6 +66,7 @@ def euler(size: int, rotation: float = 0.0) -> System:
         Un(size),
         hamiltonian=hamiltonian,
         parameters={"rotation": float(rotation)},
+        units=UNITS,
         quantities={"kinetic_energy": kinetic_energy, "enstrophy": enstrophy},
         name="ideal fluid on a sphere" if not rotation else "ideal fluid on a rotating sphere",
     )
@@ -62,9 +76,9 @@ def start(fluid: System, vorticity: Coefficients) -> State:
     """The state of a fluid with the relative vorticity ω = Σ c_lm Y_lm.
 
     vorticity: c (L, L) as `harmonics.from_coefficients` takes them, 1/s; c_00 must be 0.
+    Raises ArgumentError for others.
     """
-    size = _size(fluid)
-    mu = from_coefficients(size, vorticity)
+    mu = from_coefficients(_size(fluid), vorticity)
     if np.asarray(vorticity)[0, 0] != 0:
         raise ArgumentError(
             f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {np.asarray(vorticity)[0, 0]}."
@@ -73,33 +87,12 @@ def start(fluid: System, vorticity: Coefficients) -> State:
 
 
 def vorticity(fluid: System, records: Any) -> Coefficients:
-    """c_lm (…, N, N), complex, of the relative vorticity of a state or of records with leading axes."""
-    size = _size(fluid)
-    return coefficients_of(size, np.asarray(records.mu) - _planetary(fluid))
+    """c_lm (…, N, N), complex, 1/s, of the relative vorticity of a state or of records with leading axes.
 
-
-def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0) -> Coefficients:
-    """Random c_lm for l = 1 … degree, (degree + 1, degree + 1), with ½∫ω² = enstrophy."""
-    random = np.random.default_rng(seed)
-    c = np.tril(random.normal(size=(degree + 1, degree + 1)) + 1j * random.normal(size=(degree + 1, degree + 1)))
-    c[:, 0] = np.sqrt(2) * c[:, 0].real
-    c[0] = 0
-    total = 0.5 * np.sum(np.abs(c) ** 2 * np.where(np.arange(degree + 1) > 0, 2.0, 1.0))
-    return c * np.sqrt(enstrophy / total)
-
-
-def rossby_haurwitz(degree: int, order: int, amplitude: float, spin: float = 0.0) -> Coefficients:
-    """c_lm of a wave Y_lm on a solid-body rotation: ω = 2α cos θ + 2 Re(amplitude Y_lm), l = degree, m = order > 0.
-
-    Its pattern turns westwards at the rate c = 2(Ω + α)/(l(l + 1)) − α, rad/s, α = spin, Ω the rotation of the sphere,
-    without change of form, at every N > l. Raises ArgumentError for an order that is not 1 … degree.
+    fluid: the system, with the rotation that the run has: of an ensemble in `rotation` each member with its own,
+    `fluid.replace(rotation=…)`. records: a state, or states with leading axes. Raises ArgumentError for no fluid.
     """
-    if not 1 <= order <= degree:
-        raise ArgumentError(f"Argument `order` must be from 1 to degree = {degree}, but is {shown(order)}.")
-    c = np.zeros((degree + 1, degree + 1), complex)
-    c[degree, order] = amplitude
-    c[1, 0] = 2 * spin * np.sqrt(4 * np.pi / 3)
-    return c
+    return coefficients_of(_size(fluid), np.asarray(records.mu) - _planetary(fluid))
 
 
 def _cosine(amplitude: float) -> Coefficients:

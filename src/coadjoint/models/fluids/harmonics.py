@@ -14,8 +14,16 @@ from coadjoint.models.fluids.laplacian import tridiagonal
 Coefficients = np.ndarray
 """c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
 
+REAL = 1e-12
+"""What the imaginary part of a c_l0 may be, of the largest number: round-off."""
 SMALL = 1e-6
 """What an entry of an eigenvector must be, of the largest, for its sign to be above round-off."""
+
+
+def require_whole(name: str, value: object, least: int) -> None:
+    """Raise ArgumentError unless an argument is a whole number from `least`."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ArgumentError(f"Argument `{name}` must be a whole number from {least}, but is {shown(value)}.")
 
 
 @lru_cache(maxsize=8)
@@ -50,24 +58,42 @@ def _signs(diagonal: np.ndarray, off: np.ndarray, values: np.ndarray, vectors: n
     return signs * np.sign(vectors[first, columns])
 
 
+def checked(coefficients: Any) -> Coefficients:
+    """c_lm (…, L, L) as complex numbers.
+
+    Raises ArgumentError for other shapes, where a number is not finite, where c_l0 is not real, and where c_lm is not 0
+    for an m above l.
+    """
+    try:
+        c: Any = np.asarray(coefficients, complex)
+    except (TypeError, ValueError):
+        c = np.zeros(0)
+    if c.ndim < 2 or c.shape[-2] != c.shape[-1] or not np.all(np.isfinite(c)):
+        raise ArgumentError(
+            f"Argument `coefficients` must be finite numbers c_lm, (…, L, L), but is {shown(coefficients)}."
+        )
+    if np.any(np.abs(c[..., 0].imag) > REAL * np.max(np.abs(c), initial=0.0)):
+        raise ArgumentError("Argument `coefficients` must be real for m = 0, because the function is.")
+    if np.any(np.triu(c, 1) != 0):
+        *_, l, m = (int(index[0]) for index in np.nonzero(np.triu(c, 1)))
+        value = np.triu(c, 1)[np.triu(c, 1) != 0][0]
+        raise ArgumentError(
+            f"Argument `coefficients` must be 0 where m > l, but c[{l}, {m}] is {value:.6g}: its first index is l."
+        )
+    return c
+
+
 def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
     """The coordinates (N²,) on U(N) of W = iF, where F is the Hermitian matrix of the function.
 
     coefficients: c (L, L) as in `Coefficients`, L ≤ N. Raises ArgumentError for another shape, for more than N of them,
     where c_l0 is not real, and where c_lm is not 0 for an m above l.
     """
-    c: Any = np.asarray(coefficients, complex)
-    if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape[0] > size or not np.all(np.isfinite(c)):
+    c = checked(coefficients)
+    if c.ndim != 2 or len(c) > size:
         raise ArgumentError(
             f"Argument `coefficients` must be finite numbers c_lm, (L, L) with L up to N = {size}, but has shape "
             f"{c.shape}: {shown(coefficients)}."
-        )
-    if np.any(np.abs(c[:, 0].imag) > 1e-12 * np.max(np.abs(c), initial=0.0)):
-        raise ArgumentError("Argument `coefficients` must be real for m = 0, because the function is.")
-    if np.any(np.triu(c, 1) != 0):
-        l, m = (int(index[0]) for index in np.nonzero(np.triu(c, 1)))
-        raise ArgumentError(
-            f"Argument `coefficients` must be 0 where m > l, but c[{l}, {m}] is {c[l, m]:.6g}: its first index is l."
         )
     rows = np.zeros((size, size))
     for m in range(c.shape[0]):
@@ -113,9 +139,19 @@ def legendre(degree: int, z: np.ndarray) -> np.ndarray:
     return found
 
 
-def on_grid(coefficients: Coefficients, latitudes: int = 91, longitudes: int = 180):
-    """Latitudes and longitudes (rad) of an even grid, and the function there, (…, latitudes, longitudes)."""
-    c = np.asarray(coefficients)
+def on_grid(
+    coefficients: Coefficients, latitudes: int = 91, longitudes: int = 180
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Latitudes, longitudes and the values of a function, (latitudes,), (longitudes,), (…, latitudes, longitudes).
+
+    Latitudes go in even steps from −π/2 to π/2, longitudes from 0 to below 2π, rad; values have the unit of c.
+
+    coefficients: c (…, L, L) as in `Coefficients`. latitudes, longitudes: how many, from 2, by default 91 and 180.
+    Raises ArgumentError for other numbers and as `from_coefficients`.
+    """
+    c = checked(coefficients)
+    for name, count in (("latitudes", latitudes), ("longitudes", longitudes)):
+        require_whole(name, count, 2)
     latitude = np.linspace(-np.pi / 2, np.pi / 2, latitudes)
     longitude = np.linspace(0, 2 * np.pi, longitudes, endpoint=False)
     size = c.shape[-1]
@@ -125,10 +161,10 @@ def on_grid(coefficients: Coefficients, latitudes: int = 91, longitudes: int = 1
     return latitude, longitude, np.einsum("...mt,mp->...tp", along, waves).real
 
 
-def power(coefficients: Coefficients) -> np.ndarray:
-    """Σ_m |c_lm|² over all m from −l to l, shape (…, L): the share of every degree l in ∫f².
+def power_spectrum(coefficients: Coefficients) -> np.ndarray:
+    """Σ_m |c_lm|² over all m from −l to l, shape (…, L): the share of every degree l in ∫f², the unit of c squared.
 
-    coefficients: c, shape (…, L, L).
+    coefficients: c, shape (…, L, L). Raises ArgumentError as `from_coefficients`.
     """
-    c = np.asarray(coefficients)
+    c = checked(coefficients)
     return np.sum(np.abs(c) ** 2 * np.where(np.arange(c.shape[-1]) > 0, 2.0, 1.0), axis=-1)
