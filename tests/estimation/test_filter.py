@@ -190,3 +190,77 @@ def test_a_parameter_that_nothing_drives_is_found():
     )
     found = filter.run({"place": (H * np.arange(1, 201), seen)}, dt=H)
     assert abs(found.rows[-1, -1] - 0.2) < 3 * found.deviations[-1, -1] < 0.9
+
+
+@pytest.mark.parametrize("error", ["left", "right"])
+@pytest.mark.parametrize("angle", [1e-9, 1.0, 3.0, np.pi - 1e-6])
+def test_errors_are_those_of_retract_however_large_they_are(error, angle):
+    process, start = body(error)
+    random, row = np.random.default_rng(2), process.row(start)[None]
+    e = random.normal(size=(1, process.width))
+    e[0, :3] *= angle / np.linalg.norm(e[0, :3])
+    assert np.allclose(process.errors(row, process.moved(row, e)), e, atol=1e-7 if angle > 3.1 else 1e-12)
+
+
+def test_half_a_turn_is_not_consistent_with_small_deviations():
+    process, start = body("left")
+    filter = Filter(process, start, measurements={}, covariance=0.01 * np.eye(process.width))
+    found = filter.run({}, dt=H, until=H, covariances=True)
+    half = process.moved(found.rows, np.pi * np.eye(process.width)[[2, 2]])
+    assert found.nees(half)[0][0] == pytest.approx((np.pi / 0.1) ** 2, rel=1e-9)
+    known = Filter(process, start, measurements={}, deviations={"g": 0.1}).run({}, dt=H, until=H, covariances=True)
+    with pytest.raises(co.ArgumentError, match="known exactly"):
+        known.nees(known.rows)
+
+
+def test_a_bias_that_only_a_sensor_reads_is_found_and_does_not_act_on_the_motion():
+    plain, start = body("left")
+    system, walk = plain._system, RandomWalk([1e-5, 1e-5, 1e-5])
+    process = ModelProcess(
+        system,
+        start,
+        noise={"torque": 0.01, "force": 0.01},
+        drifting={"current": GaussMarkov(0.3, 50.0)},
+        biases={"gyroscope": walk},
+    )
+    bias, random = np.array([0.03, -0.02, 0.01]), np.random.default_rng(8)
+    row = np.concatenate([process.row(start)[:-3], bias])[None]
+    truth = [row]
+    for _ in range(200):
+        truth.append(process.advanced(truth[-1], H))
+    other = plain.row(start)[None]
+    for _ in range(200):
+        other = plain.advanced(other, H)
+    assert np.array_equal(truth[-1][:, :-3], other)
+    rows = np.concatenate(truth)[1:]
+    measurements = {
+        "gyro": Measurement(lambda m, p, biases: m.xi + biases.gyroscope, 1e-6),
+        "attitude": Measurement(lambda m: jnp.concatenate([m.a.down, m.a.north]), 1e-6),
+    }
+    spread = {"g": 0.01, "xi": 0.01, "nu": 0.01, "gyroscope": 0.05}
+    filter = Filter(process, start, measurements=measurements, deviations=spread)
+    seen = {}
+    for name, one in filter._prepared.items():
+        exact = one.function(np.zeros((200, process.width)), rows)[0]
+        seen[name] = H * np.arange(1, 201), exact + 1e-3 * random.normal(size=exact.shape)
+    found = filter.run(seen, dt=H)
+    assert np.all(np.abs(found.rows[-1, -3:] - bias) < 4 * found.deviations[-1, -3:])
+    assert np.all(found.deviations[-1, -3:] < 1e-3) and process.names[-1] == "gyroscope[2]"
+
+
+def test_a_parameter_returns_to_the_mean_of_its_drift():
+    process, start = oscillator(0.05)
+    drifting = {"bias": GaussMarkov(0.01, 2.0, mean=0.21)}
+    one = ModelProcess(process._system, start, drifting=drifting)
+    filter = Filter(one, start, measurements={}, deviations={})
+    for _ in range(3):
+        filter.predict(H)
+    assert filter.rows[0, -1] == pytest.approx(0.21 - 0.01 * np.exp(-0.15), abs=1e-15)
+    assert one.advanced(one.row(start)[None], 0.3)[0, -1] == pytest.approx(0.21 - 0.01 * np.exp(-0.15), abs=1e-15)
+
+
+def test_arguments_with_defaults_are_no_parameters():
+    process, start = oscillator(0.05)
+    places = {f"q{i}": Measurement(lambda motion, i=i: motion.q[i], 0.1) for i in range(1)}
+    filter = Filter(process, start, measurements=places, deviations={"q": 1.0})
+    assert filter.update({"q0": 0.5})["q0"].nis == pytest.approx(0.0)

@@ -7,7 +7,7 @@ import pytest
 from test_late import H, boat, filter
 
 import coadjoint as co
-from coadjoint.estimation import smoothed
+from coadjoint.estimation import Filter, Measurement, ModelProcess, smoothed
 
 
 def test_a_linear_log_is_smoothed_as_the_whole_problem_is_solved():
@@ -58,3 +58,26 @@ def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():
     found = filter().run({"speed": ([0.1], [[0.5, 0.0]])}, dt=H)
     with pytest.raises(co.ArgumentError, match="covariances=True, save_every=1"):
         smoothed(found)
+
+
+def test_turns_that_are_not_small_are_smoothed_exactly_where_nothing_disturbs_them():
+    """A top that turns steadily, whose attitude is told at the end, one radian from where the filter thought."""
+    import jax.numpy as jnp
+
+    system = co.System(co.SO3(), lambda xi, p: 0.5 * p.inertia * xi @ xi, parameters={"inertia": 2.0})
+    start = system.state(g=np.eye(3), xi=[0.3, -0.2, 0.5])
+    process = ModelProcess(system, start)
+    whole = Measurement(lambda motion: jnp.ravel(motion.g), 1e-8)
+    one = Filter(process, start, measurements={"attitude": whole}, deviations={"g": 10.0})
+    for _ in range(20):
+        one.predict(H)
+    R = np.asarray(one.state.g) @ co.attitude.from_rotation_vector([0.6, 0.5, -0.6])
+    one = Filter(process, start, measurements={"attitude": whole}, deviations={"g": 10.0})
+    times = H * np.arange(20, 23)
+    found = one.run(
+        {"attitude": (times, np.stack([R.ravel()] * 3) * [[1], [np.nan], [np.nan]])}, dt=H, covariances=True
+    )
+    ours = smoothed(found)
+    turned = np.linalg.norm(process.errors(found.rows[0], ours.rows[0])[:3])
+    assert turned > 0.8
+    assert np.allclose(process.advanced(ours.rows[:-1], H), ours.rows[1:], atol=1e-9)

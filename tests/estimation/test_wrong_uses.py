@@ -93,6 +93,30 @@ WRONG = {
     "members": (lambda: Filter(process(), start(), measurements={}, deviations={}, members=0), "positive whole number"),
     "state": (lambda: Filter(process(), 3.0, measurements={}, deviations={}), "one of the system's states"),
     "process": (lambda: Filter(system(), start(), measurements={}, deviations={}), "one such as ModelProcess"),
+    "shape of a deviation": (
+        lambda: Filter(process(), start(), measurements={}, deviations={"q": [1.0, 2.0]}),
+        r"`q` of `deviations` must be one number or \(1,\)",
+    ),
+    "shape of a drift": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": RandomWalk([1.0, 2.0])}),
+        r"how `bias` drifts must be one number or \(1,\)",
+    ),
+    "far from the mean": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, drifting={"bias": GaussMarkov(0.1, 5, mean=1)}),
+        "would decay to the mean",
+    ),
+    "mean": (lambda: GaussMarkov(0.1, 5.0, mean=np.inf), "`mean`.*must be finite"),
+    "bias": (
+        lambda: ModelProcess(system(), start(), inputs={"push": [0.0]}, biases={"gyro": 0.1}),
+        "must drift as a co.estimation.RandomWalk",
+    ),
+    "shape of an input": (lambda: filter().predict(0.1, {"push": [1.0, 2.0]}), "input `push` is 1 numbers"),
+    "input that is NaN": (lambda: filter().predict(0.1, {"push": np.nan}), "`push` must be finite"),
+    "arguments": (
+        lambda: Filter(process(), start(), measurements={"q": Measurement(lambda a, b, c, d: a.q, 1.0)}, deviations={}),
+        "needs 4 arguments",
+    ),
+    "times of a clock": (lambda: run(until=1.7e9), "subtract the time at which the log begins"),
     "step": (lambda: filter().predict(0.0), "positive number of seconds"),
     "input": (lambda: filter().predict(0.1, {"pull": 1.0}), "no input `pull`: there are push"),
     "name": (lambda: filter().update({"depth": 1.0}), "no measurement `depth`: there are place"),

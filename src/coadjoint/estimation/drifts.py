@@ -14,7 +14,10 @@ from coadjoint.kernels.trace.evaluate import traced
 
 
 class Drift(ABC):
-    """θ between two nodes: θ_{k+1} = φ(h) θ_k + w, w normal with a variance q(h); each number drifts by itself."""
+    """θ between two nodes: θ_{k+1} = m + φ(h)(θ_k − m) + w, w normal with a variance q(h); each number by itself."""
+
+    mean: Any = 0.0
+    """m, one number or (k,)."""
 
     @abstractmethod
     def factor(self, h: Any) -> Any:
@@ -48,13 +51,15 @@ class RandomWalk(Drift):
 
 @dataclass(frozen=True)
 class GaussMarkov(Drift):
-    """θ̇ = −θ/τ + w, of first order: a stationary deviation, and a correlation exp(−t/τ).
+    """θ̇ = −(θ − m)/τ + w, of first order: a stationary deviation about a mean m, and a correlation exp(−t/τ).
 
-    deviation: in the unit of θ, one number or an array. time: τ, s, positive. Raises ArgumentError for others.
+    deviation: in the unit of θ, one number or an array. time: τ, s, positive. mean: m, to which θ returns where nothing
+    is measured, in the unit of θ, one number or an array, by default 0. Raises ArgumentError for others.
     """
 
     deviation: Any
     time: float
+    mean: Any = 0.0
 
     def __post_init__(self):
         object.__setattr__(self, "deviation", not_negative(self.deviation, "deviation", "co.estimation.GaussMarkov"))
@@ -65,6 +70,7 @@ class GaussMarkov(Drift):
                 f"{shown(self.time)}."
             )
         object.__setattr__(self, "time", float(time))
+        object.__setattr__(self, "mean", finite(self.mean, "mean", "co.estimation.GaussMarkov"))
 
     def factor(self, h: Any) -> Any:
         """exp(−h/τ)."""
@@ -82,12 +88,24 @@ def _of(h: Any) -> Any:
 
 def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
     """A standard deviation or a density as float64; raises ArgumentError unless it is finite and not negative."""
-    try:
-        found = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        found = np.asarray(np.nan)
+    found = _float64(value)
     if not np.all(np.isfinite(found) & (found >= 0)):
         raise ArgumentError(
             f"Argument `{name}` of {whose} must be numbers that are finite and not negative, but is {shown(value)}."
         )
     return found
+
+
+def finite(value: Any, name: str, whose: str) -> np.ndarray:
+    """Numbers as float64; raises ArgumentError unless they are finite."""
+    found = _float64(value)
+    if not np.all(np.isfinite(found)):
+        raise ArgumentError(f"Argument `{name}` of {whose} must be finite numbers, but is {shown(value)}.")
+    return found
+
+
+def _float64(value: Any) -> np.ndarray:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return np.asarray(np.nan)

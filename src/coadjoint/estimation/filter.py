@@ -19,7 +19,7 @@ from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.timetable import SAME, Timetable, series
+from coadjoint.estimation.timetable import SAME, Timetable, require_times, series
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 
 
@@ -73,6 +73,7 @@ class Filter:
             raise ArgumentError(f"Argument `process` must be one such as ModelProcess, but is {shown(process)}.")
         self.process, self.members = process, _members(members)
         row = process.row(start)
+        require_times(float(process.time(row)), "The filter begins")
         P = _first(process, row, deviations, covariance)
         count = 1 if self.members is None else self.members
         self.rows, self.P = np.repeat(row[None], count, axis=0), np.repeat(P[None], count, axis=0)
@@ -126,7 +127,9 @@ class Filter:
         self._past.predicted(*before, float(dt), given)
 
     def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
-        """Take what was measured, name → value, at the time t, s, by default that of the estimate; NaN is no value.
+        """Take what was measured, name → value, at the time t, s, by default that of the estimate.
+
+        A value that is NaN, or of which one number is, is left out whole.
 
         A measurement that is late, t before the time of the estimate by at most `memory`, is taken where it belongs:
         the filter goes back to the step around t and on again with all that it has been told since.
@@ -235,7 +238,7 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
         raise ArgumentError(
             f"`{name}` of `measurements` must be a co.estimation.Measurement, but is {shown(measurement)}."
         )
-    function = process.measurement(measurement.function)
+    function = process.measurement(measurement.function, measurement.of_state)
     seen, _ = function(np.zeros((1, process.width)), process.example[None])
     if not np.all(np.isfinite(seen)):
         raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")

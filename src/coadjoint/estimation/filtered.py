@@ -54,7 +54,8 @@ class Filtered:
         """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members), about the true rows of the same shape.
 
         Of a filter whose model and noise are those of the truth it is χ² with as many degrees of freedom: those of the
-        directions that are not known exactly. Raises ArgumentError where the covariances were not kept.
+        directions that are not known exactly. Raises ArgumentError where the covariances were not kept, and where some
+        combination of coordinates is known exactly and no coordinate by itself.
         """
         if self.covariances is None:
             raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
@@ -64,7 +65,14 @@ class Filtered:
         e = (self._process.errors(self.rows, truth) / np.where(self.deviations > 0, self.deviations, 1.0))[..., free]
         spread = self.deviations[..., free]
         P = self.covariances[..., free[:, None], free] / (spread[..., :, None] * spread[..., None, :])
-        return np.einsum("...i,...i->...", e, np.linalg.solve(P, e[..., None])[..., 0]), len(free)
+        try:
+            weighted = np.linalg.solve(P, e[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            raise ArgumentError(
+                "The NEES needs covariances that can be inverted, but a combination of coordinates is known exactly: "
+                "give every error of the start a deviation, or the model noise."
+            ) from None
+        return np.einsum("...i,...i->...", e, weighted), len(free)
 
 
 def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool, every: int) -> Filtered:

@@ -13,15 +13,18 @@ from coadjoint.errors import ArgumentError, shown
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """y = function(motion [, p]) + v, v normal with a covariance R.
+    """y = function(motion [, p [, biases]]) + v, v normal with a covariance R.
 
-    function: of a `co.NodeMotion`, and of the parameters of the system, if it takes two arguments; a number or an
-        array, written with `jax.numpy`.
+    function: of a `co.NodeMotion`, if it takes more arguments of the parameters of the system, and of the biases of the
+        process by their names; arguments with defaults do not count. A number or an array, written with `jax.numpy`.
+        A value of which one number is NaN is left out whole.
     covariance: R, (m, m), or the variances (m,), or one number for all.
     gate: the probability with which a value of the model is believed, as 0.999: a value whose νᵀS⁻¹ν, with ν = y − ŷ
         and S its covariance, is beyond this quantile of χ² is left out. By default None, all are believed.
     angles: whether the numbers are angles in rad, one truth value or (m,): then ν is the shorter way round. By default
         False.
+    of_state: whether the function takes a `co.State` instead of the motion, as observations of a `co.Stepper` do. By
+        default False.
 
     Raises ArgumentError for covariances that are not positive and for a gate that is no probability.
     """
@@ -30,6 +33,7 @@ class Measurement:
     covariance: Any
     gate: float | None = None
     angles: Any = False
+    of_state: bool = False
 
     def __post_init__(self):
         if not callable(self.function):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -11,13 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.estimation.drifting import DriftingParameters
 from coadjoint.estimation.drifts import Drift, not_negative
 from coadjoint.estimation.functions import RowFunction
-from coadjoint.estimation.process import Process
+from coadjoint.estimation.logarithm import logarithms
+from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run.kalman import Model
-from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.start import legendre
@@ -58,6 +60,13 @@ class ModelProcess(Process):
             they add S² h to the covariances of μ and π.
         drifting: name → `RandomWalk` or `GaussMarkov` of parameters θ of the system that are estimated too, as in
             {"water.velocity": GaussMarkov(0.3, 600)}; by default none.
+        biases: name → `RandomWalk` or `GaussMarkov` of numbers that do not act on the motion and that only
+            measurements read, as the biases of an inertial unit; they begin at 0, and are as many as the drift has
+            numbers, as in {"imu_gyroscope": RandomWalk([1e-6, 1e-6, 1e-6])}; by default none.
+
+    The internal state of the system, as the speed of a rotor, the angle of a fin or the memory of a controller, goes on
+    with the estimate, and has no coordinates in e: it counts as known exactly. What is not known of it belongs into
+    `noise`.
 
     Raises ArgumentError for what does not fit the system.
     """
@@ -72,6 +81,7 @@ class ModelProcess(Process):
         error: str = "left",
         noise: Mapping[str, Any] | None = None,
         drifting: Mapping[str, Drift] | None = None,
+        biases: Mapping[str, Drift] | None = None,
     ):
         method = Midpoint() if method is None else method
         require_kinds(system, start, method)
@@ -85,7 +95,7 @@ class ModelProcess(Process):
         self._layout, row = pack(self._begun)
         self.commanded = np.array(places_of(list(shapes_of(self._begun).items()), commands), int)
         self._constants = Constants(driven.parameters, None)
-        self._drifts = _Drifting(self._constants, dict(drifting or {}))
+        self._drifts = DriftingParameters(self._constants, dict(drifting or {}), dict(biases or {}))
         self._first = np.concatenate([row, self._drifts.first])
         digest = version(driven, start, pure=False)
         self._program = StepProgram(replace_parameters(driven, None), method, version=digest)
@@ -94,7 +104,7 @@ class ModelProcess(Process):
         self.error_sizes = {"g": d, "q": q, "mu": d, "pi": q, **self._drifts.sizes}
         self.error_sizes = {name: size for name, size in self.error_sizes.items() if size}
         self.densities = _noise(noise, d, q)
-        self.unknowns, self.drifting = driven.unknowns, len(self._drifts.places)
+        self.unknowns, self.drifting = driven.unknowns, self._drifts.count
         self._steps = ModelSteps(self._program, self._constants, self._begun, self._drifts.places)
         names = list(shapes_of(self._begun))
         self._t = int(np.cumsum([0, *map(np.size, jax.tree.leaves(self._begun))])[names.index("t")])
@@ -132,7 +142,11 @@ class ModelProcess(Process):
         constants = self._drifts.replaced(theta)
         system = replace_parameters(self._system, constants.system)
         motion = system.motion_at(at_node(system, state), state.inputs)
-        return (motion,) if constants.system is None else (motion, constants.system)
+        return motion, constants.system, self._drifts.biases(theta)
+
+    def observed(self, row: Any) -> tuple[Any, ...]:
+        state, theta = self._unpacked(row)
+        return state, self._drifts.replaced(theta).system, self._drifts.biases(theta)
 
     # Errors.
 
@@ -158,7 +172,7 @@ class ModelProcess(Process):
         return jnp.concatenate([_flat(moved), theta + dtheta])
 
     def differ(self, row: Any, other: Any) -> Any:
-        """e with other = retract(row, e), (n,), to first order."""
+        """e with other = retract(row, e), (n,): η to first order, the others exactly."""
         (group, Q, _), (a, theta), (b, later) = self._system.places, self._unpacked(row), self._unpacked(other)
         if self.error == "left":
             turn = group.compose(group.inverse(a.g), b.g)
@@ -170,6 +184,26 @@ class ModelProcess(Process):
         eta = group.vee(group.matrix(turn) - jnp.eye(group.matrix_size))
         return jnp.concatenate([eta, dq, dmu, dpi, later - theta])
 
+    def errors(self, rows: np.ndarray, others: np.ndarray) -> np.ndarray:
+        e, group = super().errors(rows, others), self._system.group
+        both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
+        turns, _ = self._turning(np.zeros((len(both), 0)), both)
+        size = group.matrix_size
+        e[..., : group.dim] = logarithms(group, turns.reshape(-1, size, size)).reshape(*e.shape[:-1], group.dim)
+        return e
+
+    @cached_property
+    def _turning(self) -> RowFunction:
+        """(), (x, y) ↦ ĝ⁻¹g, or gĝ⁻¹ of right errors, as a matrix."""
+        group, size = self._system.group, len(self._first)
+
+        def turning(x: Any, y: Any) -> Any:
+            a, b = self._unpacked(y[:size])[0].g, self._unpacked(y[size:])[0].g
+            pair = (group.inverse(a), b) if self.error == "left" else (b, group.inverse(a))
+            return jnp.ravel(group.matrix(group.compose(*pair)))
+
+        return RowFunction(turning, np.zeros(0), np.concatenate([self._first, self._first]))
+
     # Steps.
 
     def advanced(self, rows: np.ndarray, h: float) -> np.ndarray:
@@ -178,7 +212,7 @@ class ModelProcess(Process):
         if code:
             t = float(np.min(self.time(rows)))
             raise StepError(f"The model has no step of {h:g} s from the estimate at t = {t:g} s: {code}.")
-        theta = rows[:, size:] * self._drifts.factors(h)
+        theta = self._drifts.moved(rows[:, size:], h)
         return np.concatenate([after, theta], axis=1)
 
     def unknowns_of(self, after: np.ndarray) -> np.ndarray:
@@ -189,10 +223,16 @@ class ModelProcess(Process):
             return None
         kernel, steps = self._steps.native, self._steps
         return Model(
-            len(self._first), self._layout.size, steps.of_unknowns, steps.parameters, self._drifts.places,
+            len(self._first), self._layout.size, steps.of_unknowns, steps.parameters, self._spread_places,
             kernel.function, kernel.record.size, self.tangent.native, self.densities, self.moving.native,
             self.commanded, self.width,
         )  # fmt: skip
+
+    @property
+    def _spread_places(self) -> np.ndarray:
+        """Where θ stands among the parameters of the step; biases stand behind them, where no step reads."""
+        behind = np.full(self._drifts.count - len(self._drifts.places), len(self._steps.parameters))
+        return np.concatenate([self._drifts.places, behind]).astype(int)
 
     @property
     def tangent(self) -> RowFunction:
@@ -216,7 +256,7 @@ class ModelProcess(Process):
         there = stage.advance(constants, prepared, h, z, jnp.asarray(1.0))
         d = self._system.group.dim
         there = there.replace(mu=there.mu + w[:d], pi=there.pi + w[d:])
-        later = theta * self._drifts.factors(h)
+        later = self._drifts.moved(theta, h)
         error = self.differ(after, jnp.concatenate([_flat(there), later]))
         return jnp.concatenate([residual, error, later, self._drifts.variances(h)])
 
@@ -226,17 +266,9 @@ class ModelProcess(Process):
         group, Q, _ = self._system.places
         sizes = {"g": group.dim, "q": Q.ambient(group), "xi": group.dim, "nu": Q.ambient(group), **self._drifts.sizes}
         sizes = {name: size for name, size in sizes.items() if size}
-        unknown = [name for name in deviations if name not in sizes]
-        if unknown:
-            raise ArgumentError(
-                f"There is no error `{unknown[0]}` to give a deviation of: there are {', '.join(sizes)}."
-            )
-        given = [
-            np.broadcast_to(not_negative(deviations.get(name, 0.0), name, "`deviations`"), (size,))
-            for name, size in sizes.items()
-        ]
+        given = spread(deviations, sizes)
         J = evaluate(lambda row: jax.jacfwd(lambda v: self._from_velocities(row, v))(jnp.zeros(self.width)), row)
-        root = J * np.concatenate(given)
+        root = J * given
         return root @ root.T
 
     def _from_velocities(self, row: Any, v: Any) -> Any:
@@ -288,50 +320,3 @@ def _noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarray:
     if given:
         raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
     return np.concatenate(found)
-
-
-class _Drifting:
-    """Parameters that are numbers of the state: where they stand, and how they drift."""
-
-    def __init__(self, constants: Constants, drifts: Mapping[str, Drift]):
-        self._layout, self._values = pack(constants)
-        known, start = {}, 0
-        for name, shape in shapes_of(constants).items():
-            size = int(np.prod(shape, dtype=int))
-            known[name.removeprefix("system.")] = range(start, start + size)
-            start += size
-        for name, drift in drifts.items():
-            if name not in known:
-                raise ArgumentError(
-                    f"There is no parameter `{name}` that could drift: there are {', '.join(known) or 'none'}."
-                )
-            if not isinstance(drift, Drift):
-                raise ArgumentError(
-                    f"`{name}` must drift as a co.estimation.RandomWalk or GaussMarkov, but is {shown(drift)}."
-                )
-        self.sizes = {name: len(known[name]) for name in drifts}
-        self.places = np.array([i for name in drifts for i in known[name]], int)
-        self.first, self._drifts = self._values[self.places], drifts
-
-    def replaced(self, theta: Any) -> Constants:
-        """The constants with θ in their places."""
-        if not len(self.places):
-            return self._layout.unpack(self._values)
-        numbers = list(self._values)
-        for i, place in enumerate(self.places):
-            numbers[place] = theta[i]
-        joined: Any = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
-        return self._layout.views(joined)
-
-    def factors(self, h: Any) -> Any:
-        """φ(h) of every number, (k,)."""
-        return self._each(h, lambda drift: drift.factor(h))
-
-    def variances(self, h: Any) -> Any:
-        """q(h) of every number, (k,)."""
-        return self._each(h, lambda drift: drift.variance(h))
-
-    def _each(self, h: Any, value: Callable[[Drift], Any]) -> Any:
-        xp = jnp if traced(h) else np
-        parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
-        return xp.concatenate(parts) if parts else np.zeros(0)

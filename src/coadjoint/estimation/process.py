@@ -11,19 +11,38 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
 from coadjoint.kernels.run.kalman import Model
 
 
 def arguments_of(function: Callable[..., Any]) -> int | None:
-    """How many arguments a function takes by their places; None for any number."""
+    """How many arguments a function needs by their places, those with defaults aside; None for any number."""
     try:
         known = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         return 1
     if any(one.kind is one.VAR_POSITIONAL for one in known):
         return None
-    return sum(one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD) for one in known)
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(one.kind in kinds and one.default is one.empty for one in known)
+
+
+def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
+    """Standard deviations by names as numbers (n,), 0 of what is not named; raises ArgumentError."""
+    found = []
+    for name in deviations:
+        if name not in sizes:
+            raise ArgumentError(f"There is no error `{name}` to give a deviation of: there are {', '.join(sizes)}.")
+    for name, size in sizes.items():
+        value = not_negative(deviations.get(name, 0.0), name, "`deviations`")
+        if value.shape not in ((), (size,)):
+            raise ArgumentError(
+                f"`{name}` of `deviations` must be one number or ({size},), but has the shape {value.shape}."
+            )
+        found.append(np.broadcast_to(value, (size,)))
+    return np.concatenate(found)
 
 
 class Process(ABC):
@@ -81,7 +100,16 @@ class Process(ABC):
 
     @abstractmethod
     def motion(self, row: Any) -> tuple[Any, ...]:
-        """What functions of measurements are given at a row, traced."""
+        """What functions of measurements are given at a row, traced: the motion, the parameters, the biases."""
+
+    def observed(self, row: Any) -> tuple[Any, ...]:
+        """What functions of the state are given at a row, traced: the state, the parameters, the biases.
+
+        Raises ArgumentError where the process has no state of a system.
+        """
+        raise ArgumentError(
+            f"A {type(self).__name__} has no state of a system: its measurements are functions of the motion."
+        )
 
     @abstractmethod
     def time(self, rows: np.ndarray) -> np.ndarray:
@@ -97,11 +125,14 @@ class Process(ABC):
     """Which numbers of a row the inputs are."""
 
     def with_inputs(self, rows: np.ndarray, inputs: Mapping[str, Any]) -> np.ndarray:
-        """A copy of the rows (members, size) with these inputs, name → value, held over the next step."""
+        """A copy of the rows (members, size) with these inputs, name → value, held over the next step.
+
+        Raises ArgumentError for values of other shapes, and for what is not finite.
+        """
         rows, start = rows.copy(), 0
         for name, size in self.input_sizes.items():
             if name in inputs:
-                rows[:, self.commanded[start : start + size]] = np.asarray(inputs[name], float).reshape(-1, size)
+                rows[:, self.commanded[start : start + size]] = _input(inputs[name], name, (len(rows), size))
             start += size
         return rows
 
@@ -116,9 +147,9 @@ class Process(ABC):
     @property
     @abstractmethod
     def tangent(self) -> RowFunction:
-        """(z, e, w), (x, x after, h) ↦ (R, e after, θ after, q): the residual of the step from retract(x, e) with the
+        """(z, e, w), (x, x after, h) ↦ (R, e after, θ after, q) of the step from retract(x, e) with the noise w.
 
-        noise w, the error after it, the numbers that drift, and the variances that they gain.
+        R: the residual. e after: the error behind it. θ, q: the numbers that drift, and the variances that they gain.
         """
 
     @abstractmethod
@@ -158,7 +189,7 @@ class Process(ABC):
         return RowFunction(lambda x, y: self.retract(y[:size], y[size:]), np.zeros(0), given)
 
     def errors(self, rows: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """`differ` of rows (…, size) and others of the same shape, (…, n): the errors of estimates about the truth."""
+        """e with others = retract(rows, e), rows and others (…, size): (…, n), also where e is not small."""
         both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
         return self.differing(np.zeros((len(both), 0)), both)[0].reshape(*rows.shape[:-1], self.width)
 
@@ -169,13 +200,36 @@ class Process(ABC):
         given = np.concatenate([self.example, self.example])
         return RowFunction(lambda x, y: self.differ(y[:size], y[size:]), np.zeros(0), given)
 
-    def measurement(self, function: Callable[..., Any]) -> RowFunction:
-        """(e, x) ↦ function of the motion at retract(x, e), flat, with its Jacobian by e."""
+    def measurement(self, function: Callable[..., Any], of_state: bool = False) -> RowFunction:
+        """(e, x) ↦ function of the motion, or of the state, at retract(x, e), flat, with its Jacobian by e.
 
-        taken = arguments_of(function)
+        Raises ArgumentError for a function that needs more than the motion or the state, the parameters and the biases.
+        """
+        taken, see = arguments_of(function), self.observed if of_state else self.motion
+        if taken is not None and not 1 <= taken <= 3:
+            raise ArgumentError(
+                "A measurement is a function of the motion, of (motion, p) or of (motion, p, biases), but this one "
+                f"needs {taken} arguments."
+            )
 
         def read(e: Any, row: Any) -> Any:
-            given = self.motion(self.retract(row, e))
-            return jnp.ravel(jnp.asarray(function(*given[:taken]), dtype=float))
+            return jnp.ravel(jnp.asarray(function(*see(self.retract(row, e))[:taken]), dtype=float))
 
         return RowFunction(read, np.zeros(self.width), self.example)
+
+
+def _input(value: Any, name: str, shape: tuple[int, int]) -> np.ndarray:
+    """(members, size), or (size,) for all; raises ArgumentError."""
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.asarray(np.nan)
+    members, size = shape
+    if found.shape not in ((), (size,), shape) or found.size not in (size, members * size):
+        raise ArgumentError(
+            f"The input `{name}` is {size} numbers, or ({members}, {size}) of all members, but has the shape "
+            f"{found.shape}."
+        )
+    if not np.all(np.isfinite(found)):
+        raise ArgumentError(f"The input `{name}` must be finite numbers, but is {shown(value)}.")
+    return found.reshape(-1, size)

@@ -21,9 +21,9 @@ from coadjoint.simulation.steppers.trees import shapes_of
 
 
 class ModelSteps:
-    """(rows, h) ↦ the states after a step of h, with parameters in the last numbers of the rows.
+    """(rows, h) ↦ the states after a step of h, with parameters in the rows behind the state.
 
-    places: which numbers of the constants those are.
+    places: which numbers of the constants those are; what stands behind them does not act.
     """
 
     def __init__(self, program: StepProgram, constants: Constants, begun: State, places: np.ndarray):
@@ -67,7 +67,7 @@ class ModelSteps:
         here, told = state.ctypes.data, status.ctypes.data
         for i in range(groups):
             if len(self._places):
-                p[self._places] = table[i, self._size :]
+                p[self._places] = table[i, self._size : self._size + len(self._places)]
             kernel.function(
                 given[0], given[1], here + i * state.strides[0], 1, 1, given[2], given[3], given[3],
                 told + i * status.strides[0],
@@ -93,7 +93,7 @@ class ModelSteps:
 
     def _run_by_xla(self, rows: np.ndarray, h: float) -> tuple[np.ndarray, str]:
         p = np.repeat(self.parameters[None], len(rows), axis=0)
-        p[:, self._places] = rows[:, self._size :]
+        p[:, self._places] = rows[:, self._size : self._size + len(self._places)]
         with jax.enable_x64(True):
             after, code = self._by_xla(p, rows[:, : self._size], np.full(len(rows), float(h)))
         worst = int(np.max(np.asarray(code)))

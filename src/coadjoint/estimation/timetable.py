@@ -12,6 +12,17 @@ from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 
 SAME = 1e-9
 """Times that differ by less, s, are one."""
+LATEST = 1e6
+"""s; up to here float64 tells times that differ by `SAME`."""
+
+
+def require_times(t: float, what: str) -> None:
+    """Raise ArgumentError where float64 does not tell times around t, s."""
+    if not abs(t) <= LATEST:
+        raise ArgumentError(
+            f"{what} at t = {t:.10g} s, but a filter counts from a time near 0, at most {LATEST:g} s away, where "
+            "numbers tell short steps: subtract the time at which the log begins."
+        )
 
 
 class Series(NamedTuple):
@@ -69,6 +80,7 @@ class Timetable:
         if until is None and not ends:
             raise ArgumentError("Without measurements a run needs `until`, the time at which it ends.")
         end = float(max(ends) if until is None else until)
+        require_times(end, "The log ends")
         if not end > begin - SAME:
             raise ArgumentError(f"The filter stands at t = {begin:g} s, after the last time of the log, {end:g} s.")
         for name, one in measured.items():

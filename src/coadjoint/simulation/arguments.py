@@ -44,11 +44,20 @@ def require_quantities(system: System, state: State) -> None:
         try:
             require_scalar(partial(quantities.value, system, function), f"The quantity `{name}`", (state,))
         except (LagrangianError, AttributeError) as error:
-            if state.g is None and "None" in str(error):
+            if state.g is None and _needs_g(system, function, state):
                 raise ArgumentError(
                     f"The quantity `{name}` needs g, which this method does not compute: see its carry_g."
                 ) from error
             raise
+
+
+def _needs_g(system: System, function: Any, state: State) -> bool:
+    """Whether a quantity that cannot be read of a state without g can be read where there is one."""
+    try:
+        require_scalar(partial(quantities.value, system, function), "", (state.replace(g=system.group.identity),))
+    except (LagrangianError, AttributeError):
+        return False
+    return True
 
 
 def whole(value: Any, name: str) -> int:

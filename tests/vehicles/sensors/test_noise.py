@@ -157,3 +157,19 @@ def test_sensors_have_numbers_of_their_own_by_name_and_by_seed():
 def test_an_allan_deviation_needs_readings_enough():
     with pytest.raises(ArgumentError, match="at 6 s needs more than 12 s of readings, but there are 10 s"):
         allan_deviation(np.zeros(100), 10.0, [1.0, 6.0])
+
+
+@pytest.mark.parametrize(
+    ("rate", "times", "sentence"),
+    [
+        (10.0, [0.01], "begins at 0.1 s, but is asked at 0.01 s"),
+        (10.0, [-1.0], "must be positive numbers"),
+        (10.0, [np.nan], "must be positive numbers"),
+        (0.0, [1.0], "rate of readings must be a positive"),
+    ],
+)
+def test_an_allan_deviation_at_a_time_that_readings_do_not_have_is_refused(rate, times, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        allan_deviation(np.zeros(100), rate, times)
+    with pytest.raises(ArgumentError, match="finite readings"):
+        allan_deviation([np.nan, 1.0], 1.0, [1.0])

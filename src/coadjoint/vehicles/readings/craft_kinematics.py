@@ -57,7 +57,9 @@ def between(first: Kinematics, last: Kinematics, t: Array) -> Kinematics:
     """The kinematics at the time t, one number in s, from those of the nodes before and after; jax.numpy only.
 
     Place, velocity, attitude, rates and pressure are the cubics that have the values and the slopes of both nodes, so
-    that they are wrong by O(h⁴); R is made orthogonal again. Accelerations and current lie on the line between.
+    that they are wrong by O(h⁴); R is made orthogonal again. Accelerations and current lie on the line between. Where a
+    force jumps at a node, as at a command without lag, a fault or a payload that is dropped, the slope there is that
+    after the jump, and over the step that ends there velocity and rates are wrong by O(h), place and attitude by O(h²).
     """
     h = last.t - first.t
     h = jnp.where(h > 0, h, 1.0)

@@ -1,0 +1,130 @@
+"""The numbers θ that a filter estimates with the motion: parameters that drift, and biases that only sensors read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.drifts import Drift, GaussMarkov
+from coadjoint.kernels.packing import pack
+from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.methods.program import Constants
+from coadjoint.simulation.steppers.trees import shapes_of
+from coadjoint.spaces.named import Named
+
+FAR = 5.0
+"""By how many of its deviations a Gauss–Markov process may begin beside its mean."""
+
+
+class Drifting:
+    """θ (k,), by names, each of which drifts by itself: θ⁺ = m + φ(h)(θ − m) + w.
+
+    sizes: name → how many numbers. drifts: name → its `Drift`, in the same order.
+    """
+
+    def __init__(self, sizes: Mapping[str, int], drifts: Mapping[str, Drift]):
+        self.sizes, self._drifts = dict(sizes), dict(drifts)
+        for name, drift in self._drifts.items():
+            for what in ("deviation", "density", "mean"):
+                shape = np.shape(getattr(drift, what, 0.0))
+                if shape not in ((), (self.sizes[name],)):
+                    raise ArgumentError(
+                        f"`{what}` of how `{name}` drifts must be one number or ({self.sizes[name]},), but has the "
+                        f"shape {shape}."
+                    )
+        self.count = sum(self.sizes.values())
+        self.means = self._each(0.0, lambda drift: drift.mean)
+
+    def require_near(self, first: np.ndarray) -> None:
+        """Raise ArgumentError where a Gauss–Markov process begins so far from its mean that this cannot be meant."""
+        for name, here in self.slices.items():
+            drift = self._drifts[name]
+            if isinstance(drift, GaussMarkov) and np.any(
+                np.abs(first[here] - self.means[here]) > FAR * np.broadcast_to(drift.deviation, (self.sizes[name],))
+            ):
+                raise ArgumentError(
+                    f"`{name}` begins at {shown(first[here].tolist())} and would decay to the mean "
+                    f"{shown(self.means[here].tolist())} of its co.estimation.GaussMarkov, more than {FAR:g} "
+                    "deviations away: give `mean`, or a co.estimation.RandomWalk."
+                )
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Name → where its numbers are in θ."""
+        ends = np.cumsum([0, *self.sizes.values()]).tolist()
+        return {name: slice(*pair) for name, *pair in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
+
+    def moved(self, theta: Any, h: Any) -> Any:
+        """θ (…, k) after a step of h without noise."""
+        return self.means + (theta - self.means) * self._each(h, lambda drift: drift.factor(h))
+
+    def variances(self, h: Any) -> Any:
+        """q(h) of every number, (k,)."""
+        return self._each(h, lambda drift: drift.variance(h))
+
+    def named(self, theta: Any) -> Named:
+        """θ by names."""
+        return Named(**{name: theta[here] for name, here in self.slices.items()})
+
+    def _each(self, h: Any, value: Callable[[Drift], Any]) -> Any:
+        xp = jnp if traced(h) else np
+        parts = [xp.broadcast_to(value(drift), (self.sizes[name],)) for name, drift in self._drifts.items()]
+        return xp.concatenate(parts) if parts else np.zeros(0)
+
+
+class DriftingParameters(Drifting):
+    """Parameters of a system that are numbers of the state, then biases, which begin at 0 and are no parameters.
+
+    constants: of the step. drifting, biases: name → `Drift`. Raises ArgumentError for what is no parameter and for a
+    bias whose drift does not say how many numbers it is.
+    """
+
+    def __init__(self, constants: Constants, drifting: Mapping[str, Drift], biases: Mapping[str, Drift]):
+        self._layout, self._values = pack(constants)
+        known, start = {}, 0
+        for name, shape in shapes_of(constants).items():
+            size = int(np.prod(shape, dtype=int))
+            known[name.removeprefix("system.")] = range(start, start + size)
+            start += size
+        for name in drifting:
+            if name not in known:
+                raise ArgumentError(
+                    f"There is no parameter `{name}` that could drift: there are {', '.join(known) or 'none'}."
+                )
+        for name, drift in {**drifting, **biases}.items():
+            if not isinstance(drift, Drift):
+                raise ArgumentError(
+                    f"`{name}` must drift as a co.estimation.RandomWalk or GaussMarkov, but is {shown(drift)}."
+                )
+        sizes = {name: len(known[name]) for name in drifting}
+        self.places = np.array([i for name in drifting for i in known[name]], int)
+        self._biases = Drifting({name: _count(name, drift) for name, drift in biases.items()}, biases)
+        super().__init__({**sizes, **self._biases.sizes}, {**drifting, **biases})
+        self.first = np.concatenate([self._values[self.places], np.zeros(self._biases.count)])
+        self.require_near(self.first)
+
+    def biases(self, theta: Any) -> Named:
+        """The biases of θ by names, each (size,)."""
+        return self._biases.named(theta[len(self.places) :])
+
+    def replaced(self, theta: Any) -> Constants:
+        """The constants with θ in their places."""
+        if not len(self.places):
+            return self._layout.unpack(self._values)
+        numbers = list(self._values)
+        for i, place in enumerate(self.places):
+            numbers[place] = theta[i]
+        joined: Any = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
+        return self._layout.views(joined)
+
+
+def _count(name: str, drift: Drift) -> int:
+    """How many numbers a bias is: as many as its drift has."""
+    sizes = [np.size(getattr(drift, what)) for what in ("deviation", "density", "mean") if hasattr(drift, what)]
+    if not name.isidentifier():
+        raise ArgumentError(f"A bias must have a name such as `gyroscope`, but is called {shown(name)}.")
+    return max(sizes)
