@@ -73,6 +73,15 @@ def test_the_drop_of_a_fluid_moves_as_its_particles_do_and_keeps_its_circulation
     assert Path("fluid_drop.png").stat().st_size > 10_000
 
 
+def test_a_turbulent_sphere_keeps_its_casimirs_until_viscosity_takes_its_small_scales(run_example):
+    found = run_example("turbulent_sphere", 0.3)
+    assert found["change"] < 1e-14 and found["energy"] < 1e-4
+    enstrophy = found["fields"].enstrophy_spectrum.sum("degree").values
+    assert np.ptp(enstrophy[:2]) < 1e-12 * enstrophy[0] and np.all(np.diff(enstrophy[1:]) < -0.01)
+    for ending in ("png", "gif", "nc"):
+        assert Path(f"turbulent_sphere.{ending}").stat().st_size > 10_000
+
+
 def test_the_charged_particle_runs_round_its_circle(run_example):
     found = run_example("heisenberg", 20)
     assert found["error"] < 1e-4 * found["radius"]

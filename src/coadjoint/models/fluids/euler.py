@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -50,16 +50,16 @@ def euler(size: int, rotation: float = 0.0) -> System:
     size = int(size)
     if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
         raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
-    planetary = from_coefficients(size, _cosine(2.0))
+    turning = from_coefficients(size, _cosine(2.0))
 
     def hamiltonian(mu, p):
-        return dirichlet(mu - p.rotation * planetary) / hbar(size)
+        return dirichlet(mu - p.rotation * turning) / hbar(size)
 
     def kinetic_energy(state, p):
-        return 4 * jnp.pi / size * dirichlet(state.mu - p.rotation * planetary)
+        return 4 * jnp.pi / size * dirichlet(state.mu - p.rotation * turning)
 
     def enstrophy(state, p):
-        omega = state.mu - p.rotation * planetary
+        omega = state.mu - p.rotation * turning
         return 2 * jnp.pi / size * omega @ omega
 
     return System(
@@ -78,12 +78,12 @@ def start(fluid: System, vorticity: Coefficients) -> State:
     vorticity: c (L, L) as `harmonics.from_coefficients` takes them, 1/s; c_00 must be 0.
     Raises ArgumentError for others.
     """
-    mu = from_coefficients(_size(fluid), vorticity)
+    mu = from_coefficients(size_of(fluid), vorticity)
     if np.asarray(vorticity)[0, 0] != 0:
         raise ArgumentError(
             f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {np.asarray(vorticity)[0, 0]}."
         )
-    return fluid.state(mu=mu + _planetary(fluid))
+    return fluid.state(mu=mu + planetary(fluid))
 
 
 def vorticity(fluid: System, records: Any) -> Coefficients:
@@ -92,7 +92,7 @@ def vorticity(fluid: System, records: Any) -> Coefficients:
     fluid: the system, with the rotation that the run has: of an ensemble in `rotation` each member with its own,
     `fluid.replace(rotation=…)`. records: a state, or states with leading axes. Raises ArgumentError for no fluid.
     """
-    return coefficients_of(_size(fluid), np.asarray(records.mu) - _planetary(fluid))
+    return coefficients_of(size_of(fluid), np.asarray(records.mu) - planetary(fluid))
 
 
 def _cosine(amplitude: float) -> Coefficients:
@@ -102,13 +102,14 @@ def _cosine(amplitude: float) -> Coefficients:
     return c
 
 
-def _planetary(fluid: System) -> np.ndarray:
+def planetary(fluid: System) -> np.ndarray:
     """The coordinates (N²,) of 2Ω cos θ."""
-    parameters: Any = fluid.parameters
-    return float(parameters.rotation) * from_coefficients(_size(fluid), _cosine(2.0))
+    turning, parameters = from_coefficients(size_of(fluid), _cosine(2.0)), cast(Any, fluid.parameters)
+    return turning * parameters.rotation
 
 
-def _size(fluid: System) -> int:
+def size_of(fluid: System) -> int:
+    """N of a fluid; raises ArgumentError for another system."""
     if not isinstance(fluid.group, Un) or fluid.parameters is None or not hasattr(fluid.parameters, "rotation"):
         raise ArgumentError(f"Argument `fluid` must be a fluid of co.models.fluids, but is {shown(fluid.name)}.")
     return fluid.group.size

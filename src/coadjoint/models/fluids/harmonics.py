@@ -26,19 +26,15 @@ def require_whole(name: str, value: object, least: int) -> None:
         raise ArgumentError(f"Argument `{name}` must be a whole number from {least}, but is {shown(value)}.")
 
 
-@lru_cache(maxsize=8)
-def _matrices(size: int) -> tuple[np.ndarray, ...]:
-    """Of every m the columns t_l, l = m … N − 1, (N − m, N − m), of length √(N/4π): the mth diagonal of T_lm."""
-    found = []
-    for m in range(size):
-        diagonal, off = tridiagonal(size, m)
-        if size - m > 1:
-            values, vectors = (array[..., ::-1] for array in eigh_tridiagonal(diagonal, off))
-            vectors = vectors * _signs(diagonal, off, values, vectors)
-        else:
-            vectors = np.ones((1, 1))
-        found.append((-1.0) ** m * np.sqrt(size / (4 * np.pi)) * vectors)
-    return tuple(found)
+@lru_cache(maxsize=1024)
+def on_diagonal(size: int, m: int) -> np.ndarray:
+    """The columns t_l, l = m … N − 1, (N − m, N − m), of length √(N/4π): the mth diagonal of each T_lm."""
+    diagonal, off = tridiagonal(size, m)
+    vectors = np.ones((1, 1))
+    if size - m > 1:
+        values, vectors = (array[..., ::-1] for array in eigh_tridiagonal(diagonal, off))
+        vectors = vectors * _signs(diagonal, off, values, vectors)
+    return (-1.0) ** m * np.sqrt(size / (4 * np.pi)) * vectors
 
 
 def _signs(diagonal: np.ndarray, off: np.ndarray, values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -97,7 +93,7 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
         )
     rows = np.zeros((size, size))
     for m in range(c.shape[0]):
-        entries: Any = _matrices(size)[m][:, : c.shape[0] - m] @ c[m:, m]
+        entries: Any = on_diagonal(size, m)[:, : c.shape[0] - m] @ c[m:, m]
         i = np.arange(size - m)
         # W = iF: its real part is −Im F, its imaginary part Re F; a coordinate off the diagonal is √2 of an entry.
         if m:
@@ -114,7 +110,7 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     for m in range(size):
         i = np.arange(size - m)
         entries = rows[..., i, i] + 0j if m == 0 else (rows[..., i + m, i] - 1j * rows[..., i, i + m]) / np.sqrt(2)
-        found[..., m:, m] = entries @ _matrices(size)[m] * (4 * np.pi / size)
+        found[..., m:, m] = entries @ on_diagonal(size, m) * (4 * np.pi / size)
     return found
 
 

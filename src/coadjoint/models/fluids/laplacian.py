@@ -42,15 +42,15 @@ def _factors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return lower, 1 / pivots, above
 
 
-def _skewed(rows: Array) -> Array:
+def skewed(rows: Array) -> Array:
     """The matrix with entries R[i, (i + j) mod N]: the diagonals of R as columns, without a gather."""
     size = rows.shape[0]
     twice = jnp.concatenate([jnp.concatenate([rows, rows], axis=1).reshape(-1), jnp.zeros(size)])
     return twice.reshape(size, 2 * size + 1)[:, :size]
 
 
-def _straight(columns: Array) -> Array:
-    """The inverse of `_skewed`."""
+def straight(columns: Array) -> Array:
+    """The inverse of `skewed`."""
     size = columns.shape[0]
     twice = jnp.concatenate([columns, columns], axis=1).reshape(-1)
     return twice[size:].reshape(size, 2 * size - 1)[:, :size]
@@ -59,7 +59,7 @@ def _straight(columns: Array) -> Array:
 def _solved(rows: Array) -> Array:
     size = rows.shape[0]
     lower, inverse, above = _factors(size)
-    right = _skewed(rows)
+    right = skewed(rows)
     right = right - np.eye(1, size) * jnp.mean(right[:, 0])
 
     def forward(last, row):
@@ -73,7 +73,7 @@ def _solved(rows: Array) -> Array:
     nothing = jnp.zeros(size)
     _, found = lax.scan(forward, nothing, (right, lower))
     _, found = lax.scan(backward, nothing, (found, above, inverse), reverse=True)
-    return _straight(found - np.eye(1, size) * jnp.mean(found[:, 0]))
+    return straight(found - np.eye(1, size) * jnp.mean(found[:, 0]))
 
 
 def _applied(rows: Array) -> Array:
@@ -84,10 +84,10 @@ def _applied(rows: Array) -> Array:
             end = begin + len(part[0])
             diagonal[begin:end, m] = part[0]
             above[begin : end - 1, m] = part[1]
-    columns = _skewed(rows)
+    columns = skewed(rows)
     zero = jnp.zeros((1, size))
     after, before = jnp.concatenate([columns[1:], zero]), jnp.concatenate([zero, (above * columns)[:-1]])
-    return _straight(diagonal * columns + above * after + before)
+    return straight(diagonal * columns + above * after + before)
 
 
 def laplacian(size: int, omega: Array) -> Array:

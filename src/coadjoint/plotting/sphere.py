@@ -1,0 +1,166 @@
+"""Figures of fields on a sphere: maps, animations and spectra of what `co.models.fluids.fields` makes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.plotting.style import COLUMN, PAGE, canvas, save, style
+from coadjoint.plotting.whole_file import whole_file
+
+__all__ = ["animation", "spectra", "vorticity_map"]
+
+PER_SECOND = 15
+"""Pictures of an animation."""
+
+Projection = Literal["mollweide", "hammer"]
+Target = str | os.PathLike[str]
+
+
+def vorticity_map(
+    fields: Any,
+    time: float | None = None,
+    projection: Projection = "mollweide",
+    variable: str = "vorticity",
+    path: Target | None = None,
+) -> Figure:
+    """A map of the whole sphere, north up, longitude 0 in the middle; colours are symmetric about 0.
+
+    fields: a dataset of `co.models.fluids.fields`, over (time, latitude, longitude). time: s, of which the nearest node
+    is drawn, by default the last one. projection: "mollweide" or "hammer", both of equal areas. variable: by default
+    "vorticity", or "stream_function". path: of the file, .png, .pdf or .svg, by default none.
+    Returns a matplotlib Figure. Raises ArgumentError for others.
+    """
+    _require(fields, variable, projection)
+    at = -1 if time is None else int(np.argmin(np.abs(fields["time"].values - _finite("time", time))))
+    with style():
+        figure = canvas(PAGE * 0.7, PAGE * 0.42)
+        axes = figure.add_subplot(projection=projection)
+        mesh = _draw(axes, fields, variable, at, _largest(fields[variable].values[at]))
+        _title(axes, fields, at)
+        bar = figure.colorbar(mesh, ax=axes, orientation="horizontal", shrink=0.6, aspect=40, pad=0.03)
+        bar.set_label(_label(fields, variable))
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def animation(
+    fields: Any, path: Target, projection: Projection = "mollweide", variable: str = "vorticity", frames: int = 100
+) -> Path:
+    """Write maps as in `vorticity_map` one after the other as a GIF, at most `frames`, 15 a second, in one scale.
+
+    fields, projection, variable: as of `vorticity_map`. path: a name that ends in .gif. frames: from 2 to 1000, by
+    default 100. Returns the path. Raises ArgumentError for others and for fields of one node.
+    """
+    from PIL import Image
+
+    target = Path(path)
+    if target.suffix.lower() != ".gif":
+        raise ArgumentError(f"An animation's file must end in .gif, but is {target.name}.")
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 2 <= frames <= 1000:
+        raise ArgumentError(f"Argument `frames` must be a whole number from 2 to 1000, but is {shown(frames)}.")
+    _require(fields, variable, projection)
+    count = fields.sizes["time"]
+    if count < 2:
+        raise ArgumentError("These fields have one node, so there is nothing to animate.")
+    nodes = np.unique(np.linspace(0, count - 1, min(frames, count)).round().astype(int))
+    pictures = []
+    with style():
+        figure = canvas(5.0, 2.8)
+        figure.set_dpi(100)
+        axes: Any = figure.add_subplot(projection=projection)
+        mesh = _draw(axes, fields, variable, 0, _largest(fields[variable].values))
+        for at in nodes:
+            mesh.set_array(_closed(fields[variable].values[at]))
+            _title(axes, fields, at)
+            figure.canvas.draw()
+            pictures.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize(128))  # pyright: ignore[reportAttributeAccessIssue]
+    pause = [1000 // PER_SECOND] * (len(nodes) - 1) + [1500]
+    with whole_file(target) as temporary:
+        pictures[0].save(temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=pause, loop=0)
+    return target
+
+
+def spectra(fields: Any, times: Any = None, variable: str = "energy_spectrum", path: Target | None = None) -> Figure:
+    """The energy by degrees of spherical harmonics, on logarithmic axes, at some times.
+
+    fields: as of `vorticity_map`. times: s, of which the nearest nodes are drawn, by default the first and the last.
+    variable: by default "energy_spectrum", or "enstrophy_spectrum". path: as of `vorticity_map`.
+    Returns a matplotlib Figure. Raises ArgumentError for others.
+    """
+    _require(fields, variable)
+    t = fields["time"].values
+    wanted = t[[0, -1]] if times is None else [_finite("times", one) for one in np.atleast_1d(times)]
+    nodes = list(dict.fromkeys(int(np.argmin(np.abs(t - one))) for one in wanted))
+    with style():
+        figure = canvas(COLUMN, 0.75 * COLUMN)
+        axes = figure.subplots()
+        for at in nodes:
+            power = fields[variable].values[at, 1:]
+            seen = power > np.finfo(float).eps * np.max(power)
+            axes.plot(fields["degree"].values[1:][seen], power[seen], label=f"$t$ = {t[at]:.4g} s")
+        axes.set(xscale="log", yscale="log", xlabel="degree $l$", ylabel=_label(fields, variable))
+        axes.legend()
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _draw(axes: Axes, fields: Any, variable: str, at: int, largest: float) -> Any:
+    """The field of one node on the map, with the meridian of 180° on both sides."""
+    longitude = np.radians(_turned(fields["longitude"].values))
+    closed = np.concatenate([longitude, longitude[:1] + 2 * np.pi])
+    latitude = np.radians(fields["latitude"].values)
+    axes.grid(visible=False)
+    axes.tick_params(labelbottom=False, labelleft=False)
+    return axes.pcolormesh(
+        closed, latitude, _closed(fields[variable].values[at]),
+        cmap="RdBu_r", vmin=-largest, vmax=largest, shading="gouraud", rasterized=True,
+    )  # fmt: skip
+
+
+def _turned(longitude: np.ndarray) -> np.ndarray:
+    """Longitudes of an even grid from 0° on, turned so that they begin at −180°."""
+    return np.roll(np.where(longitude < 180, longitude, longitude - 360), longitude.size // 2)
+
+
+def _closed(values: np.ndarray) -> np.ndarray:
+    """Values (latitude, longitude) in the order of `_turned`, with the first meridian again at the end."""
+    turned = np.roll(values, values.shape[1] // 2, axis=1)
+    return np.concatenate([turned, turned[:, :1]], axis=1)
+
+
+def _title(axes: Axes, fields: Any, at: int) -> None:
+    axes.set_title(f"$t$ = {float(fields['time'].values[at]):.4g} s")
+
+
+def _label(fields: Any, variable: str) -> str:
+    units = str(fields[variable].attrs.get("units", "")).replace("s-1", "1/s").replace("s-2", "1/s²")
+    return f"{fields[variable].attrs.get('long_name', variable)} ({units})"
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(np.max(np.abs(values))) or 1.0
+
+
+def _finite(name: str, value: Any) -> float:
+    if isinstance(value, (bool, str)) or not np.isscalar(value) or not np.isfinite(value):
+        raise ArgumentError(f"Argument `{name}` must be finite, in s, but is {shown(value)}.")
+    return float(value)  # pyright: ignore[reportArgumentType]
+
+
+def _require(fields: Any, variable: str, projection: str = "mollweide") -> None:
+    if not hasattr(fields, "data_vars") or "time" not in fields.dims or variable not in fields:
+        raise ArgumentError(
+            f"Argument `fields` must be a dataset of co.models.fluids.fields with `{variable}` over time, but is "
+            f"{shown(type(fields).__name__)}."
+        )
+    if projection not in ("mollweide", "hammer"):
+        raise ArgumentError(f'Argument `projection` must be "mollweide" or "hammer", but is {shown(projection)}.')

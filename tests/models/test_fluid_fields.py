@@ -1,0 +1,93 @@
+"""Fields of fluids on the sphere: latitude and longitude, units, spectra, netCDF files, and figures of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from PIL import Image
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.models import fluids
+from coadjoint.plotting import sphere
+
+SPIN = 0.3
+
+
+@pytest.fixture(scope="module")
+def ran():
+    """A wave of degree 2 on solid-body rotation, on a rotating sphere."""
+    fluid = fluids.euler(4, rotation=0.7)
+    start = fluids.start(fluid, fluids.rossby_haurwitz(2, 1, 0.5, SPIN))
+    return fluid, co.simulate(fluid, start, dt=0.1, steps=4, method=co.IsospectralMidpoint(), accuracy=False)
+
+
+def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: Path):
+    """ω = 2α sin φ + 2 Re(a Y_21), ψ = −ω/2 and −ω/6 of the two, energy and enstrophy those of the run."""
+    fluid, run = ran
+    fluids.fields(fluid, run, 7, 12).to_netcdf(tmp_path / "wave.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "wave.nc", engine="h5netcdf", decode_times=False) as data:
+        north, east = np.radians(data.latitude.values)[:, None], np.radians(data.longitude.values)
+        assert data.latitude.values[[0, -1]] == pytest.approx([-90, 90]) and data.longitude.values[3] == pytest.approx(
+            90
+        )
+        wave = -np.sqrt(15 / (8 * np.pi)) * np.sin(north) * np.cos(north) * np.cos(east)  # 2 Re(½ Y_21)
+        spin = 2 * SPIN * np.sin(north) + 0 * east
+        np.testing.assert_allclose(data.vorticity.values[0], spin + wave, atol=1e-14)
+        np.testing.assert_allclose(data.stream_function.values[0], -spin / 2 - wave / 6, atol=1e-14)
+        for name in ("energy", "enstrophy"):
+            total = data[f"{name}_spectrum"].values.sum(axis=1)
+            expected = run.dataset["kinetic_energy" if name == "energy" else name].values
+            np.testing.assert_allclose(total, expected, rtol=1e-13)
+        assert data.attrs["Conventions"] == "CF-1.11" and data.vorticity.attrs["units"] == "s-1"
+        assert data.latitude.attrs["standard_name"] == "latitude" and data.latitude.attrs["units"] == "degrees_north"
+
+
+def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
+    data = fluids.fields(*ran, 7, 12)
+    for projection in ("mollweide", "hammer"):
+        figure = sphere.vorticity_map(data, time=0.21, projection=projection)
+        (mesh,) = figure.axes[0].collections
+        corners, values = np.degrees(mesh.get_coordinates()), mesh.get_array().reshape(7, 13)  # pyright: ignore
+        assert figure.axes[0].get_title() == "$t$ = 0.2 s" and figure.axes[0].name == projection
+        for row, column in ((2, 0), (4, 9), (1, 12)):
+            east, north = corners[row, column]
+            at = data.vorticity.sel(latitude=north, longitude=round(east) % 360, method="nearest").values[2]
+            assert values[row, column] == pytest.approx(at, abs=1e-15) and abs(at) > 1e-3
+    sphere.vorticity_map(data, path=tmp_path / "map.png")
+    assert (tmp_path / "map.png").stat().st_size > 5000
+
+
+def test_an_animation_has_a_picture_for_each_node_up_to_its_frames(ran, tmp_path: Path):
+    data = fluids.fields(*ran, 7, 12)
+    for frames, expected in ((100, 5), (3, 3)):
+        with Image.open(sphere.animation(data, tmp_path / "wave.gif", frames=frames)) as film:
+            assert getattr(film, "n_frames", 1) == expected
+
+
+def test_spectra_are_drawn_from_degree_1(ran):
+    data = fluids.fields(*ran, 7, 12)
+    figure = sphere.spectra(data, times=[0.0, 0.4])
+    first, last = figure.axes[0].lines
+    np.testing.assert_array_equal(first.get_xdata(), [1, 2])
+    np.testing.assert_array_equal(first.get_ydata(), data.energy_spectrum.values[0, 1:3])
+    assert last.get_label() == "$t$ = 0.4 s" and figure.axes[0].get_ylabel() == "kinetic energy by degrees (1/s²)"
+
+
+def test_what_cannot_be_drawn_is_refused(ran, tmp_path: Path):
+    data = fluids.fields(*ran, 7, 12)
+    for call, sentence in (
+        (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, but is 3"),
+        (lambda: fluids.fields(*ran, latitudes=1), "`latitudes` must be a whole number from 2"),
+        (lambda: sphere.vorticity_map(ran[1]), "`fields` must be a dataset of co.models.fluids.fields"),
+        (lambda: sphere.vorticity_map(data, projection="polar"), '`projection` must be "mollweide" or "hammer"'),  # pyright: ignore
+        (lambda: sphere.vorticity_map(data, time=np.nan), "`time` must be finite, in s, but is nan"),
+        (lambda: sphere.animation(data, tmp_path / "a.mp4"), "must end in .gif, but is a.mp4"),
+        (lambda: sphere.animation(data, tmp_path / "a.gif", frames=1), "`frames` must be a whole number from 2"),
+        (lambda: sphere.animation(data.isel(time=[0]), tmp_path / "a.gif"), "have one node"),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            call()
