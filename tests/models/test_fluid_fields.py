@@ -25,6 +25,12 @@ def ran():
     return fluid, co.simulate(fluid, start, dt=0.1, steps=4, method=co.IsospectralMidpoint(), accuracy=False)
 
 
+def gridded(ran):
+    """Its fields on a coarse grid."""
+    fluid, run = ran
+    return fluids.fields(fluid, run, 7, 12)
+
+
 def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: Path):
     """ω = 2α sin φ + 2 Re(a Y_21), ψ = −ω/2 and −ω/6 of the two, energy and enstrophy those of the run."""
     fluid, run = ran
@@ -47,7 +53,7 @@ def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: P
 
 
 def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
-    data = fluids.fields(*ran, 7, 12)
+    data = gridded(ran)
     for projection in ("mollweide", "hammer"):
         figure = sphere.vorticity_map(data, time=0.21, projection=projection)
         (mesh,) = figure.axes[0].collections
@@ -62,14 +68,14 @@ def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
 
 
 def test_an_animation_has_a_picture_for_each_node_up_to_its_frames(ran, tmp_path: Path):
-    data = fluids.fields(*ran, 7, 12)
+    data = gridded(ran)
     for frames, expected in ((100, 5), (3, 3)):
         with Image.open(sphere.animation(data, tmp_path / "wave.gif", frames=frames)) as film:
             assert getattr(film, "n_frames", 1) == expected
 
 
 def test_spectra_are_drawn_from_degree_1(ran):
-    data = fluids.fields(*ran, 7, 12)
+    data = gridded(ran)
     figure = sphere.spectra(data, times=[0.0, 0.4])
     first, last = figure.axes[0].lines
     np.testing.assert_array_equal(first.get_xdata(), [1, 2])
@@ -78,10 +84,10 @@ def test_spectra_are_drawn_from_degree_1(ran):
 
 
 def test_what_cannot_be_drawn_is_refused(ran, tmp_path: Path):
-    data = fluids.fields(*ran, 7, 12)
+    data = gridded(ran)
     for call, sentence in (
         (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, but is 3"),
-        (lambda: fluids.fields(*ran, latitudes=1), "`latitudes` must be a whole number from 2"),
+        (lambda: fluids.fields(ran[0], ran[1], latitudes=1), "`latitudes` must be a whole number from 2"),
         (lambda: sphere.vorticity_map(ran[1]), "`fields` must be a dataset of co.models.fluids.fields"),
         (lambda: sphere.vorticity_map(data, projection="polar"), '`projection` must be "mollweide" or "hammer"'),  # pyright: ignore
         (lambda: sphere.vorticity_map(data, time=np.nan), "`time` must be finite, in s, but is nan"),
