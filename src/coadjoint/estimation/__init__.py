@@ -23,5 +23,7 @@ if TYPE_CHECKING:
     from coadjoint.estimation.model import ModelProcess as ModelProcess
     from coadjoint.estimation.process import Process as Process
     from coadjoint.estimation.smoother import smoothed as smoothed
+    from coadjoint.estimation.strapdown import InertialState as InertialState
+    from coadjoint.estimation.strapdown import StrapdownProcess as StrapdownProcess
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

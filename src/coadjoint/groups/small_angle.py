@@ -48,6 +48,12 @@ def cubic_ratio(t: Array) -> Array:
     return _smooth(t, series, lambda angle: (angle - jnp.sin(angle)) / angle**3)
 
 
+def quartic_ratio(t: Array) -> Array:
+    """(θ²/2 − 1 + cos θ) / θ⁴ of t = θ², an array of any shape."""
+    series = [(-1) ** k / factorial(2 * k + 4) for k in range(_TERMS)]
+    return _smooth(t, series, lambda angle: (0.5 - 2 * (jnp.sin(angle / 2) / angle) ** 2) / angle**2)
+
+
 def _bernoulli(count: int) -> list[Fraction]:
     """B₀, …, B_count by Σ_{k≤m} C(m+1, k) B_k = 0."""
     numbers = [Fraction(1)]
