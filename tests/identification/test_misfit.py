@@ -54,7 +54,6 @@ def test_a_rudder_that_stalls_is_named(seeds):
             with pytest.raises(ArgumentError, match="no column `speed`"):
                 found.plot_innovations(["speed"])
         assert not worst or any(f"misses {worst[0].column} where" in warning for warning in found.warnings)
-    print(named)
     assert named >= 0.9 * len(seeds)
 
 
@@ -85,3 +84,14 @@ def test_q_is_uniform_for_white_noise_and_vanishes_for_coloured():
     p = [portmanteau(random.normal(size=400)) for _ in range(200)]
     assert 0.4 < np.mean(p) < 0.6 and 0.02 < np.mean(np.array(p) < 0.05) < 0.11
     assert portmanteau(np.convolve(random.normal(size=410), np.ones(4), "valid")) < 1e-6
+
+
+def test_a_log_that_is_shorter_than_a_lag_has_no_misfit_and_no_warning():
+    """Of 40 samples in 0.4 s none has a command 1 s or 2 s before."""
+    import warnings
+
+    t = 0.01 * np.arange(40)
+    random = np.random.default_rng(2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert misfits(Log(t, {"u": t}, {"rudder": np.sin(9 * t)}), {"u": random.normal(size=40)}) == ()

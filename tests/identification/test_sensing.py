@@ -122,6 +122,9 @@ def test_delays_of_groups_of_columns_are_found(run):
     for name, value in TRUE.items():
         assert abs(found[name].value - value) < 3.5 * found[name].standard_error
     assert not any("follow one another" in warning for warning in found.warnings)
+    early = seen.time < 0.5 - 1e-9
+    assert np.isnan(found.simulated["north"][early]).all() and np.isfinite(found.simulated["north"][~early]).all()
+    assert np.isfinite(found.simulated["u"]).all()
 
 
 def test_an_exact_log_with_bias_and_delay_gives_them_exactly(run):
@@ -209,6 +212,27 @@ def test_gaps_end_segments_and_are_told(log):
         assert abs(found[name].value - true) < 3.5 * found[name].standard_error
 
 
+def test_actuators_after_a_gap_are_where_the_log_has_them():
+    """The rudder moves while nobody logs: what it does after the gap is taken, and else its command."""
+    craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
+    t = np.concatenate([np.arange(0, 10, 0.1), np.arange(30, 40, 0.1)])
+    columns = {name: 0 * t for name in ("north", "east", "depth", "roll", "pitch", "heading", *"uvwpqr")}
+    columns["u"] = columns["u"] + 1.5
+    commands = {"rudder": np.where(t < 20, 0.1, -0.2), "stern_planes": 0 * t, "propeller": 15 + 0 * t}
+    begun = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 15.0})
+    for actual, expected in (({"rudder": np.where(t < 20, 0.1, -0.15)}, -0.15), ({}, -0.2)):
+        log = Log(t, columns, commands, actual=actual)
+        sought, channels = unknowns(craft.system, ["hull.axial_drag"], ()), Channels(VEHICLE, ())
+        asked = setting(sought, log, begun, channels, co.Midpoint(), "held", None, 0.0)
+        shooting = asked.shooting(0.05, 5.0)
+        fit = Fit(shooting, asked, np.ones(len(VEHICLE)))
+        found = fit.predict(fit.at(np.zeros(1)))
+        assert found is not None and shooting.samples.after_gap.tolist() == [False, False, True, False]
+        for internal in (shooting.held, shooting.internal(found)):
+            assert np.ravel(internal.rudder)[2] == expected and np.ravel(internal.propeller)[2] == 15
+        assert np.ravel(shooting.internal(found).rudder)[1] == pytest.approx(0.1, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -234,3 +258,17 @@ def test_a_rotation_needs_all_three_angles(log):
     flat = replace(log, columns={name: values for name, values in log.columns.items() if name != "roll"})
     with pytest.raises(ArgumentError, match="the log holds no roll"):
         identify(SYSTEM, flat, start=STATE, parameters=["linear"], attitude="rotation")
+
+
+@pytest.mark.parametrize("angle", [1e-3, 2.9, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9, np.pi])
+def test_rotations_up_to_half_a_turn_have_a_logarithm(angle):
+    """exp(log R) = R, with |log R| the angle, also where the antisymmetric part of R vanishes."""
+    from scipy.spatial.transform import Rotation
+
+    axes = np.random.default_rng(3).normal(size=(50, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    axes[:3] = np.eye(3)
+    R = Rotation.from_rotvec(angle * axes).as_matrix()
+    found = rotations.log(R)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), angle, atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_rotvec(found).as_matrix(), R, atol=1e-9)

@@ -24,7 +24,7 @@ class Identify:
     vehicle: tyro.conf.Positional[str]
     """A vehicle that is shipped, or the TOML file of one's own."""
     log: tyro.conf.Positional[Path]
-    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS."""
+    """A CSV file with columns such as time_s, roll_deg, u_m_s, command_rudder_deg, or a bag of ROS or of ArduPilot."""
     parameters: tuple[str, ...]
     """What to find: parameters, entries such as `added_mass[0,0]`, parts for all their parameters, or "a = b"."""
     axes: Literal["NED/FRD", "ENU/FLU"] | None = None

@@ -13,7 +13,7 @@ from coadjoint.identification.fitting import Fitted
 from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
-from coadjoint.identification.misfit import Misfit, misfits, told
+from coadjoint.identification.misfit import Misfit, misfits, sentences
 from coadjoint.identification.sensing import SENSORS
 from coadjoint.identification.smoothing import noise as rough_noise
 from coadjoint.identification.tied import SIGN
@@ -168,12 +168,12 @@ def judged(found: Fitted, level: float) -> Identification:
         misfits=missed,
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
         whiteness=whiteness,
-        simulated=_by_rows(fit, fit.simulated(predicted, place.shared)),
+        simulated=_by_rows(fit, fit.shown(predicted, place.shared)),
         segments=shooting.runs,
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *told(missed), *warnings),
+        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *sentences(missed), *warnings),
     )
 
 

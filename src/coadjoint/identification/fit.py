@@ -34,8 +34,8 @@ class Fit:
         values = np.stack([self.log.columns[name] for name in shooting.channels.names], axis=1)[rows]
         settled = self.log.time[rows] >= self.log.time[0] + asked.settle
         self.there = (settled & (rows >= 0))[..., None] & np.isfinite(values)
-        late = [i for _, channels in self.sensing.delayed for i in channels]
-        self.there[..., late] &= ~cut.early[..., None]
+        self.late = [i for _, channels in self.sensing.delayed for i in channels]
+        self.there[..., self.late] &= ~cut.early[..., None]
         if attitude := list(self.sensing.attitude):
             self.there[..., attitude] = self.there[..., attitude].all(axis=2, keepdims=True)
         self.values = np.where(self.there, values, 0.0)
@@ -69,6 +69,12 @@ class Fit:
     def simulated(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
         """Of every channel, with its bias: (segments, samples, channels)."""
         return found.values[..., : len(self.sensing.names)] + self.sensing.bias(self.split(shared)[1])
+
+    def shown(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
+        """`simulated`, NaN where a delay would need what was before the segment began."""
+        values = self.simulated(found, shared)
+        early = self.shooting.samples.early[..., None] & np.isin(np.arange(values.shape[-1]), self.late)
+        return np.where(early, np.nan, values)
 
     def differences(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
         """y(t_i) − y_i, angles within half a turn, or of attitudes δ of `rotations`; 0 where nothing was measured."""

@@ -35,7 +35,7 @@ def gaps(log: Log, samples: Samples) -> list[str]:
         before = last[last <= i].max()
         told.append(
             f"The log has a gap from {log.time[before]:.5g} to {log.time[i + 1]:.5g} s: what came in between is not "
-            "used, and the simulation begins anew after it."
+            "used, and the simulation begins anew after it, with actuators as the log has them, or as commanded."
         )
     if (more := int(apart.sum()) - MOST) > 0:
         told.append(f"There are {more} more such gaps.")

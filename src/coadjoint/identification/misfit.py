@@ -77,7 +77,7 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
     return tuple(sorted(found, key=lambda one: -one.score))
 
 
-def told(found: tuple[Misfit, ...]) -> list[str]:
+def sentences(found: tuple[Misfit, ...]) -> list[str]:
     """A sentence on what the model misses, and which command it goes with."""
     if not found:
         return []
@@ -127,6 +127,8 @@ def _features(log: Log) -> Iterator[Feature]:
 
 def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature) -> Misfit:
     both = there & np.isfinite(feature.values)
+    if both.sum() < FEWEST:
+        return Misfit(column, feature.input, feature.shape, feature.lag, 0.0, 0.0, 1.0)
     a, b = w[both], feature.values[both]
     a, b = a - a.mean(), b - b.mean()
     follows = min(max(float(np.sum(a[1:] * a[:-1]) / max(np.sum(a**2), 1e-300)), 0.0), 0.95)

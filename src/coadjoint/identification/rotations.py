@@ -14,6 +14,9 @@ from coadjoint.groups import attitude
 SMALL = 1e-4
 """Angles below which series are taken."""
 
+REVERSED = -0.99
+"""The cosine of angles from which on logarithms are taken by quaternions."""
+
 
 def hat(v: np.ndarray) -> np.ndarray:
     """(…, 3) ↦ (…, 3, 3), the matrix of v ×."""
@@ -30,12 +33,22 @@ def vee(M: np.ndarray) -> np.ndarray:
 
 
 def log(R: np.ndarray) -> np.ndarray:
-    """The rotation vectors of rotation matrices, of angles below π."""
+    """The rotation vectors of rotation matrices, of angles up to π; at π one of both.
+
+    From half a turn on nearly, where the antisymmetric part of R loses digits, the axis is the row of the quaternion's
+    4 q qᵀ with the largest diagonal entry: Shepperd (1978).
+    """
     s = vee(R)
     sine, cosine = np.linalg.norm(s, axis=-1), 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1)
     angle = np.arctan2(sine, cosine)
     factor = np.where(sine > SMALL, angle / np.where(sine > SMALL, sine, 1.0), 1 + sine**2 / 6)
-    return factor[..., None] * s
+    found = factor[..., None] * s
+    far = cosine < REVERSED
+    if np.any(far):
+        q = attitude.to_quaternion(R[far])
+        length = np.linalg.norm(q[..., 1:], axis=-1)
+        found[far] = (2 * np.arctan2(length, q[..., 0]) / length)[..., None] * q[..., 1:]
+    return found
 
 
 def right_jacobian(v: np.ndarray) -> np.ndarray:

@@ -74,7 +74,10 @@ class Setting:
         template = self.method.begin(self.unknowns.system, self.start, h)
         if template.memory is not None or self.method.variable:
             raise ArgumentError(f"{self.method.title} remembers steps before: take co.Midpoint().")
-        return Shooting(self.unknowns, self.channels, cut, self._reference(cut.starts, h), template, self.program)
+        rows = cut.rows[:, 0]
+        begun = {name: self.log.actual.get(name, values)[rows] for name, values in self.log.inputs.items()}
+        reference = self._reference(cut.starts, h)
+        return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun)
 
     def _reference(self, times: np.ndarray, h: float) -> Reference:
         """Where segments start: from the log if it tells, else from a run of the system as it is."""

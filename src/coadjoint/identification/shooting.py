@@ -6,7 +6,8 @@ of the parameters that are sought. Derivatives of what sensors would say, by δ 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -26,6 +27,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants
+from coadjoint.spaces.named import Named
 
 KEPT = 16
 """How many functions that start segments stay in memory."""
@@ -64,6 +66,8 @@ class Shooting:
     reference: Reference
     template: State
     program: Any
+    begun: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Where actuators stand at the first sample of each segment, (segments, …), as far as the log tells."""
 
     @property
     def size(self) -> int:
@@ -95,7 +99,22 @@ class Shooting:
     def held(self) -> Any:
         """The internal state with which all segments start as long as nothing better is known."""
         begun = self.template.internal
-        return jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
+        return self._after_gaps(
+            jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf, float)[None], self.runs, axis=0), begun)
+        )
+
+    def _after_gaps(self, internal: Any) -> Any:
+        """Internal states with actuators where the log has them, in those segments that a gap comes before."""
+        after = self.samples.after_gap
+        if not isinstance(internal, Named) or not after.any():
+            return internal
+        changed = {}
+        for name, values in self.begun.items():
+            if name in internal and not isinstance(there := getattr(internal, name), Named):
+                found = np.array(there)
+                found[after] = values.reshape(found.shape)[after]
+                changed[name] = found
+        return internal.replace(**changed)
 
     @cached_property
     def begin(self) -> NativeFunction:
@@ -180,7 +199,8 @@ class Shooting:
         return self.samples.read(dot, found.reading.nodes, found.reading.weights)
 
     def internal(self, found: Prediction) -> Any:
-        """The internal state from which each segment starts: that with which the segment before came there."""
+        """The internal state from which each segment starts: that with which the segment before came there, and after
+        a gap what the log tells of actuators."""
         first = self.held
         if self.template.internal is None:
             return first
@@ -189,7 +209,7 @@ class Shooting:
         came = shape.unpack(last)
         pairs = zip(jax.tree.leaves(first), jax.tree.leaves(came.internal), strict=True)
         leaves = [np.concatenate([start[:1], later.reshape(-1, *start.shape[1:])]) for start, later in pairs]
-        return jax.tree.unflatten(jax.tree.structure(first), leaves)
+        return self._after_gaps(jax.tree.unflatten(jax.tree.structure(first), leaves))
 
 
 def _flat(tree: Any, lead: int) -> np.ndarray:

@@ -95,3 +95,30 @@ def test_fluid_added_mass_is_that_of_the_systems_derivatives(tmp_path: Path) -> 
     (tmp_path / "other.sdf").write_text(other)
     found = import_vehicle(tmp_path / "other.sdf").vehicle.added_mass
     np.testing.assert_array_equal(found, import_vehicle(TORPEDO).vehicle.added_mass)
+
+
+LINK = """<link name="{name}">{pose}<inertial><pose>0.1 0 0.02 0 0 0</pose><mass>{mass}</mass>
+  <inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.3</izz></inertia></inertial>
+  <collision name="c"><geometry><box><size>0.2 0.2 0.3</size></box></geometry></collision></link>"""
+JOINT = '<joint name="{name}_joint" type="fixed"><parent>base</parent><child>{name}</child></joint>'
+
+
+def test_included_models_stand_where_the_include_puts_them(tmp_path: Path) -> None:
+    """As one file with all links in place; the pose of the <include> takes the place of that of its model."""
+    placed = "<pose>-1 0.2 0.3 0 0 1.2</pose>"
+    inner = "<pose>0.4 0 0 0.3 0 0</pose>"
+    base = LINK.format(name="base", pose="", mass=20)
+    flat = f"{base}<frame name='f'>{placed}</frame>" + LINK.format(
+        name="fin", pose=inner.replace("<pose>", "<pose relative_to='f'>"), mass=2
+    )
+    whole = "<sdf><model name='v'>{}</model></sdf>"
+    (tmp_path / "flat.sdf").write_text(whole.format(flat + JOINT.format(name="fin")))
+    fin = LINK.format(name="fin", pose=inner, mass=2)
+    for own, of_include in (("<pose>9 9 9 0 0 0</pose>", placed), (placed, "")):
+        (tmp_path / "fin.sdf").write_text(whole.format(own + fin))
+        include = f"<include><uri>fin.sdf</uri>{of_include}</include>"
+        (tmp_path / "parts.sdf").write_text(whole.format(base + include + JOINT.format(name="fin")))
+        there, here = (import_vehicle(tmp_path / f"{name}.sdf").vehicle for name in ("flat", "parts"))
+        for field in ("mass", "inertia", "center_of_mass", "volume", "center_of_buoyancy"):
+            np.testing.assert_allclose(getattr(here, field), getattr(there, field), atol=1e-12, err_msg=field)
+    assert abs(float(np.asarray(here.center_of_mass)[0])) < 0.1

@@ -78,6 +78,16 @@ TORPEDO = {
     "a pose of five": ("<pose>1.43162 0 0 0 0 0</pose>", "<pose>1.43162 0 0 0 0</pose>", "must hold 6 numbers"),
     "a mass below zero": ("<mass>147.0671", "<mass>-1", "must not be negative"),
     "a fin about its chord": ("<xyz>0 0 1</xyz>", "<xyz>1 0 0</xyz>", "turns about an axis"),
+    "a propeller on nothing": (
+        "<parent>base_link</parent><child>propeller<",
+        "<parent>propeller</parent><child>propeller<",
+        "acts on the link 'propeller', which no joint connects",
+    ),
+    "an inertial elsewhere": (
+        "<inertial>",
+        '<inertial><pose relative_to="propeller">0 0 0 0 0 0</pose>',
+        "in its link",
+    ),
     "quaternions": ("<pose>1.43162", '<pose rotation_format="quat_xyzw">1.43162', "roll, pitch and yaw"),
 }
 
@@ -131,3 +141,23 @@ def test_the_command_writes_a_vehicle_file_and_never_over_one(tmp_path: Path, ca
     capsys.readouterr()
     assert main(command) == 2 and "not there yet" in capsys.readouterr().err
     assert main(["import", str(tmp_path / "nothing.sdf")]) == 2
+
+
+def test_files_that_include_without_end_are_bounded(tmp_path: Path, monkeypatch) -> None:
+    """Files, their bytes and what is made of them in all."""
+    (tmp_path / "empty.xml").write_text("<r/>")
+    (tmp_path / "long.xml").write_text(f'<r a="{"b" * 90_000}"/>')
+    (tmp_path / "made.xml").write_text(f'<r><s a="{"b" * 90_000}"/></r>')
+    include = '<xacro:include filename="{}.xml"/>'
+    for name, count, expected in (("empty", 300, "256 files"), ("long", 180, "16 MB"), ("made", 120, "characters in")):
+        (tmp_path / "wrong.xml").write_text(f"<robot {XACRO}>{count * include.format(name)}</robot>")
+        with pytest.raises(CoadjointError, match=expected):
+            import_vehicle(tmp_path / "wrong.xml")
+    part = "<sdf><model name='p'>{}</model></sdf>"
+    (tmp_path / "part.sdf").write_text(part.format("<link name='a'/>"))
+    (tmp_path / "large.sdf").write_text(part.format(30_000 * "<a/>"))
+    for name, count, expected in (("part", 70, "more than 64 files"), ("large", 2, "50,000 elements")):
+        included = count * f"<include><uri>{name}.sdf</uri></include>"
+        (tmp_path / "wrong.sdf").write_text(f"<sdf><model name='a'>{included}</model></sdf>")
+        with pytest.raises(CoadjointError, match=expected):
+            import_vehicle(tmp_path / "wrong.sdf")

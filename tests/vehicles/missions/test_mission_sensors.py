@@ -94,3 +94,36 @@ def test_mistakes_in_the_section_are_told_in_a_sentence(old, new, sentence):
     assert old in MISSION
     with pytest.raises(ArgumentError, match=sentence):
         _ = mission(MISSION.replace(old, new, 1)).setup
+
+
+GRID = MISSION.replace("bottom_m = 18\n", "").replace("[sensors]", '[water.bottom]\nfile = "bottom.csv"\n[sensors]', 1)
+
+
+def test_sensors_know_the_bottom_of_the_water():
+    """Bottom lock ends where the grid rises: with the same depth everywhere it is read as with bottom_m."""
+    dvl = next(one for one in co.vehicles.load("bluerov2_heavy_blue").sensors if one.name == "dvl")
+
+    def grid(depth):
+        rows = [f"{n},{e},{depth}" for n in (-50, 50) for e in (-50, 50)]
+        Path("bottom.csv").write_text("north,east,depth\n" + "\n".join(rows) + "\n")
+
+    level = mission().run().dataset
+    grid(18.0)
+    same = mission(GRID, "grid.toml").run().dataset
+    np.testing.assert_array_equal(same.sensor_dvl_velocity, level.sensor_dvl_velocity)
+    assert level.sizes["sensor_dvl_time"] > 0
+    grid(10.0 + 2 * float(dvl.highest))
+    far = mission(GRID, "grid.toml").run().dataset
+    assert far.sizes["sensor_dvl_time"] == 0
+
+
+def test_what_cannot_be_read_costs_no_results(monkeypatch):
+    def fails(*args, **more):
+        raise ArgumentError("The sensor is out of order.")
+
+    monkeypatch.setattr("coadjoint.vehicles.readings.of_run.readings", fails)
+    mission()
+    assert main(["run", "dive.toml", "--out", "dive"]) == 0
+    saved = co.load("dive/trajectory.nc")
+    assert saved.dataset.time[-1] == 3 and not Path("dive/sensor_imu.csv").exists()
+    assert "The sensor is out of order." in Path("dive/summary.json").read_text()

@@ -85,3 +85,46 @@ def test_files_of_both_formats_are_one_bottom_and_wrong_ones_have_a_sentence(tmp
     ):
         with pytest.raises(CoadjointError, match=expected):
             Bottom(north, [0.0, 1.0], depth)
+
+
+def netcdf(path, name="depth", values=PLANE, **attrs):
+    axes = {axis: attrs.pop(axis, {}) for axis in ("north", "east")}
+    coords = {"north": ("north", NORTH, axes["north"]), "east": ("east", EAST, axes["east"])}
+    xarray.Dataset({name: (("north", "east"), values, attrs)}, coords).to_netcdf(path)
+    return path
+
+
+def test_what_counts_up_in_netcdf_becomes_a_depth(tmp_path: Path) -> None:
+    """By the name, or by the attribute of the CF conventions, whatever the name is."""
+    for name, values, attrs in (
+        ("depth", PLANE, {"units": "m"}),
+        ("depth", -PLANE, {"positive": "up"}),
+        ("elevation", -PLANE, {}),
+        ("elevation", PLANE, {"positive": "down"}),
+        ("z", -PLANE, {"positive": "up"}),
+    ):
+        bottom = Bottom.from_netcdf(netcdf(tmp_path / "x.nc", name, values, **attrs))
+        assert evaluate(bottom, 10.0, 20.0) == pytest.approx(30.0, rel=1e-12), (name, attrs)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "attrs", "words"),
+    [
+        ("z", -PLANE, {}, "does not say whether z counts up"),
+        ("depth", PLANE, {"positive": "left"}, 'must be "up" or "down", but is \'left\''),
+        ("depth", PLANE, {"units": "km"}, "must hold depth in m, but its units are 'km'"),
+        ("depth", PLANE, {"north": {"units": "degrees_north"}}, "must hold north in m"),
+        ("depth", -PLANE, {}, "all its depths are negative"),
+        ("elevation", PLANE, {}, "all its depths are negative"),
+    ],
+)
+def test_grids_of_netcdf_that_mean_something_else_are_refused(tmp_path: Path, name, values, attrs, words) -> None:
+    with pytest.raises(CoadjointError, match=words):
+        Bottom.from_netcdf(netcdf(tmp_path / "x.nc", name, values, **attrs))
+
+
+def test_a_grid_with_too_many_nodes_is_refused_before_it_is_read(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("coadjoint.vehicles.water.bottom.MOST", 3000)
+    monkeypatch.setattr(xarray.DataArray, "load", None)
+    with pytest.raises(CoadjointError, match="3,321 nodes, more than 3,000"):
+        Bottom.from_netcdf(netcdf(tmp_path / "x.nc"))

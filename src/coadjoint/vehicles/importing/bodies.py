@@ -42,7 +42,6 @@ class Joint:
     """Of the child link in the parent link, at position 0."""
     lower: float | None = None
     upper: float | None = None
-    speed: float | None = None
 
 
 class Body(NamedTuple):

@@ -27,6 +27,8 @@ class Draft:
     name: str
     source: str
     body: dict[str, Any] = field(default_factory=dict)
+    elements: int = 0
+    """How many elements of included files were read."""
     parts: list[Part] = field(default_factory=list)
     provenance: dict[str, Quantity] = field(default_factory=dict)
     report: Report = field(default_factory=Report)

@@ -21,7 +21,7 @@ from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import Placement, flag_in, number, number_in, numbers, text_in
 from coadjoint.vehicles.importing.gazebo_actuators import airfoils, ballast, thrusters
 from coadjoint.vehicles.importing.gazebo_damping import COLUMNS, ROWS, damping
-from coadjoint.vehicles.importing.sdf import joints_of, links_of, model_of, pose_of
+from coadjoint.vehicles.importing.sdf import joints_of, links_of, model_of, own_pose
 from coadjoint.vehicles.importing.urdf import plugins_named
 
 DENSITY = 1000.0
@@ -118,7 +118,7 @@ def _volume(draft: Draft, floats: list[Element], links: dict[str, Link], poses: 
             if collision.tag != "collision":
                 continue
             volume = _shape_volume(draft, collision)
-            at, _ = pose_of(collision)
+            at = own_pose(collision, name)
             total, moment = total + volume, moment + volume * pose.place(at.r)
             where += [collision] if volume else []
     if not total:

@@ -26,7 +26,7 @@ def thrusters(
     """A part for each thruster of Gazebo, along the axis of its joint: k = ρCD⁴ N s²/rad² of revolutions in rad/s."""
     for index, plugin in enumerate(plugins):
         joint = _joint(plugin, "joint_name", joints)
-        pose = poses[joint.child]
+        pose = _connected(plugin, joint.child, poses)
         name = "thrusters" if index == 0 else f"thrusters_{index + 1}"
         direction = pose.R @ joint.axis
         own = links[joint.child]
@@ -79,9 +79,7 @@ def airfoils(
     """A foil for each system LiftDrag; its link's joint moves it."""
     for plugin in plugins:
         link = link_named(links, text_in(plugin, "link_name"), plugin)
-        pose = poses.get(link.name)
-        if pose is None:
-            raise plugin.fail(f"acts on the link {link.name!r}, which no joint connects with the vehicle.")
+        pose = _connected(plugin, link.name, poses)
         forward, upward = (_direction(plugin, tag, default) for tag, default in (("forward", 0), ("upward", 2)))
         position = pose.place(_vector(plugin, "cp", np.zeros(3)))
         found = {
@@ -151,6 +149,7 @@ def ballast(draft: Draft, plugins: list[Element], links: dict[str, Link], poses:
     """A volume beyond the neutral one for each buoyancy engine."""
     for index, plugin in enumerate(plugins):
         link = link_named(links, text_in(plugin, "link_name"), plugin)
+        place = _connected(plugin, link.name, poses)
         neutral = number_in(plugin, "neutral_volume", 0.0003)
         scale = number_in(plugin, "fluid_density", 1000.0) / _water(draft)
         low = scale * (number_in(plugin, "min_volume", 0.0) - neutral)
@@ -163,12 +162,19 @@ def ballast(draft: Draft, plugins: list[Element], links: dict[str, Link], poses:
         draft.parts.append(
             Ballast(
                 name,
-                position=draft.take(f"{name}.position", poses[link.name].r * draft.flip, "m", link.element),
+                position=draft.take(f"{name}.position", place.r * draft.flip, "m", link.element),
                 low=draft.take(f"{name}.low", low, "m^3", plugin),
                 high=draft.take(f"{name}.high", high, "m^3", plugin),
                 rate=draft.take(f"{name}.rate", rate, "m^3/s", plugin),
             )
         )
+
+
+def _connected(plugin: Element, link: str, poses: dict[str, Placement]) -> Placement:
+    """The pose of a link in the vehicle; raises FileError where no joint leads to it."""
+    if link not in poses:
+        raise plugin.fail(f"acts on the link {link!r}, which no joint connects with the vehicle.")
+    return poses[link]
 
 
 def _water(draft: Draft) -> float:

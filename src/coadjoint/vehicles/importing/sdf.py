@@ -9,7 +9,7 @@ import numpy as np
 
 from coadjoint.vehicles.importing.bodies import Joint, Link
 from coadjoint.vehicles.importing.draft import Draft
-from coadjoint.vehicles.importing.elements import Element, read_elements
+from coadjoint.vehicles.importing.elements import MOST, Element, read_elements
 from coadjoint.vehicles.importing.frames import (
     HERE,
     Placement,
@@ -21,8 +21,8 @@ from coadjoint.vehicles.importing.frames import (
     text_in,
 )
 
-DEEPEST = 8
-"""The most models that are included within each other."""
+DEEPEST, MOST_FILES = 8, 64
+"""The most models that are included within each other, and the most files in all."""
 
 
 def model_of(root: Element, folder: Path, draft: Draft) -> Element:
@@ -52,7 +52,34 @@ def _merge(model: Element, folder: Path, draft: Draft, depth: int) -> None:
     for element in [child for child in model.children if child.tag == "include"]:
         element.taken = True
         found = _included(element, folder, draft, depth + 1)
-        model.children += [child for child in found.children if child.tag != "pose"]
+        model.children += _moved(element, found, f"__included_{len(model.children)}__")
+
+
+def _moved(include: Element, model: Element, name: str) -> list[Element]:
+    """The children of an included model, with those poses that count from it relative to a frame `name`.
+
+    The frame has the pose of the <include>, which takes the place of that in the <model>.
+    """
+    if (placed := include.first("placement_frame")) is not None:
+        raise placed.fail("is not read: give the pose of the model itself.")
+    pose = include.first("pose") or model.first("pose")
+    children = [child for child in model.children if child.tag != "pose"]
+    if pose is None:
+        return children
+    frame = Element("frame", {"name": name}, pose.file, pose.line, [pose])
+    turns = not np.allclose(pose_of(frame)[0].R, np.eye(3)) or pose_of(frame)[1] != ""
+    for child in children:
+        if child.tag in ("link", "frame") and not child.attributes.get("attached_to"):
+            own = next((one for one in child.children if one.tag == "pose"), None)
+            if own is None:
+                own = Element("pose", {}, child.file, child.line)
+                child.children.append(own)
+            if own.attributes.get("relative_to", "") in ("", "__model__"):
+                own.attributes["relative_to"] = name
+        for one in child.walk() if child.tag == "joint" and turns else ():
+            if one.attributes.get("expressed_in") == "__model__":
+                raise one.fail("is expressed in a model that is included with a turn: express it in its joint.")
+    return [*children, frame]
 
 
 def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Element:
@@ -70,7 +97,12 @@ def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Eleme
         raise element.fail(f"includes {path}, which is not there: give the folder of the models by --folder.")
     place = str(path.resolve().relative_to(folder.resolve()))
     draft.report.files.append(place)
+    if len(draft.report.files) > MOST_FILES:
+        raise element.fail(f"is one more than {MOST_FILES} files, which no vehicle needs.")
     root = read_elements(path, place)
+    draft.elements += sum(1 for _ in root.walk())
+    if draft.elements > MOST:
+        raise element.fail(f"makes more than {MOST:,} elements, which no vehicle needs.")
     model = root.first("model")
     if model is None:
         raise root.fail("holds no <model>.")
@@ -78,7 +110,7 @@ def _included(element: Element, folder: Path, draft: Draft, depth: int) -> Eleme
     _merge(model, folder, draft, depth)
     added = [child for child in element.children if child.tag in ("plugin", "experimental:params")]
     for child in element.children:
-        child.taken = child.taken or child.tag in ("pose", "name")
+        child.taken = child.taken or child.tag == "name"
     model.children += added
     return model
 
@@ -96,6 +128,14 @@ def pose_of(element: Element) -> tuple[Placement, str]:
     found = numbers(child, child.text, (6,), "a pose")
     scale = math.pi / 180 if (child.get("degrees") or "").lower() in ("1", "true") else 1.0
     return Placement(rotation(*(scale * found[3:])), found[:3]), relative
+
+
+def own_pose(element: Element, link: str) -> Placement:
+    """The pose of an inertial or a collision in its link; raises FileError for one relative to something else."""
+    pose, relative = pose_of(element)
+    if relative not in ("", link):
+        raise element.fail(f"has a pose relative to {relative!r}; one in its link {link!r} is read.")
+    return pose
 
 
 def links_of(model: Element, draft: Draft) -> dict[str, Link]:
@@ -137,7 +177,7 @@ def _link(name: str, element: Element, draft: Draft) -> Link:
     link.place = inertial.place
     if (inertial.get("auto") or "").lower() in ("1", "true"):
         raise inertial.fail("is computed from shapes by the simulator: write its numbers.")
-    pose, _ = pose_of(inertial)
+    pose = own_pose(inertial, name)
     link.mass, link.center = number_in(inertial, "mass", 1.0), pose.r
     if link.mass < 0:
         raise inertial.fail(f"has the mass {link.mass:g} kg, which must not be negative.")
@@ -177,7 +217,6 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
     made.axis = turn @ direction / np.linalg.norm(direction)
     limit = axis.first("limit")
     if limit is not None:
-        low, high, speed = (number_in(limit, tag, math.inf) for tag in ("lower", "upper", "velocity"))
+        low, high, _ = (number_in(limit, tag, math.inf) for tag in ("lower", "upper", "velocity"))
         made.lower, made.upper = (None if abs(x) > 1e15 else x for x in (low, high))
-        made.speed = speed if 0 < speed < 1e15 else None
     return made

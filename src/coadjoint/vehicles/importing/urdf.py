@@ -63,7 +63,7 @@ def _joint(element: Element) -> Joint:
     made.pose = origin(element)
     limit = element.first("limit")
     if limit is not None:
-        made.lower, made.upper, made.speed = (
+        made.lower, made.upper, _ = (
             None if limit.get(key) is None else number(limit, limit.get(key), key)
             for key in ("lower", "upper", "velocity")
         )

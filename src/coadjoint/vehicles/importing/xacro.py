@@ -17,6 +17,8 @@ from coadjoint.vehicles.importing.elements import Element, read_elements
 
 DEEPEST, MOST, LONGEST = 64, 50_000, 100_000
 """The most elements, macros, includes and properties within each other, steps of making, and characters of a text."""
+MOST_FILES, MOST_BYTES, MOST_WRITTEN = 256, 16_000_000, 10_000_000
+"""The most files that are read, their bytes, and the characters that are made in all."""
 _DOLLAR = re.compile(r"\$\$|\$\{([^{}]*)\}|\$\(([^()]*)\)")
 
 
@@ -62,6 +64,8 @@ class Xacro:
     missing: list[str] = field(default_factory=list)
     """Sentences on includes and macros that are not there."""
     made: int = 0
+    written: int = 0
+    bytes: int = 0
     open: int = 0
 
     def read(self, path: Path) -> Element:
@@ -79,6 +83,11 @@ class Xacro:
                 "folder that holds both by --folder."
             ) from None
         self.files.append(name)
+        self.bytes += path.stat().st_size
+        if len(self.files) > MOST_FILES or self.bytes > MOST_BYTES:
+            raise FileError(
+                f"The file {path} is beyond {MOST_FILES} files or {MOST_BYTES // 10**6} MB, which no vehicle needs."
+            )
         return read_elements(path, name)
 
     def _children(self, of: Element, scope: Scope, depth: int, beside: Path) -> Iterator[Element]:
@@ -237,6 +246,9 @@ class Xacro:
         made = _DOLLAR.sub(replaced, given) if "$" in given else given
         if len(made) > LONGEST:
             raise element.fail(f"makes a text of more than {LONGEST:,} characters.")
+        self.written += len(made)
+        if self.written > MOST_WRITTEN:
+            raise element.fail(f"makes more than {MOST_WRITTEN:,} characters in all, which no vehicle needs.")
         return made
 
     def _value(self, expression: str, scope: Scope, element: Element) -> str:

@@ -100,9 +100,9 @@ def _stands(title: str, action: str, value: Any, part: Any, given: dict[str, Any
     return rest, tuple(number - 1 for number in numbers)
 
 
-def told(file: MissionFile, dataset: Any) -> list[str]:
+def sentences(file: MissionFile, dataset: Any) -> list[str]:
     """A sentence on each fault for the card: from when on it was there; saved nodes only."""
-    sentences = []
+    found_sentences = []
     for name, table in file.faults.items():
         found = dataset.get(f"internal_faults_{name}")
         if found is None:
@@ -112,11 +112,11 @@ def told(file: MissionFile, dataset: Any) -> list[str]:
         first = np.argmax(there, axis=-1)
         times = np.asarray(dataset.time.values)[first]
         if not np.any(there):
-            sentences.append(f"The fault `{name}` of {table['part']} ({said}) did not come.")
+            found_sentences.append(f"The fault `{name}` of {table['part']} ({said}) did not come.")
         elif there.ndim > 1:
-            sentences.append(
+            found_sentences.append(
                 f"The fault `{name}` of {table['part']} ({said}) came to {int(there.any(-1).sum())} members."
             )
         else:
-            sentences.append(f"From t = {float(times):.6g} s on, fault `{name}` of {table['part']}: {said}.")
-    return sentences
+            found_sentences.append(f"From t = {float(times):.6g} s on, fault `{name}` of {table['part']}: {said}.")
+    return found_sentences

@@ -102,10 +102,10 @@ class MissionFile(Runnable):
         return set_up(self)
 
     def warnings(self, run: Run) -> list[str]:
-        from coadjoint.vehicles.missions.faults import told
+        from coadjoint.vehicles.missions.faults import sentences
         from coadjoint.vehicles.missions.results import left_water
 
-        return [*left_water(run.dataset), *told(self, run.dataset)]
+        return [*left_water(run.dataset), *sentences(self, run.dataset)]
 
     def observe(self, run: Run) -> None:
         from coadjoint.vehicles.missions.sensors import observe
@@ -115,8 +115,8 @@ class MissionFile(Runnable):
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
         from coadjoint.vehicles.missions.results import figures, members, results
 
-        told = members(self, folder, run) if self.run.members > 1 else results(self, folder, run)
-        return told, figures(self, folder, run.dataset)
+        summary = members(self, folder, run) if self.run.members > 1 else results(self, folder, run)
+        return summary, figures(self, folder, run.dataset)
 
 
 def from_table(table: dict[str, Any], path: Path, text: str) -> MissionFile:

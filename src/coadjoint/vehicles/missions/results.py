@@ -14,7 +14,7 @@ from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.vehicles.figures.declared import FIGURES
 from coadjoint.vehicles.missions.legs import reached
-from coadjoint.vehicles.missions.sensors import logs, told
+from coadjoint.vehicles.missions.sensors import counts, logs
 from coadjoint.vehicles.missions.summary import mission_summary, spread
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def results(file: MissionFile, folder: Path, run: Run) -> dict[str, Any]:
         logs(run.dataset, folder)
     ended = {} if run.event is None else {"ended_by": reached(file, run.final.q)}
     return {
-        "mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **told(run.dataset)}
+        "mission": {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **counts(run.dataset)}
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import LENGTH
 from coadjoint.vehicles.missions import legs
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from coadjoint.simulation.run import Run
     from coadjoint.vehicles.missions.file import MissionFile
+    from coadjoint.vehicles.water.bottom import Bottom
 
 KEYS = ("seed", "names", "bottom")
 """What [sensors] holds."""
@@ -22,11 +23,12 @@ KEYS = ("seed", "names", "bottom")
 
 @dataclass(frozen=True)
 class SensorsSection:
-    """names: of the sensors that are read, in this order. seed: of their errors. bottom: its depth, m, or None."""
+    """names: of the sensors that are read, in this order. seed: of their errors. bottom: its depth, m, or a grid of
+    depths, or None."""
 
     names: tuple[str, ...]
     seed: int
-    bottom: float | None
+    bottom: float | Bottom | None
 
 
 def sensors_section(file: MissionFile, vehicle: Any) -> SensorsSection | None:
@@ -42,17 +44,27 @@ def sensors_section(file: MissionFile, vehicle: Any) -> SensorsSection | None:
     seed = given.get("seed", 0)
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ArgumentError(f"[sensors] seed must be a whole number of at least 0, but is {seed!r}.")
-    bottom = given.get("bottom", legs.bottom(file))
-    if bottom is not None and (isinstance(bottom, bool) or not isinstance(bottom, (int, float))):
-        raise ArgumentError(f"[sensors] bottom must be the depth of the bottom, one number, but is {bottom!r}.")
+    bottom = _bottom(file, given)
     names = _names(given, vehicle)
     altimeters = [one.name for one in vehicle.sensors if one.kind == "altimeter" and one.name in names]
     if altimeters and bottom is None:
         raise ArgumentError(
-            f"The altimeter {altimeters[0]} needs the depth of a level bottom: give [sensors] bottom_m, or leave "
-            "it out of [sensors] names."
+            f"The altimeter {altimeters[0]} needs the depth of the bottom: give [sensors] bottom_m or [water.bottom], "
+            "or leave it out of [sensors] names."
         )
-    return SensorsSection(names, seed, None if bottom is None else float(bottom))
+    return SensorsSection(names, seed, bottom)
+
+
+def _bottom(file: MissionFile, given: dict[str, Any]) -> float | Bottom | None:
+    """The depth of [sensors] bottom_m, else the grid of [water.bottom], else [mission] bottom_m."""
+    from coadjoint.vehicles.missions import water
+
+    if "bottom" not in given and file.water.get("bottom") is not None:
+        return water.bottom(file)
+    bottom = given.get("bottom", legs.bottom(file))
+    if bottom is not None and (isinstance(bottom, bool) or not isinstance(bottom, (int, float))):
+        raise ArgumentError(f"[sensors] bottom must be the depth of the bottom, one number, but is {bottom!r}.")
+    return None if bottom is None else float(bottom)
 
 
 def _names(given: dict[str, Any], vehicle: Any) -> tuple[str, ...]:
@@ -74,7 +86,10 @@ def _names(given: dict[str, Any], vehicle: Any) -> tuple[str, ...]:
 
 
 def observe(file: MissionFile, run: Run) -> None:
-    """Put what the sensors of [sensors] read into the dataset of a run; nothing where a step failed."""
+    """Put what the sensors of [sensors] read into the dataset of a run; nothing where a step failed.
+
+    What cannot be read becomes a warning of the run, which is not lost.
+    """
     from coadjoint.vehicles.missions.vehicle import vehicle_of
     from coadjoint.vehicles.readings.of_run import readings
 
@@ -82,7 +97,10 @@ def observe(file: MissionFile, run: Run) -> None:
         return
     section = sensors_section(file, vehicle_of(file)[0])
     assert section is not None
-    readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom).add_to(run.dataset)
+    try:
+        readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom).add_to(run.dataset)
+    except CoadjointError as error:
+        run.warnings.append(f"What [sensors] asks for could not be read: {error}")
 
 
 def logs(dataset: Any, folder: Path) -> None:
@@ -94,7 +112,7 @@ def logs(dataset: Any, folder: Path) -> None:
         write_text(folder / f"sensor_{name}.csv", sensor_text(dataset, name))
 
 
-def told(dataset: Any) -> dict[str, Any]:
+def counts(dataset: Any) -> dict[str, Any]:
     """What the summary says of each sensor: how many readings came, and of how many that were tried."""
     from coadjoint.vehicles.readings.taken import PREFIX, read_sensors
 

@@ -17,12 +17,14 @@ from coadjoint.vehicles.model.energies import Surroundings
 from coadjoint.vehicles.sensors.kinematics import Kinematics, rotation_of
 
 
-def kinematics(craft: Craft, *, bottom: float | None = None, system: System | None = None) -> Callable[..., Kinematics]:
+def kinematics(
+    craft: Craft, *, bottom: float | Callable[[Any, Any], Any] | None = None, system: System | None = None
+) -> Callable[..., Kinematics]:
     """(state, p) → Kinematics at a node of a craft; traced by JAX, as observations of a `co.Stepper` are.
 
     Velocities are those of the momenta at the node, accelerations those of the continuous equations (P20)–(P22) with
-    all forces and the internal state there. bottom: the depth of a level bottom, one number in m; None where there is
-    none. system: by default that of the craft.
+    all forces and the internal state there. bottom: the depth of a level bottom, one number in m, or a function
+    (north, east) ↦ depth, m; None where there is none. system: by default that of the craft.
     """
     of = craft.system if system is None else system
     water = craft.water
@@ -35,8 +37,10 @@ def kinematics(craft: Craft, *, bottom: float | None = None, system: System | No
         a = own.advected.view(own.group, state.a)
         around = Surroundings(water, state.n, a, state.t, state.internal, p)
         R, depth = rotation_of(a), around.depth()
+        position = R @ state.n
+        below = bottom(position[0], position[1]) if callable(bottom) else bottom
         return Kinematics(
-            position=R @ state.n,
+            position=position,
             rotation=R,
             velocity=nu,
             omega=xi,
@@ -44,7 +48,7 @@ def kinematics(craft: Craft, *, bottom: float | None = None, system: System | No
             angular_acceleration=rates.xi,
             gravity=jnp.asarray(p.gravity),
             current=water.current(around.place(), state.t, around.memory, p.water),
-            bottom=None if bottom is None else jnp.asarray(bottom),
+            bottom=None if below is None else jnp.asarray(below),
             head=water.pressure_head(depth, p.water) if water.stratified else p.fluid_density * depth,
             density=jnp.asarray(water.density(depth, p.water) if water.stratified else p.fluid_density),
             t=state.t,
@@ -86,6 +90,7 @@ def between(first: Kinematics, last: Kinematics, t: Array) -> Kinematics:
         acceleration=line(first.acceleration, last.acceleration),
         angular_acceleration=line(first.angular_acceleration, last.angular_acceleration),
         current=line(first.current, last.current),
+        bottom=None if first.bottom is None else line(first.bottom, last.bottom),
         head=cubic(first.head, sinking[0], last.head, sinking[1]),
         density=line(first.density, last.density),
         t=t,

@@ -35,7 +35,7 @@ def readings(
     *,
     seed: int = 0,
     sensors: Sequence[Sensor | str] | None = None,
-    bottom: float | None = None,
+    bottom: float | Callable[[Any, Any], Any] | None = None,
     craft: Craft | None = None,
 ) -> Readings:
     """What the sensors of a vehicle read in a run of it, each at its own rate from the start of the run on.
@@ -49,7 +49,8 @@ def readings(
     read after the run: they do not act on it.
 
     run: of `co.simulate`, of a single craft. seed: a whole number of at least 0. sensors: names, or sensors of one's
-    own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m; None where there is none.
+    own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function
+    (north, east) ↦ depth, m, such as a `Bottom`, which is level below each reading; None where there is none.
     craft: the one of the run; by default it is found by its system. Raises ArgumentError for a run of no craft and
     for sensors that there are not.
     """
@@ -72,7 +73,7 @@ def chosen_sensors(craft: Craft, asked: Sequence[Sensor | str] | None) -> tuple[
     return different([craft.vehicle.sensor(one) if isinstance(one, str) else one for one in asked])
 
 
-def moved(run: Run, craft: Craft, bottom: float | None) -> Kinematics:
+def moved(run: Run, craft: Craft, bottom: float | Callable[[Any, Any], Any] | None) -> Kinematics:
     """The kinematics of a craft at every node of a run, with leading axes, (nodes, …), the last node among them."""
     at, p = kinematics(craft, bottom=bottom, system=run.system), run.system.parameters
     made, found = None, []

@@ -15,6 +15,7 @@ from coadjoint.vehicles.water.columns import read
 
 MOST = 4_000_000
 """The most nodes of a grid."""
+METRES = ("m", "metre", "metres", "meter", "meters", "")
 NAMES = ("depth", "bottom", "elevation", "z")
 """What the depths are called in netCDF files; `elevation` is counted up."""
 
@@ -68,6 +69,7 @@ class Bottom:
     def from_netcdf(cls, path: str | os.PathLike[str], between: Literal["bilinear", "bicubic"] = "bilinear") -> Bottom:
         """The bottom of a netCDF file with a variable depth, or elevation, over the coordinates north and east, m.
 
+        What counts up says so by its name, `elevation`, or by the attribute `positive = "up"`, which `z` needs.
         Raises FileError for a file that cannot be read or holds no such grid.
         """
         import xarray
@@ -76,20 +78,30 @@ class Bottom:
         if not source.is_file():
             raise FileError(f"There is no file {source}.")
         try:
-            with xarray.open_dataset(source) as opened:
-                dataset = opened.load()
+            opened = xarray.open_dataset(source)
         except Exception as error:
             raise FileError(f"The file {source} is not a netCDF file that can be read.") from error
-        name = next((name for name in NAMES if name in dataset), None)
-        if name is None or set(dataset[name].dims) != {"north", "east"}:
-            held = ", ".join(map(str, dataset.data_vars)) or "nothing"
-            raise FileError(f"The file {source} needs a variable depth over north and east, but holds {held}.")
-        for axis in ("north", "east"):
-            if axis not in dataset.coords:
-                raise FileError(f"The file {source} has no coordinate {axis}, in m.")
-        grid = dataset[name].transpose("north", "east").sortby(["north", "east"])
-        sign = -1.0 if name == "elevation" else 1.0
-        return _of_file(cls, source, grid.north.values, grid.east.values, sign * grid.values, between)
+        with opened as dataset:
+            name = next((name for name in NAMES if name in dataset), None)
+            if name is None or set(dataset[name].dims) != {"north", "east"}:
+                held = ", ".join(map(str, dataset.data_vars)) or "nothing"
+                raise FileError(f"The file {source} needs a variable depth over north and east, but holds {held}.")
+            sign = _sign(dataset[name].attrs.get("positive"), name, source)
+            for axis in ("north", "east"):
+                if axis not in dataset.coords:
+                    raise FileError(f"The file {source} has no coordinate {axis}, in m.")
+            for one in (name, "north", "east"):
+                _require_metres(dataset[one].attrs.get("units"), one, source)
+            if dataset[name].size > MOST:
+                raise FileError(
+                    f"The file {source} is no bottom on a grid: it has {dataset[name].size:,} nodes, more than "
+                    f"{MOST:,}: thin it out."
+                )
+            try:
+                grid = dataset[name].load().transpose("north", "east").sortby(["north", "east"])
+            except Exception as error:
+                raise FileError(f"The file {source} is damaged: its {name} cannot be read.") from error
+            return _of_file(cls, source, grid.north.values, grid.east.values, sign * grid.values, between)
 
     def __call__(self, north: Any, east: Any) -> Array:
         """The depth at a place, m."""
@@ -137,7 +149,31 @@ def _cubic(s: Array) -> tuple[Array, ...]:
     )
 
 
+def _sign(positive: Any, name: str, path: Any) -> float:
+    """By what values are multiplied to be depths; raises FileError for `z` without a direction."""
+    if positive is None and name == "z":
+        raise FileError(
+            f'The file {path} does not say whether z counts up: give it the attribute positive = "up" or "down".'
+        )
+    said = str(positive if positive is not None else ("up" if name == "elevation" else "down")).lower()
+    if said not in ("up", "down"):
+        raise FileError(
+            f'The file {path}: the attribute positive of {name} must be "up" or "down", but is {positive!r:.40}.'
+        )
+    return -1.0 if said == "up" else 1.0
+
+
+def _require_metres(units: Any, name: str, path: Any) -> None:
+    if units is not None and str(units).strip().lower() not in METRES:
+        raise FileError(f"The file {path} must hold {name} in m, but its units are {units!r:.40}: convert it.")
+
+
 def _of_file(cls: type[Bottom], path: Any, north: Any, east: Any, depth: Any, between: Any) -> Bottom:
+    if np.size(depth) and np.all(np.asarray(depth) < 0):
+        raise FileError(
+            f"The file {path} holds no bottom under water: all its depths are negative, from {np.min(depth):g} m on; "
+            "depths count down."
+        )
     try:
         return cls(north, east, depth, between)
     except ArgumentError as error:

@@ -96,6 +96,14 @@ def test_the_filter_the_gyroscopes_and_commands_become_a_log(log, numbers):
     assert set(plain.columns) == set(found.columns) and not plain.inputs
 
 
+SHORT_UNITS = (
+    message("FMT", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    + message("FMT", 129, 12, b"FMTU", b"QB", b"TimeUS,FmtType")
+    + b"\xa3\x95\x81"
+    + bytes(9)
+)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -103,6 +111,7 @@ def test_the_filter_the_gyroscopes_and_commands_become_a_log(log, numbers):
         (lambda c: b"\xa3\x95\x81" + c[3:], "begins with a3 95 81, but must begin with a3 95 80"),
         (lambda c: c[:4] + b"\x10" + c[5:], "its definition of `FMT`.*does not fit together"),
         (lambda c: c[:3000] + bytes(len(c) - 3000), "of its .* bytes are no message"),
+        (lambda c: SHORT_UNITS, "its units, FMTU, have 9 bytes of 25"),
         (lambda c: c[: 89 * 7], "holds no message that measures a vehicle"),
     ],
 )

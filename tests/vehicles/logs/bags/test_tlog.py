@@ -39,6 +39,28 @@ def test_attitude_rates_and_position_become_a_log(telemetry):
     assert log.time[1] == pytest.approx(0.001, abs=2e-6) and log.duration == pytest.approx(2.901, abs=2e-6)
 
 
+def test_telemetry_of_two_vehicles_is_not_mixed(telemetry, tmp_path):
+    """Two systems send the same kinds: one is chosen, and read as if it were alone."""
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link, alone = dialect.MAVLink(None, srcSystem=2, srcComponent=1), telemetry.read_bytes()
+    other = [
+        struct.pack(">Q", 10**15 + 10**5 * i + 5000)
+        + dialect.MAVLink_attitude_message(1000 + 100 * i, *map(float, 0.5 + x[:6])).pack(link)
+        for i, x in enumerate(VALUES)
+    ]
+    both = tmp_path / "both.tlog"
+    both.write_bytes(alone + b"".join(other))
+    with pytest.raises(
+        FileError, match=r"holds ATTITUDE of the systems 1, 2: take one vehicle by topics=\[\"ATTITUDE\[1"
+    ):
+        read_log(both)
+    for system, values in ((1, VALUES), (2, 0.5 + VALUES)):
+        log = read_log(both, topics=[f"ATTITUDE[{system}]"])
+        assert np.array_equal(log.columns["roll"], values[:, 0])
+    with pytest.raises(FileError, match=r"has no topic ATTITUDE; it has ATTITUDE\[1\], ATTITUDE\[2\]"):
+        read_log(both, topics=["ATTITUDE"])
+
+
 def test_a_file_that_is_none_is_refused(tmp_path):
     for content in (b"", b"time_s,u_m_s"):
         (tmp_path / "x.tlog").write_bytes(content)

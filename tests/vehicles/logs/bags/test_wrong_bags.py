@@ -12,6 +12,7 @@ import pytest
 from coadjoint.errors import CoadjointError, FileError
 from coadjoint.identification.log import Log
 from coadjoint.vehicles.logs import read_bag, read_log
+from coadjoint.vehicles.logs.bags.definitions import definition
 from coadjoint.vehicles.logs.bags.schemas import known, schema
 from coadjoint.vehicles.logs.bags.serializing import serialized
 
@@ -184,12 +185,45 @@ def test_what_is_whole_of_a_file_that_was_not_closed_is_read_if_asked(tmp_path):
         ("x.bag", b"#ROSBAG V1.1\n", "is no bag of ROS 1: it begins with"),
         ("x.bag", b"#ROSBAG V2.0\n" + bytes(2), "was not closed"),
         ("x.bag", b"#ROSBAG V2.0\n" + bytes(8), "a record cannot be read"),
+        ("x.bag", b"#ROSBAG V2.0\n" + bytes([7, 0, 0, 0, 3, 0, 0, 0]) + b"op=" + bytes(4), "a record cannot be read"),
     ],
 )
 def test_bags_of_other_formats_that_are_none_are_refused(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=words):
         read_log(tmp_path / name)
+
+
+def test_a_database_without_texts_is_refused(tmp_path):
+    import sqlite3
+
+    for kind in ("NULL", "x'00ff'"):
+        path = tmp_path / f"{len(kind)}.db3"
+        with sqlite3.connect(path) as base:
+            base.execute("CREATE TABLE topics (id INTEGER, name TEXT, type TEXT, serialization_format TEXT)")
+            base.execute("CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+            base.execute(f"INSERT INTO topics VALUES (1, '/a', {kind}, 'cdr')")
+        with pytest.raises(FileError, match="a row of its table `topics` holds"):
+            read_log(path)
+
+
+def test_a_short_sequence_of_whole_numbers_lacks_values_and_no_number_is_made_up(tmp_path):
+    """`data[3]` of a message with two values."""
+    kind = "std_msgs/Int64MultiArray"
+    layout = schema("std_msgs/Float64MultiArray").split("=" * 80, 1)[1]
+    text_ = "std_msgs/MultiArrayLayout layout\nint64[] data\n" + "=" * 80 + layout
+    made = definition(kind, text_, "")
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as opened:
+        writer = mcap.Writer(opened)
+        writer.start()
+        channel = writer.register_channel("/n", "cdr", writer.register_schema(kind, "ros2msg", text_.encode()))
+        for i in range(4):
+            content = serialized(made, 1, {"data": np.arange(4 if i % 2 else 2)[None]})[0]
+            writer.add_message(channel, i * 10**9, content, i * 10**9)
+        writer.finish()
+    log = read_log(path, sensors={"sensor": [{"topic": "/n", "columns": {"u_m_s": "data[3]"}}]})
+    assert np.array_equal(log.columns["u"], [3.0, 3.0]) or np.array_equal(np.isnan(log.columns["u"]), [1, 0, 1, 0])
 
 
 def test_folders_and_files_that_are_not_there_are_refused(tmp_path):

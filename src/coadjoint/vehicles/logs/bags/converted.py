@@ -32,7 +32,7 @@ MOST_NORTH = 89.0
 def converted(
     given: Mapping[str, np.ndarray], water: WaterAbove, origin: tuple[float, float] | None, where: str
 ) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Columns with depth in place of a pressure, north and east in place of a fix, speeds along the body, and notes.
+    """Columns with depth in place of a pressure, north and east in place of a fix, and notes.
 
     depth = (p − p_0)/(ρg) with g = 9.80665 m/s²; north = M(φ_0)(φ − φ_0), east = N(φ_0) cos φ_0 (λ − λ_0) with the
     radii of curvature of WGS 84, at most 50 km away. origin: φ_0 and λ_0, °; by default the first fix.
@@ -40,8 +40,6 @@ def converted(
     """
     found = {name: values for name, values in given.items() if name not in OTHERS}
     notes: list[str] = []
-    if any(name in given for name in SPEEDS):
-        found |= _along_body(given, where)
     if "pressure" in given:
         _require_once(found, ("depth", "z", "down", "up"), "pressure", where)
         found["depth"] = (given["pressure"] - water.surface) / (water.density * GRAVITY)
@@ -93,12 +91,21 @@ def fixes(position: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray
     return origin[0] + np.degrees(position[:, 0] / meridian), east
 
 
-def _along_body(given: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
-    """u, v, w of a velocity in space with the attitude of the same message, Rᵀv."""
-    needed = (*SPEEDS, *ATTITUDE)
-    if missing := [name for name in needed if name not in given]:
-        raise FileError(f"{where}: speeds along axes of space need {', '.join(needed)}, but {missing[0]} is missing.")
-    R = np.asarray(attitude.zyx(given["heading"], given["pitch"], given["roll"]))
+def along_body(given: Mapping[str, np.ndarray], columns: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """u, v, w, Rᵀv of the north, east and down speeds in `given`, with the attitude in `columns` of the same messages.
+
+    columns: in north, east, down and forward, starboard, down. Empty where no such speed is given; raises FileError for
+    some of three, and where u, v or w is there already.
+    """
+    if not any(name in given for name in SPEEDS):
+        return {}
+    both = {**given, **{name: columns[name] for name in ATTITUDE if name in columns}}
+    for name in (*SPEEDS, *ATTITUDE):
+        if name not in both or (name in ATTITUDE and name not in columns):
+            needed = ", ".join((*SPEEDS, *ATTITUDE))
+            raise FileError(f"{where}: speeds along axes of space need {needed}, but {name} is missing.")
+    _require_once(columns, VELOCITY, SPEEDS[0], where)
+    R = np.asarray(attitude.zyx(both["heading"], both["pitch"], both["roll"]))
     velocity = np.einsum("kij,ki->kj", R, np.stack([given[name] for name in SPEEDS], axis=1))
     return dict(zip(VELOCITY, velocity.T, strict=True))
 

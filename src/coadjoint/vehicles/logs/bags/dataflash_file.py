@@ -153,6 +153,8 @@ class _Scan:
 
     def units(self, content: bytes) -> None:
         """`FMTU`, a time, a kind, units and factors: the unit `#` marks the column that tells the instance."""
+        if len(content) < 25:
+            raise FileError(f"The log {self.path} is damaged: its units, FMTU, have {len(content)} bytes of 25.")
         kind, units = content[8], _text(content[9:25])
         made = self.formats.get(kind)
         if made is not None and "#" in units and units.index("#") < len(made.columns):

@@ -11,20 +11,28 @@ from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.identification.log import Log
 
+PAUSE, LEAST_PAUSE = 10.0, 1e9
+"""How many usual intervals, and how many ns, a command is silent before a note tells."""
+HOUR = 3600.0
+
 
 @dataclass(frozen=True)
 class Samples:
-    """What one sensor measured: times, ns, that grow, and columns by name, (samples,), with their rank."""
+    """What one sensor measured: times, ns, that grow, and columns by name, (samples,), with their rank.
+
+    lag: by how much its messages were logged after their stamps, the median, s; None where times are those of logging.
+    """
 
     topic: str
     times: np.ndarray
     columns: Mapping[str, np.ndarray]
     rank: Mapping[str, int]
+    lag: float | None = None
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k)."""
+    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k); `lag` as of `Samples`."""
 
     topic: str
     name: str
@@ -32,6 +40,7 @@ class Actuation:
     values: np.ndarray
     unit: str
     did: bool
+    lag: float | None = None
 
 
 def merged(
@@ -52,7 +61,7 @@ def merged(
     inputs = _one_each(file, [one for one in driven if not one.did])
     actual = {name: one for name, one in _one_each(file, [one for one in driven if one.did]).items() if name in inputs}
     clock = _clock([*(_heard(one, chosen) for one in sensors), *(one.times for one in inputs.values())])
-    told = list(notes)
+    told = [*notes, *clocks(file, [*sensors, *driven])]
     begin = max((int(one.times[0]) for one in inputs.values()), default=None)
     if begin is not None and len(clock) and begin > clock[0]:
         told.append(
@@ -66,6 +75,9 @@ def merged(
     time = (clock - clock[0]) / 1e9
     units = {name: one.unit for name, one in inputs.items()}
     told += _choices(chosen, sensors) if telling else []
+    told += [note for one in inputs.values() for note in _pauses(clock, one)]
+    late = [one for one in actual.values() if one.times[0] > clock[0]]
+    told += [f"{one.topic} begins after the first sample, and is left out." for one in late]
     try:
         return Log(
             time,
@@ -132,6 +144,53 @@ def _placed(clock: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndar
 
 def _held(clock: np.ndarray, one: Actuation) -> np.ndarray:
     return one.values[np.searchsorted(one.times, clock, side="right") - 1]
+
+
+def _pauses(clock: np.ndarray, one: Actuation) -> list[str]:
+    """Sentences on a command that ends before the log, and on its longest pause, during which it is held."""
+    times = one.times[one.times <= clock[-1]]
+    if len(times) < 2:
+        return []
+    between = np.diff(times)
+    limit = max(PAUSE * float(np.median(between)), LEAST_PAUSE)
+    longest, at = float(between.max()), int(np.argmax(between))
+    found = []
+    if longest > limit:
+        found.append(
+            f"{one.topic} is silent for {longest * 1e-9:.3g} s from {(times[at] - clock[0]) * 1e-9:.5g} s on: its last "
+            "value is held."
+        )
+    if (left := float(clock[-1] - times[-1])) > limit:
+        found.append(f"{one.topic} ends {left * 1e-9:.3g} s before the log: its last value is held.")
+    return found
+
+
+def clocks(file: str, topics: Sequence[Samples | Actuation]) -> list[str]:
+    """A sentence where some topics count by stamps, others by the times of logging, and both clocks differ.
+
+    What lags in a sensor makes a stamp older, never younger than its time of logging, so that the smallest difference
+    of all topics is that of the clocks. Raises FileError where topics are more than an hour apart.
+    """
+    by_log = [one for one in topics if one.lag is None and len(one.times)]
+    lags = {one.topic: one.lag for one in topics if one.lag is not None}
+    if not lags:
+        return []
+    apart = {**lags, **{one.topic: 0.0 for one in by_log}}
+    low, high = min(apart, key=apart.__getitem__), max(apart, key=apart.__getitem__)
+    if apart[high] - apart[low] > HOUR:
+        raise FileError(
+            f"{file}: the clocks of {low} and {high} are {(apart[high] - apart[low]) / HOUR:.3g} h apart: take when "
+            'messages were logged, by stamp = "log" in a [[sensor]] or [[command]].'
+        )
+    nearest = min(lags.values(), key=abs)
+    usual = min(float(np.median(np.diff(one.times))) * 1e-9 for one in topics if len(one.times) > 1)
+    if not by_log or abs(nearest) <= usual:
+        return []
+    said = "after" if nearest > 0 else "before"
+    return [
+        f"Messages were logged {abs(nearest):.3g} s {said} their stamps, and {by_log[0].topic} has none and counts by "
+        'the time of logging: take that of all by stamp = "log", or shift it by offset_s.'
+    ]
 
 
 def _choices(chosen: Mapping[str, Samples], sensors: Sequence[Samples]) -> list[str]:

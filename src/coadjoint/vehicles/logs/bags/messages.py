@@ -77,6 +77,11 @@ class Topic:
         walk = _walk(self, block, 0, {"a path that nothing has"})
         return walk.counts.get(path, 0)
 
+    def text(self, path: str) -> str:
+        """A text at a path, such as `header.frame_id`, in the first message; "" where there is none."""
+        block = next((block for block in self.blocks if len(block)), None)
+        return "" if block is None else _walk(self, block, 0, {"a path that nothing has"}).texts.get(path, "")
+
     def numbers(self, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         """The numbers at paths such as `pose.pose.position.x`, (messages,) each, of the type that they have.
 
@@ -130,7 +135,9 @@ def require_number(definition: Definition, path: str, where: str) -> str:
 def _read(topic: Topic, block: Block, kinds: Mapping[str, str], known: list[Layout]) -> dict[str, np.ndarray]:
     """The numbers of one block; layouts that are met are added to `known`."""
     buffer = np.frombuffer(block.buffer, np.uint8)
-    found = {path: np.full(len(block), np.nan if kind[0] == "f" else 0, _kept(kind)) for path, kind in kinds.items()}
+    found = {
+        path: np.full(len(block), np.nan if kind[0] == "f" else 0, _kept(path, kind)) for path, kind in kinds.items()
+    }
     left = np.arange(len(block))
     for layout in known:
         left = _taken(buffer, block, left, layout, kinds, found)
@@ -144,9 +151,10 @@ def _read(topic: Topic, block: Block, kinds: Mapping[str, str], known: list[Layo
     return found
 
 
-def _kept(kind: str) -> str:
-    """Integers of 64 bits stay, because no float holds them; other numbers are float64."""
-    return kind if kind in ("i8", "u8") else "f8"
+def _kept(path: str, kind: str) -> str:
+    """Integers of 64 bits stay, because no float holds them, but those of a sequence, which may be missing; other
+    numbers are float64."""
+    return kind if kind in ("i8", "u8") and "[" not in path else "f8"
 
 
 def _taken(
@@ -208,6 +216,7 @@ class _Walk:
         self.places: dict[str, int] = {}
         self.lengths: list[tuple[int, int]] = []
         self.counts: dict[str, int] = {}
+        self.texts: dict[str, str] = {}
         self.aligned = topic.written == "cdr"
         self.order, self.at = "<", 0
         if self.aligned:
@@ -244,7 +253,9 @@ class _Walk:
             return
         for index in range(1 if count is None else count):
             if kind == STRING:
-                self.forward(self.length())
+                self.forward(size := self.length())
+                said = bytes(self.content[self.at - size : self.at])
+                self.texts[path] = said.rstrip(b"\0").decode("utf-8", "replace")
             elif kind == "wstring":
                 raise self.wrong(f"has wide text in `{path}`, which is not read")
             else:

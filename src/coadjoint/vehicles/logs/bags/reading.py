@@ -23,7 +23,16 @@ from coadjoint.vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint.vehicles.logs.bags.messages import Topic
 from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
-from coadjoint.vehicles.logs.bags.sensors import ARDUPILOT, TYPES, CommandTopic, Number, SensorTopic, driven, usual
+from coadjoint.vehicles.logs.bags.sensors import (
+    ARDUPILOT,
+    TYPES,
+    CommandTopic,
+    Number,
+    SensorTopic,
+    driven,
+    strange_frame,
+    usual,
+)
 from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
 from coadjoint.vehicles.logs.bags.tlog_file import read_tlog
 
@@ -135,7 +144,7 @@ def _taken(
         if not len(topic) or (chosen is not None and topic.name not in chosen):
             continue
         kind = topic.definition.name
-        sensor = usual(topic.name, kind, axes)
+        sensor = usual(topic.name, kind, axes, chosen is not None)
         own_sensors = [
             _filled(given, whole, sensor, topic) for given, whole in wanted.sensors if given.topic == topic.name
         ]
@@ -144,7 +153,10 @@ def _taken(
             own_sensors = [sensor] if sensor else []
             command = _command(topic, own)
             own_commands = [command] if command else []
+            notes += _bare(command, own)
         for one in own_sensors:
+            if sensor and one.columns == sensor.columns:
+                _require_frame(topic, one)
             found, told = samples(topic, one, ignore)
             sensors.append(found)
             notes += told
@@ -154,6 +166,26 @@ def _taken(
                 commands.append(drove)
                 notes += told
     return sensors, commands, notes
+
+
+def _require_frame(topic: Topic, sensor: SensorTopic) -> None:
+    """Raise FileError for messages whose frame is not the one that their type is read in."""
+    what = strange_frame(topic.definition.name, topic.text("header.frame_id"), sensor.axes)
+    if what:
+        raise FileError(
+            f"{topic.where}: {topic.name} holds {what}: declare its `columns` and `axes` in a [[sensor]] "
+            "(`north_speed`, `east_speed` and `down_speed` are velocities in space), or leave it out by `topics`."
+        )
+
+
+def _bare(command: CommandTopic | None, own: Mapping[str, str]) -> list[str]:
+    """A note on commands of which nothing tells the unit."""
+    if command is None or command.did or f"unit.{command.name}" in own:
+        return []
+    return [
+        f"Nothing tells the unit of {command.topic}: its numbers count as SI (rad, rad/s, N); a [[command]] with "
+        "`unit` tells another."
+    ]
 
 
 def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:

@@ -81,7 +81,7 @@ class _Reading:
                 (head, size), (data, length) = places
                 try:
                     self.record(content, content[head : head + size], data, length, rows, inside)
-                except (struct.error, UnicodeDecodeError, KeyError) as error:
+                except (struct.error, UnicodeDecodeError, KeyError, IndexError) as error:
                     raise self.wrong(base or begin, f"a record cannot be read ({told(error)})") from error
             return True
         finally:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from coadjoint.errors import FileError
-from coadjoint.vehicles.logs.bags.converted import converted
+from coadjoint.vehicles.logs.bags.converted import along_body, converted
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
 from coadjoint.vehicles.logs.bags.messages import Topic
 from coadjoint.vehicles.logs.bags.sensors import CommandTopic, SensorTopic, Stamp
@@ -34,10 +34,12 @@ def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> 
         if np.any(np.isinf(values)):
             at = int(np.flatnonzero(np.isinf(values))[0])
             raise FileError(f"{topic.where}: `{own[name].path}` of {topic.name} is infinite in sample {at + 1}.")
-    given, more = converted(given, sensor.water, sensor.origin, f"{topic.where}: {topic.name}")
-    notes += more
-    columns = turned(f"{topic.where}: {topic.name}", given, sensor.axes)
-    return Samples(topic.name, times, {n: v for n, v in columns.items() if n not in ignore}, sensor.rank), notes
+    where = f"{topic.where}: {topic.name}"
+    plain, more = converted(given, sensor.water, sensor.origin, where)
+    columns = turned(where, plain, sensor.axes)
+    columns |= along_body(given, columns, where)
+    kept_columns = {n: v for n, v in columns.items() if n not in ignore}
+    return Samples(topic.name, times, kept_columns, sensor.rank, _lag(topic, found)), [*notes, *more]
 
 
 def driving(topic: Topic, command: CommandTopic) -> tuple[Actuation, list[str]]:
@@ -49,7 +51,15 @@ def driving(topic: Topic, command: CommandTopic) -> tuple[Actuation, list[str]]:
     if bad := np.count_nonzero(~np.isfinite(values).all(axis=1)):
         raise FileError(f"{topic.where}: {bad} of {len(values)} messages of {topic.name} lack numbers of a command.")
     values = values[:, 0] if len(paths) == 1 else values
-    return Actuation(topic.name, command.name, times, values, command.unit, command.did), notes
+    return Actuation(topic.name, command.name, times, values, command.unit, command.did, _lag(topic, found)), notes
+
+
+def _lag(topic: Topic, found: dict[str, np.ndarray]) -> float | None:
+    """The median of the times of logging less the stamps, s; None where times are those of logging."""
+    if SECONDS not in found or not len(topic):
+        return None
+    stamps = found[SECONDS].astype(np.int64) * 1_000_000_000 + found[NANOSECONDS].astype(np.int64)
+    return float(np.median(topic.times - stamps)) * 1e-9
 
 
 def _stamped(topic: Topic, stamp: Stamp | None) -> tuple[str, ...]:

@@ -137,10 +137,30 @@ ARDUPILOT: dict[str, dict[str, Number]] = {
 _ATTITUDES = {name: {"ATT": 3, "NKF1": 2}.get(name, 1) for name in ARDUPILOT}
 
 
-def usual(topic: str, kind: str, axes: Axes) -> SensorTopic | None:
-    """The sensor of a topic whose type says what it measures; None of other types, and of instances but the first."""
+IN_BODY = ("geometry_msgs/TwistWithCovarianceStamped", "geometry_msgs/TwistStamped")
+IN_SPACE = ("geometry_msgs/PoseWithCovarianceStamped", "geometry_msgs/PoseStamped", "nav_msgs/Odometry")
+"""Types whose `header.frame_id` must be a frame of the body, and such as must have one of space."""
+_OF_SPACE = re.compile(r"^(map|odom|world|earth|local_origin|utm|enu|ned)(_(ned|enu))?$")
+
+
+def strange_frame(kind: str, frame: str, axes: Axes) -> str:
+    """What is wrong with the frame of a message whose type alone says what it measures; "" where nothing is."""
+    name = frame.strip().rpartition("/")[2].lower()
+    if kind in IN_BODY and _OF_SPACE.match(name):
+        return f"velocities in the frame {frame!r} of space, but those of the body are read"
+    if kind in IN_SPACE and name.startswith("base_link"):
+        return f"a pose in the frame {frame!r} of the body, but one in space is read"
+    said = name.rpartition("_")[2] if kind in IN_SPACE else ""
+    if said in ("ned", "enu") and said != axes[:3].lower():
+        return f"a pose in the frame {frame!r}, but its axes are read as {axes}"
+    return ""
+
+
+def usual(topic: str, kind: str, axes: Axes, asked: bool = False) -> SensorTopic | None:
+    """The sensor of a topic whose type says what it measures; None of other types, and of instances but the first that
+    nobody asked for."""
     if kind in ARDUPILOT:
-        if topic not in (kind, f"{kind}[0]"):
+        if topic not in (kind, f"{kind}[0]") and not asked:
             return None
         return SensorTopic(topic, ARDUPILOT[kind], axes, rank=dict.fromkeys(VEHICLE, _ATTITUDES[kind]))
     if kind not in TYPES:

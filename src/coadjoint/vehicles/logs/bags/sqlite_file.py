@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from coadjoint.errors import FileError, told
@@ -33,6 +34,7 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
     try:
         base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
         try:
+            base.execute("PRAGMA trusted_schema = OFF")
             return _read(base, path, wanted)
         finally:
             base.close()
@@ -48,14 +50,25 @@ def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], boo
     texts: dict[str, tuple[str, bytes]] = {}
     if "message_definitions" in tables:
         rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
-        texts = {kind: (written, text.encode()) for kind, written, text in rows}
-    for number, topic, kind, written in base.execute("SELECT id, name, type, serialization_format FROM topics"):
+        for row in rows:
+            _require_texts(path, "message_definitions", row)
+            kind, written, text = row
+            texts[kind] = written, text.encode()
+    for number, *row in base.execute("SELECT id, name, type, serialization_format FROM topics"):
+        _require_texts(path, "topics", row)
+        topic, kind, written = row
         if kind not in texts and short(kind) in BODIES:
             texts[kind] = "ros2msg", schema(short(kind)).encode()
         found.channels[number] = BagChannel(topic, kind, written, *texts.get(kind, ("", b"")))
         if wanted(topic, short(kind)):
             _messages(base, number, found)
     return found
+
+
+def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
+    for value in row:
+        if not isinstance(value, str):
+            raise FileError(f"The bag {path} is damaged: a row of its table `{table}` holds {value!r:.40} for a text.")
 
 
 def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
