@@ -216,8 +216,7 @@ def test_actuators_after_a_gap_are_where_the_log_has_them():
     """The rudder moves while nobody logs: what it does after the gap is taken, and else its command."""
     craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
     t = np.concatenate([np.arange(0, 10, 0.1), np.arange(30, 40, 0.1)])
-    columns = {name: 0 * t for name in ("north", "east", "depth", "roll", "pitch", "heading", *"uvwpqr")}
-    columns["u"] = columns["u"] + 1.5
+    columns = {**dict.fromkeys(VEHICLE, 0 * t), "u": 0 * t + 1.5}
     commands = {"rudder": np.where(t < 20, 0.1, -0.2), "stern_planes": 0 * t, "propeller": 15 + 0 * t}
     begun = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 15.0})
     for actual, expected in (({"rudder": np.where(t < 20, 0.1, -0.15)}, -0.15), ({}, -0.2)):

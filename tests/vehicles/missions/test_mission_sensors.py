@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ GRID = MISSION.replace("bottom_m = 18\n", "").replace("[sensors]", '[water.botto
 
 def test_sensors_know_the_bottom_of_the_water():
     """Bottom lock ends where the grid rises: with the same depth everywhere it is read as with bottom_m."""
-    dvl = next(one for one in co.vehicles.load("bluerov2_heavy_blue").sensors if one.name == "dvl")
+    dvl: Any = co.vehicles.load("bluerov2_heavy_blue").sensor("dvl")
 
     def grid(depth):
         rows = [f"{n},{e},{depth}" for n in (-50, 50) for e in (-50, 50)]

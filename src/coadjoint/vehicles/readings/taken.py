@@ -99,6 +99,7 @@ class Readings(Mapping[str, SensorReading]):
                 axis = f"{key}_{channel.name}_component"
                 attrs: dict[str, Any] = {"units": channel.unit, "kind": sensor.kind, "rate": float(sensor.rate)}
                 attrs |= {"latency": float(sensor.latency)}
+                attrs |= {key: np.asarray(getattr(sensor, key), float) for key in ("position", "euler_zyx")}
                 values = read.values[:, begin : begin + count]
                 dataset[f"{key}_{channel.name}"] = ((f"{key}_time", axis), values, attrs)
                 dataset.coords[axis] = (axis, list(channel.components))

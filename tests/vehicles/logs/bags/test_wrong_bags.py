@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def twist(**values):
 KIND = "geometry_msgs/TwistWithCovarianceStamped"
 
 
-def written(path, messages, topic="/twist", kind=KIND, **options):
+def written(path, messages, topic: Any = "/twist", kind=KIND, **options):
     with path.open("wb") as opened:
         writer = mcap.Writer(opened, **options)
         writer.start()

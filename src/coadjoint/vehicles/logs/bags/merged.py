@@ -61,7 +61,7 @@ def merged(
     inputs = _one_each(file, [one for one in driven if not one.did])
     actual = {name: one for name, one in _one_each(file, [one for one in driven if one.did]).items() if name in inputs}
     clock = _clock([*(_heard(one, chosen) for one in sensors), *(one.times for one in inputs.values())])
-    told = [*notes, *clocks(file, [*sensors, *driven])]
+    told = [*notes, *(clocks(file, [*sensors, *driven]) if telling else [])]
     begin = max((int(one.times[0]) for one in inputs.values()), default=None)
     if begin is not None and len(clock) and begin > clock[0]:
         told.append(

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint.identification.channels import VEHICLE
 from coadjoint.identification.log import Log
 from coadjoint.units import unit_of
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.bags.bag import Bag
+from coadjoint.vehicles.logs.bags.converted import WaterAbove
 from coadjoint.vehicles.logs.bags.dataflash_file import Dataflash, read_dataflash
 from coadjoint.vehicles.logs.bags.declared import Declared, declared
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
@@ -23,6 +25,7 @@ from coadjoint.vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint.vehicles.logs.bags.messages import Topic
 from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
+from coadjoint.vehicles.logs.bags.sensor_messages import FOLDER
 from coadjoint.vehicles.logs.bags.sensors import (
     ARDUPILOT,
     TYPES,
@@ -144,7 +147,7 @@ def _taken(
         if not len(topic) or (chosen is not None and topic.name not in chosen):
             continue
         kind = topic.definition.name
-        sensor = usual(topic.name, kind, axes, chosen is not None)
+        sensor = _ours(topic, usual(topic.name, kind, axes, chosen is not None), own)
         own_sensors = [
             _filled(given, whole, sensor, topic) for given, whole in wanted.sensors if given.topic == topic.name
         ]
@@ -159,13 +162,37 @@ def _taken(
                 _require_frame(topic, one)
             found, told = samples(topic, one, ignore)
             sensors.append(found)
-            notes += told
+            notes += [*told, *(_mounted(topic, own) if chosen is not None and one.columns else [])]
         for command in own_commands:
             if command.name not in ignore:
                 drove, told = driving(topic, command)
                 commands.append(drove)
                 notes += told
     return sensors, commands, notes
+
+
+def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> SensorTopic | None:
+    """A sensor of a bag of this library: after the motion itself, in the water that the bag tells."""
+    if sensor is None or not own:
+        return sensor
+    try:
+        water = WaterAbove(
+            float(own.get("surface_pressure_pa", WaterAbove().surface)),
+            float(own.get("density_kg_m3", WaterAbove().density)),
+        )
+    except ValueError:
+        water = WaterAbove(math.nan, math.nan)
+    if not (math.isfinite(water.surface) and math.isfinite(water.density) and water.density > 0):
+        raise FileError(f"{topic.where}: density and pressure in the metadata `{OWN}` must be numbers.")
+    after = 10 if topic.name.startswith(FOLDER) else 0
+    return replace(sensor, water=water, rank={name: sensor.rank.get(name, 1) + after for name in VEHICLE})
+
+
+def _mounted(topic: Topic, own: Mapping[str, str]) -> list[str]:
+    """A note on a sensor that was asked for and does not sit at O along the axes of the body."""
+    name = topic.name.removeprefix(FOLDER)
+    said = [f"{key} = {own[f'{key}.{name}']}" for key in ("position", "euler_zyx") if f"{key}.{name}" in own]
+    return [f"{topic.name} is of a sensor with {', '.join(said)}: its numbers count as those of O."] if said else []
 
 
 def _require_frame(topic: Topic, sensor: SensorTopic) -> None:

@@ -40,6 +40,15 @@ BODIES = {
     "uint8 position_covariance_type\n",
 }
 """The text of each type without those inside."""
+OWN_TYPES = {
+    "compass": f"{_STAMPED}float64 heading\n",
+    "altimeter": f"{_STAMPED}float64 range\n",
+    "usbl": f"{_STAMPED}float64 range\nfloat64 bearing\nfloat64 elevation\n",
+    "dvl_beams": f"{_STAMPED}float64 beam_1\nfloat64 beam_2\nfloat64 beam_3\nfloat64 beam_4\n",
+}
+"""Types such as `coadjoint_msgs/DvlBeams` of sensors that ROS has no type for; SI units and rad."""
+OWN_NAMES = {kind: f"coadjoint_msgs/{''.join(map(str.capitalize, kind.split('_')))}" for kind in OWN_TYPES}
+BODIES |= {OWN_NAMES[kind]: body for kind, body in OWN_TYPES.items()}
 _LINE = "=" * 80
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -13,13 +12,16 @@ from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.identification.channels import ATTITUDE, POSITION, RATES, VELOCITY
 from coadjoint.identification.log import Log
+from coadjoint.models.quantities import not_negative, positive
 from coadjoint.plotting.whole_file import whole_file
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.axes import Axes, space_axes
 from coadjoint.vehicles.logs.bags.converted import GRAVITY, WaterAbove, fixes
 from coadjoint.vehicles.logs.bags.optional import library
 from coadjoint.vehicles.logs.bags.schemas import known, schema
+from coadjoint.vehicles.logs.bags.sensor_messages import mounts, sensor_rows
 from coadjoint.vehicles.logs.bags.serializing import serialized
+from coadjoint.vehicles.logs.bags.written import Written, quaternion, quaternions, signed, vector
 from coadjoint.vehicles.logs.records import VehicleRecords
 
 if TYPE_CHECKING:
@@ -32,49 +34,55 @@ MAP, BODY = "map", "base_link"
 _CHUNK = 4_000_000
 
 
-class Written(NamedTuple):
-    """Messages of one topic: the type, `pkg/Name`, and the values of its fields."""
-
-    topic: str
-    type: str
-    values: Mapping[str, Any]
-
-
 def write_mcap(
     dataset: xarray.Dataset,
     path: str | os.PathLike[str],
     *,
     axes: Axes = "ENU/FLU",
     origin: tuple[float, float] | None = None,
+    density: float = 1025.0,
+    surface_pressure: float = 101325.0,
 ) -> None:
     """A run of a vehicle as an MCAP file, as `run.save("dive.mcap")` writes it; `dataset` is that of the run.
 
     Topics: `/odometry`, `/tf`, `/imu` (attitude and rates), `/velocity` over ground, `/pressure`, `/command/NAME` and
     `/actuator/NAME` of every actuator, `/set/NAME` of set points, `/current`, in SI units and rad, at the times of the
-    records. axes: of the messages, "ENU/FLU" as in ROS or "NED/FRD". origin: latitude and longitude, °, of north and
-    east 0; with it there is `/fix`, which tells where the vehicle is even below the surface.
-    Raises ArgumentError for a run of what is no vehicle, FileError where the file cannot be written.
+    records; `/sensors/NAME` of what sensors read, stamped when it was measured and logged when it was there.
+    axes: of the messages, "ENU/FLU" as in ROS or "NED/FRD". origin: latitude and longitude, °, of north and east 0;
+    with it there is `/fix`, which tells where the vehicle is even below the surface. density: of the water, kg/m³, and
+    surface_pressure, Pa, by which depths become pressures; the file keeps both for its reader.
+    Raises ArgumentError for water that is none, and for a run of what is no vehicle, FileError where the file cannot
+    be written.
     """
-    content = mcap_bytes(dataset, axes, origin)
+    content = mcap_bytes(dataset, axes, origin, density, surface_pressure)
     with whole_file(path) as temporary:
         temporary.write_bytes(content)
 
 
-def mcap_bytes(dataset: xarray.Dataset, axes: str = "ENU/FLU", origin: tuple[float, float] | None = None) -> bytes:
+def mcap_bytes(
+    dataset: xarray.Dataset,
+    axes: str = "ENU/FLU",
+    origin: tuple[float, float] | None = None,
+    density: float = 1025.0,
+    surface_pressure: float = 101325.0,
+) -> bytes:
     """The content of such a file; raises ArgumentError."""
     known_axes = cast(Axes, axes)
     space_axes(known_axes)
     records = VehicleRecords(dataset)
     body = (records.position, records.directions, records.velocity, records.rates)
-    rows = [*_motion(*body, known_axes), *_actuators(records)]
+    water = WaterAbove(not_negative(surface_pressure, "surface_pressure"), positive(density, "density"))
+    rows = [*_motion(*body, known_axes, water), *_actuators(records)]
     if records.current is not None:
-        current = _vector("vector", border.space_vector(records.current, known_axes))
+        current = vector("vector", border.space_vector(records.current, known_axes))
         rows.append(Written("/current", "geometry_msgs/Vector3Stamped", {"header.frame_id": MAP} | current))
     if origin is not None:
         latitude, longitude = fixes(records.position, origin)
         fix = {"header.frame_id": BODY, "latitude": latitude, "longitude": longitude, "altitude": -records.depth}
         rows.append(Written("/fix", "sensor_msgs/NavSatFix", fix))
-    return _content(rows, records.time, _facts(dataset, records, axes))
+    rows += sensor_rows(dataset, known_axes, origin, water)
+    facts = {"density_kg_m3": repr(float(water.density)), "surface_pressure_pa": repr(float(water.surface))}
+    return _content(rows, records.time, _facts(dataset, records, axes) | facts | mounts(dataset))
 
 
 def log_bytes(log: Log, axes: Axes = "ENU/FLU") -> bytes:
@@ -116,7 +124,7 @@ def _content(rows: list[Written], time: np.ndarray, facts: dict[str, str]) -> by
 
 def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
     """All messages, in the order of their times."""
-    seconds = {"sec": stamps // 1_000_000_000, "nanosec": stamps % 1_000_000_000}
+    logged: list[np.ndarray] = []
     schemas: dict[str, int] = {}
     channels: list[int] = []
     contents: list[list[bytes]] = []
@@ -125,13 +133,19 @@ def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
         if row.type not in schemas:
             schemas[row.type] = to.register_schema(f"{package}/msg/{name}", "ros2msg", schema(row.type).encode())
         channels.append(to.register_channel(row.topic, "cdr", schemas[row.type]))
+        own = stamps if row.time is None else np.rint(row.time * 1e9).astype(np.int64)
+        logged.append(own if row.logged is None else np.rint(row.logged * 1e9).astype(np.int64))
+        seconds = {"sec": own // 1_000_000_000, "nanosec": own % 1_000_000_000}
         stamped = {
             f"{head}.stamp.{part}": n for head in ("header", "transforms[0].header") for part, n in seconds.items()
         }
-        contents.append(serialized(known(row.type), len(stamps), {**stamped, **row.values}))
-    for k, time in enumerate(stamps.tolist()):
-        for channel, content in zip(channels, contents, strict=True):
-            to.add_message(channel, time, content[k], time, k)
+        contents.append(serialized(known(row.type), len(own), {**stamped, **row.values}))
+    times = np.concatenate([np.zeros(0, np.int64), *logged])
+    which = np.repeat(np.arange(len(rows)), [len(one) for one in logged])
+    number = np.concatenate([np.zeros(0, int), *(np.arange(len(one)) for one in logged)])
+    for at in np.argsort(times, kind="stable").tolist():
+        row, k, time = int(which[at]), int(number[at]), int(times[at])
+        to.add_message(channels[row], time, contents[row][k], time, k)
 
 
 def _facts(dataset: xarray.Dataset, records: VehicleRecords, axes: str) -> dict[str, str]:
@@ -144,43 +158,48 @@ def _facts(dataset: xarray.Dataset, records: VehicleRecords, axes: str) -> dict[
 
 
 def _motion(
-    place: np.ndarray, directions: np.ndarray, velocity: np.ndarray, rates: np.ndarray, axes: Axes
+    place: np.ndarray,
+    directions: np.ndarray,
+    velocity: np.ndarray,
+    rates: np.ndarray,
+    axes: Axes,
+    water: WaterAbove | None = None,
 ) -> list[Written]:
     """Pose and velocities; `place` and `directions` in north, east, down."""
-    water = WaterAbove()
+    water = WaterAbove() if water is None else water
     pressure = water.surface + water.density * GRAVITY * place[:, 2]
-    position = _signed(place, border.space_axes(axes))
-    turn = _quaternions(directions, axes)
-    velocity, rates = (_signed(v, border.body_axes(axes)) for v in (velocity, rates))
+    position = signed(place, border.space_axes(axes))
+    turn = quaternions(directions, axes)
+    velocity, rates = (signed(v, border.body_axes(axes)) for v in (velocity, rates))
     unknown = np.r_[-1.0, np.zeros(8)]
     return [
         Written(
             "/odometry",
             "nav_msgs/Odometry",
             {"header.frame_id": MAP, "child_frame_id": BODY}
-            | _vector("pose.pose.position", position)
-            | _quaternion("pose.pose.orientation", turn)
-            | _vector("twist.twist.linear", velocity)
-            | _vector("twist.twist.angular", rates),
+            | vector("pose.pose.position", position)
+            | quaternion("pose.pose.orientation", turn)
+            | vector("twist.twist.linear", velocity)
+            | vector("twist.twist.angular", rates),
         ),
         Written(
             "/tf",
             "tf2_msgs/TFMessage",
             {"transforms": 1, "transforms[0].header.frame_id": MAP, "transforms[0].child_frame_id": BODY}
-            | _vector("transforms[0].transform.translation", position)
-            | _quaternion("transforms[0].transform.rotation", turn),
+            | vector("transforms[0].transform.translation", position)
+            | quaternion("transforms[0].transform.rotation", turn),
         ),
         Written(
             "/imu",
             "sensor_msgs/Imu",
             {"header.frame_id": BODY, "linear_acceleration_covariance": unknown}
-            | _quaternion("orientation", turn)
-            | _vector("angular_velocity", rates),
+            | quaternion("orientation", turn)
+            | vector("angular_velocity", rates),
         ),
         Written(
             "/velocity",
             "geometry_msgs/TwistWithCovarianceStamped",
-            {"header.frame_id": BODY} | _vector("twist.twist.linear", velocity) | _vector("twist.twist.angular", rates),
+            {"header.frame_id": BODY} | vector("twist.twist.linear", velocity) | vector("twist.twist.angular", rates),
         ),
         Written("/pressure", "sensor_msgs/FluidPressure", {"header.frame_id": BODY, "fluid_pressure": pressure}),
     ]
@@ -199,26 +218,3 @@ def _actuators(records: VehicleRecords) -> list[Written]:
 def _number(topic: str, values: np.ndarray) -> Written:
     kinds = ("std_msgs/Float64", "std_msgs/Float64MultiArray")
     return Written(topic, kinds[values.ndim > 1], {"data": values})
-
-
-def _signed(vectors: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Vectors by a matrix that permutes axes and changes signs; a component that is missing leaves the others alone."""
-    source = np.argmax(np.abs(turn), axis=0)
-    return vectors[:, source] * turn[source, np.arange(3)]
-
-
-def _quaternions(directions: np.ndarray, axes: Axes) -> np.ndarray:
-    """(n, 4), NaN where an attitude is missing."""
-    found = np.full((len(directions), 4), np.nan)
-    good = np.isfinite(directions).all(axis=(1, 2))
-    if good.any():
-        found[good] = attitude.to_quaternion(border.rotation(directions[good], axes))
-    return found
-
-
-def _vector(path: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
-
-
-def _quaternion(path: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("wxyz")}
