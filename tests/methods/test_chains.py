@@ -94,6 +94,25 @@ def test_links_are_an_axis_of_what_the_lagrangian_and_forces_read():
     assert np.max(np.abs(run.final.xi.reshape(5, 3) - run.final.xi[:3])) < 1e-15
 
 
+def slings(count):
+    """Rigid bodies with two points each on springs, and springs between neighbours' first points."""
+
+    def lagrangian(xi, n, nu):
+        own = 0.5 * jnp.sum(xi * xi * WEIGHTS) + 0.5 * jnp.sum(nu.first**2) + jnp.sum(nu.second**2)
+        return own - jnp.sum(n.first**2) - 0.5 * jnp.sum((n.second - 0.3 * n.first) ** 2)
+
+    points = {"first": co.Defining(), "second": co.Defining()}
+    system = co.System(co.Power(co.SO3(), count), lagrangian, additional=points)
+    s = np.linspace(0, 1, 3 * count).reshape(-1, 3)
+    return system, system.state(xi=np.sin(9 * s), q={"first": s, "second": 1 - s}, qdot={"first": 0 * s, "second": s})
+
+
+def test_two_additional_spaces_belong_to_each_link():
+    system, start = slings(8)
+    begun = co.Midpoint().begin(system, start, 0.05)
+    assert begun.memory.inverse.shape == (8, 9, 9)
+
+
 def test_a_chain_that_would_be_right_invariant_is_refused():
     with pytest.raises(ArgumentError, match="must be no power of a group where invariance"):
         co.System(co.Power(co.SO3(), 3), lambda xi: 0.5 * jnp.sum(xi * xi), invariance="right")

@@ -14,19 +14,26 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure
 from coadjoint.mechanics.state import Places
+from coadjoint.spaces import Several, Space
 
 
 def structure(places: Places) -> Structure:
     """That of equations for (ξ, y), (dim G + dim Q,): of links that are coupled, unless all of them are."""
     group, Q, _ = places
-    return _structure(group, Q.dim(group)) if isinstance(group, Power) else Dense()
+    return _structure(group, tuple(_dims(Q, group))) if isinstance(group, Power) else Dense()
+
+
+def _dims(Q: Space, group: LieGroup) -> list[int]:
+    """dim Q of the parts of y that hold the links one after the other."""
+    parts = Q.factors if isinstance(Q, Several) else (Q,)
+    return [size for part in parts for size in (_dims(part, group) if part is not Q else [part.dim(group)])]
 
 
 @lru_cache(maxsize=256)
-def _structure(group: Power, size: int) -> Structure:
-    if group.coupling == "all" or size % group.count:
+def _structure(group: Power, sizes: tuple[int, ...]) -> Structure:
+    if group.coupling == "all" or any(size % group.count for size in sizes):
         return Dense()
-    found = Coupled(group.count, (group.factor.dim, size // group.count), group.pairs)
+    found = Coupled(group.count, (group.factor.dim, *(size // group.count for size in sizes)), group.pairs)
     wide = 2 * found.layout.width >= group.count > 2
     return Dense() if wide else found
 

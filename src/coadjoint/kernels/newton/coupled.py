@@ -14,10 +14,13 @@ from jax import lax
 
 from coadjoint.kernels.newton.layout import LinkOrder, layout
 from coadjoint.kernels.newton.solver import Root, parts_of, sizes_of
-from coadjoint.kernels.program import FLOOR, MAX_UNKNOWNS, STALLED, TOLERANCE, Code
+from coadjoint.kernels.program import FLOOR, MAX_UNKNOWNS, STALLED, Code
 
 SETTLED = 1e-13
 """Iterations with factors of another point converge linearly: they stop after an increment of this size, relative."""
+
+LEFT_OVER = 1e-15
+"""They stop, too, where their rate so far makes the next increment no larger than this, relative."""
 
 RENEWED = 8
 """Iterations after which the factors are computed anew."""
@@ -25,26 +28,43 @@ RENEWED = 8
 MOST = 60
 """The most iterations of a step."""
 
+NEAR = 1e-9
+"""Increments below this, relative, which do not shrink to STALLED of the one before with factors of the J at hand are
+round-off."""
+
+REFINED = 3
+"""Solutions of a linear system, each of what the ones before it left over."""
+
+UNDECLARED = 1e-8
+"""The largest last correction of a linear system, relative, with which its solution counts."""
+
+UNROLLED = 8
+"""How many blocks are solved in one turn of the loop."""
+
 
 class Factors(NamedTuple):
     """S_i⁻¹, S_i⁻¹L_i, S_i⁻¹U_i of a block tridiagonal matrix, (M, b, b) each, with S_i = D_i − L_i S_{i−1}⁻¹U_{i−1}.
 
-    h: the length of the stage that they were computed for; 0 of none.
+    h: the length of the stage that they were computed for; 0 of none. changes: by how much the unknowns of the last two
+    stages, (2, m), differ from where their iterations would have started without these.
     """
 
     inverse: Any
     lower: Any
     upper: Any
     h: Any
+    changes: Any
 
 
-class _ChordIterate(NamedTuple):
+class _Iterate(NamedTuple):
+    """age: iterations with these factors. near: whether the last increment was below NEAR. due: renew the factors."""
+
     unknowns: jax.Array
     iterations: jax.Array
     settled: jax.Array
     sizes: jax.Array
-    together: jax.Array
-    factors: Factors
+    near: jax.Array
+    due: jax.Array
     age: jax.Array
 
 
@@ -55,7 +75,8 @@ class Coupled:
     The Jacobian is found by colours · b directional derivatives, where b is the number of a link's unknowns: of a chain
     three colours, whatever N. It is block tridiagonal in the order of `layout`, a ring folded in two, and is factored
     and solved block by block. The factors serve all iterations and are carried over to the next step; they are renewed
-    after 8 iterations, where increments grow, and for another h.
+    after 8 iterations, where increments grow or stall, and for another h. An iteration starts from where the unknowns
+    of the last three steps point to, on a parabola in time.
 
     count: N. sizes: how many unknowns a link has in each part of z, whose parts hold the links one after the other.
     pairs: the links that act on each other.
@@ -88,7 +109,7 @@ class Coupled:
     def nothing(self) -> Factors:
         """Factors of the shapes that are carried, of no matrix."""
         blocks = np.zeros((self.layout.rows, *2 * (self.layout.width * sum(self.sizes),)))
-        return Factors(blocks, blocks, blocks, np.zeros(()))
+        return Factors(blocks, blocks, blocks, np.zeros(()), np.zeros((2, self.count * sum(self.sizes))))
 
     def by_links(self, z: jax.Array) -> jax.Array:
         """Unknowns or equations (m,) as (N, b)."""
@@ -127,8 +148,8 @@ class Coupled:
         placed = jnp.transpose(columns[plan.place], (0, 1, 2, 4, 3, 5))
         return placed.reshape(3, plan.rows, plan.width * b, plan.width * b)
 
-    def factors(self, pushed: Callable[[jax.Array], jax.Array], h: jax.Array) -> Factors:
-        """The factors of v ↦ J v, by elimination from the first block to the last."""
+    def factors(self, pushed: Callable[[jax.Array], jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """The three arrays of `Factors` of v ↦ J v, by elimination from the first block to the last."""
         lower, diagonal, upper = self.blocks(pushed)
 
         def eliminate(before: jax.Array, row: tuple[jax.Array, ...]) -> tuple[jax.Array, tuple[jax.Array, ...]]:
@@ -138,25 +159,40 @@ class Coupled:
             return behind, (inverse, inverse @ L, behind)
 
         _, (inverse, left, right) = lax.scan(eliminate, jnp.zeros_like(upper[0]), (lower, diagonal, upper))
-        return Factors(inverse, left, right, jnp.asarray(h))
+        return inverse, left, right
 
-    def solve(self, factors: Factors, right: jax.Array) -> jax.Array:
+    def solve(self, factors: tuple[jax.Array, jax.Array, jax.Array], right: jax.Array) -> jax.Array:
         """x with J x = right, both (m,)."""
-        known = jnp.einsum("mij,mj->mi", factors.inverse, self.in_blocks(right))
+        inverse, lower, upper = factors
+        known = jnp.einsum("mij,mj->mi", inverse, self.in_blocks(right))
 
         def ahead(before: jax.Array, row: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
             value = row[1] - jnp.sum(row[0] * before, axis=1)
             return value, value
 
         start = jnp.zeros_like(known[0])
-        _, forward = lax.scan(ahead, start, (factors.lower, known), unroll=UNROLLED)
-        _, solved = lax.scan(ahead, start, (factors.upper, forward), reverse=True, unroll=UNROLLED)
+        _, forward = lax.scan(ahead, start, (lower, known), unroll=UNROLLED)
+        _, solved = lax.scan(ahead, start, (upper, forward), reverse=True, unroll=UNROLLED)
         return self.out_of_blocks(solved)
 
     def jacobian_solve(self, function: Callable[[jax.Array], jax.Array], z: jax.Array, right: jax.Array) -> jax.Array:
-        """x with (∂function/∂z) x = right at z, all (m,)."""
+        """x with (∂function/∂z) x = right at z, all (m,); NaN where links that are no pair act on each other.
+
+        The blocks hold J of links that are pairs. Of others J x differs from them, so that x is corrected by what
+        J x leaves of `right`; where corrections do not shrink the blocks are not J.
+        """
         pushed = jax.linearize(function, z)[1]
-        return self.solve(self.factors(pushed, jnp.ones(())), right)
+        factors = self.factors(pushed)
+
+        def transposed(right: jax.Array) -> jax.Array:
+            return jax.linear_transpose(lambda given: self.solve(factors, given), right)(right)[0]
+
+        return lax.custom_linear_solve(
+            pushed,
+            right,
+            lambda matrix, right: _refined(matrix, lambda left: self.solve(factors, left), right),
+            lambda matrix, right: _refined(matrix, transposed, right),
+        )
 
     def root(
         self,
@@ -168,18 +204,21 @@ class Coupled:
     ) -> Root:
         """residual(z) = 0 from `guess`, both (m,): z ← z − J⁻¹r with the J that the factors are of.
 
-        It stops as `newton.solver.solve` does, with `SETTLED` in place of TOLERANCE. Derivatives of the result follow
-        from the implicit function theorem, with factors of the J at the solution.
+        It stops as `newton.solver.solve` does, with `SETTLED` in place of TOLERANCE, or by `LEFT_OVER`; increments
+        that stall end it with factors of this stage's own J alone. Derivatives of the result follow from the implicit
+        function theorem, with factors of the J at the solution; they are NaN where the pairs are not those of J.
         """
         before = lax.stop_gradient(carried if carried != () else jax.tree.map(jnp.asarray, self.nothing()))
 
         def settle(function, start):
-            end = self._iterated(function, start, h, blocks, before)
+            end, factors = self._iterated(function, start, h, blocks, before)
             good = jnp.all(jnp.isfinite(end.unknowns))
             code = jnp.where(end.settled, int(Code.CONVERGED), int(Code.NOT_CONVERGED))
             code = jnp.where(good, code, int(Code.NOT_FINITE))
+            change = end.unknowns - start
+            earlier = jnp.where(before.h == h, before.changes[0], change)
             # Factors that led nowhere are not used again.
-            kept = end.factors._replace(h=jnp.where(code == 0, end.factors.h, 0.0))
+            kept = Factors(*factors, jnp.where(code == 0, h, 0.0), jnp.stack([change, earlier]))
             return end.unknowns, (end.iterations.astype(float), code.astype(float), kept)
 
         def tangent_solve(linear, right):
@@ -188,45 +227,54 @@ class Coupled:
         unknowns, (iterations, code, kept) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
         return Root(unknowns, iterations.astype(int), code.astype(int), kept if carried != () else ())
 
-    def _iterated(self, function, start, h, blocks, before: Factors) -> _ChordIterate:
+    def _iterated(self, function, start, h, blocks, before: Factors):
+        """Where the iteration ends, and the factors there."""
         floor, parts = FLOOR / jnp.abs(h), parts_of(blocks)
 
-        def renewed(z: jax.Array) -> Factors:
-            return self.factors(jax.linearize(function, z)[1], h)
-
-        def advance(it: _ChordIterate) -> _ChordIterate:
-            z = it.unknowns
-            due = (it.age >= RENEWED) | (it.factors.h != h)
-            factors = lax.cond(due, renewed, lambda z: it.factors, z)
-            increment = self.solve(factors, -function(z))
-            new = z + increment
-            sizes, scales = sizes_of(increment, parts), sizes_of(new, parts)
-            limit = SETTLED * scales + floor
-            together = jnp.max(sizes) <= TOLERANCE * jnp.max(scales) + floor
-            stalled = together & it.together & (sizes > STALLED * it.sizes)
-            finite = jnp.all(jnp.isfinite(sizes))
-            fresh = due | (it.age == 0)
-            # Old factors that lead away are renewed where the iteration started; new ones fail.
-            lost = ~finite | (jnp.max(sizes / jnp.maximum(it.sizes, floor)) > 1.0) & ~together & (it.iterations > 0)
-            again = lost & ~fresh
-            settled = (jnp.all((sizes <= limit) | stalled) & ~again) | (~finite & fresh)
-            age = jnp.where(again, RENEWED, jnp.where(due, 0, it.age) + 1)
-            return _ChordIterate(
-                jnp.where(again, jnp.where(finite, z, start), new),
-                it.iterations + 1,
-                settled,
-                sizes,
-                together,
-                factors,
-                age,
+        def renewed(it: _Iterate, factors):
+            return lax.cond(
+                it.due, lambda z: self.factors(jax.linearize(function, z)[1]), lambda z: factors, it.unknowns
             )
 
-        nothing = jnp.asarray(0)
-        first = _ChordIterate(
-            start, nothing, jnp.asarray(False), sizes_of(start, parts), jnp.asarray(False), before, nothing
+        def with_factors(carry):
+            it, factors = carry
+            factors, fresh = renewed(it, factors), it.due
+
+            def advance(it: _Iterate) -> _Iterate:
+                increment = self.solve(factors, -function(it.unknowns))
+                new = it.unknowns + increment
+                sizes, scales = sizes_of(increment, parts), sizes_of(new, parts)
+                finite = jnp.all(jnp.isfinite(sizes))
+                near = jnp.max(sizes) <= NEAR * jnp.max(scales) + floor
+                rates = jnp.where(it.age > 0, sizes / jnp.maximum(it.sizes, floor), jnp.inf)
+                small = (sizes <= SETTLED * scales + floor) | (jnp.maximum(rates, 1e-8) * sizes <= LEFT_OVER * scales)
+                stalled = near & it.near & (rates > STALLED)
+                # New factors that lead to no number have failed.
+                settled = jnp.all(small | (stalled & fresh)) | (~finite & fresh & (it.age == 0))
+                lost = (jnp.max(rates) > 1.0) & ~near & (it.age > 0)
+                lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite
+                age = it.age + 1
+                kept = jnp.where(finite | settled, jnp.where(lost & ~near, it.unknowns, new), start)
+                due = ~settled & (lost | (age >= RENEWED))
+                return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age)
+
+            fresh_start = it._replace(due=jnp.asarray(False), near=jnp.asarray(False), age=jnp.asarray(0))
+            return lax.while_loop(lambda i: ~i.settled & ~i.due & (i.iterations < MOST), advance, fresh_start), factors
+
+        known, never = before.h == h, jnp.asarray(False)
+        ahead = jnp.where(known, 2.0 * before.changes[0] - before.changes[1], 0.0)
+        first = _Iterate(start + ahead, jnp.asarray(0), never, sizes_of(start, parts), never, ~known, jnp.asarray(0))
+        return lax.while_loop(
+            lambda carry: ~carry[0].settled & (carry[0].iterations < MOST), with_factors, (first, before[:3])
         )
-        return lax.while_loop(lambda i: ~i.settled & (i.iterations < MOST), advance, first)
 
 
-UNROLLED = 8
-"""How many blocks are solved in one turn of the loop."""
+def _refined(matrix: Callable[..., jax.Array], solve: Callable[..., jax.Array], right: jax.Array) -> jax.Array:
+    """x with matrix(x) = right, both (m,), by a `solve` of nearly this matrix; NaN where that is another one."""
+
+    def correct(_: int, found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        correction = solve(right - matrix(found[0]))
+        return found[0] + correction, jnp.max(jnp.abs(correction))
+
+    x, last = lax.fori_loop(0, REFINED, correct, (jnp.zeros_like(right), jnp.zeros(())))
+    return jnp.where(last <= UNDECLARED * jnp.max(jnp.abs(x)), x, jnp.nan)
