@@ -128,3 +128,53 @@ def test_what_cannot_be_read_costs_no_results(monkeypatch):
     saved = co.load("dive/trajectory.nc")
     assert saved.dataset.time[-1] == 3 and not Path("dive/sensor_imu.csv").exists()
     assert "The sensor is out of order." in Path("dive/summary.json").read_text()
+
+
+LOST = """
+[faults.deaf]
+sensor = "dvl"
+lost = true
+time_s = 1
+until_s = 2
+[faults.flooded]
+sensor = "pressure"
+lost = true
+depth_m = 10.0
+"""
+
+
+def test_a_sensor_that_is_lost_reads_nothing_while_it_is_and_the_others_the_same():
+    whole, holed = mission().run(), mission(MISSION + LOST, "lost.toml").run()
+    time = whole.dataset.sensor_dvl_time.values
+    kept = (time < 1) | (time >= 2)
+    assert 0 < kept.sum() < len(time)
+    np.testing.assert_array_equal(holed.dataset.sensor_dvl_velocity, whole.dataset.sensor_dvl_velocity[kept])
+    np.testing.assert_array_equal(holed.dataset.sensor_imu_gyroscope, whole.dataset.sensor_imu_gyroscope)
+    assert holed.dataset.sizes["sensor_pressure_time"] == 0
+    assert "From t = 1 s to 2 s, fault `deaf`: the sensor dvl reads nothing." in holed.warnings
+    late = mission(MISSION + LOST.replace("10.0", "100"), "late.toml").run()
+    assert late.dataset.sizes["sensor_pressure_time"] == whole.dataset.sizes["sensor_pressure_time"]
+    assert "The fault `flooded` of the sensor pressure did not come." in late.warnings
+
+
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ('"dvl"\nlost', '"dlv"\nlost', r"no sensor 'dlv': did you mean `dvl`|sensor 'dlv'"),
+        ("lost = true\ntime", "lost = 1\ntime", r"needs lost = true, but has 1"),
+        ("time_s = 1\n", "", r"needs one of `time_s` and `depth_m`"),
+        ("until_s = 2", "until_s = 0.5", r"ends at 0.5 s, before it begins at 1 s"),
+        ("until_s = 2", "untill_s = 2", r"`untill_s`.*until"),
+        ("time_s = 1", "time_m = 1", r"unit of length|measures time"),
+    ],
+)
+def test_mistakes_about_lost_sensors_are_told_in_a_sentence(old, new, sentence):
+    assert old in LOST
+    with pytest.raises(ArgumentError, match=sentence):
+        _ = mission(MISSION + LOST.replace(old, new, 1)).setup
+
+
+def test_a_sensor_is_lost_only_where_sensors_are_read():
+    plain = MISSION.split("[sensors]")[0] + "[run]" + MISSION.split("[run]")[1]
+    with pytest.raises(ArgumentError, match="the mission reads none"):
+        _ = mission(plain + LOST).setup

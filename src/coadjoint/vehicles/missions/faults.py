@@ -11,6 +11,8 @@ from coadjoint.errors import ArgumentError
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import split_name
 from coadjoint.vehicles.logs.headers import inside
+from coadjoint.vehicles.missions import lost_sensors as sensors
+from coadjoint.vehicles.missions.lost_sensors import is_of_sensor, lost_sensors
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -24,7 +26,8 @@ MEASURED = {"time": u.TIME, "depth": u.LENGTH}
 
 def faults(file: MissionFile, vehicle: Any) -> list[Fault]:
     """The faults of [faults.NAME]; raises ArgumentError for what a vehicle cannot have."""
-    return [_fault(name, table, vehicle) for name, table in file.faults.items()]
+    lost_sensors(file)
+    return [_fault(name, table, vehicle) for name, table in file.faults.items() if not is_of_sensor(table)]
 
 
 def _fault(name: str, given: Any, vehicle: Any) -> Fault:
@@ -104,7 +107,7 @@ def sentences(file: MissionFile, dataset: Any) -> list[str]:
     """A sentence on each fault for the card: from when on it was there; saved nodes only."""
     found_sentences = []
     for name, table in file.faults.items():
-        found = dataset.get(f"internal_faults_{name}")
+        found = None if is_of_sensor(table) else dataset.get(f"internal_faults_{name}")
         if found is None:
             continue
         said = ", ".join(f"{key} = {value!r}" for key, value in table.items() if key != "part")
@@ -119,4 +122,4 @@ def sentences(file: MissionFile, dataset: Any) -> list[str]:
             )
         else:
             found_sentences.append(f"From t = {float(times):.6g} s on, fault `{name}` of {table['part']}: {said}.")
-    return found_sentences
+    return [*found_sentences, *sensors.sentences(file, dataset)]

@@ -9,6 +9,7 @@ from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import LENGTH
 from coadjoint.vehicles.missions import legs
+from coadjoint.vehicles.missions.lost_sensors import without_lost
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -98,7 +99,8 @@ def observe(file: MissionFile, run: Run) -> None:
     section = sensors_section(file, vehicle_of(file)[0])
     assert section is not None
     try:
-        readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom).add_to(run.dataset)
+        read = readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom)
+        without_lost(file, read, run.dataset).add_to(run.dataset)
     except CoadjointError as error:
         run.warnings.append(f"What [sensors] asks for could not be read: {error}")
 

@@ -87,14 +87,18 @@ def bottom(file: MissionFile) -> Any:
         return None
     if not isinstance(given, dict) or not isinstance(given.get("file"), str):
         raise ArgumentError(f'[water.bottom] needs file = "…", a grid in CSV or netCDF, but is {given!r:.60}.')
-    for key in given:
-        if key not in ("file", "between"):
-            raise ArgumentError(unknown(f"key `{key}`", "Section [water.bottom]", key, ("file", "between")))
     from coadjoint.vehicles.water.bottom import Bottom
 
     path = file.located(given["file"])
+    map_ = path.suffix.lower() in (".tif", ".tiff")
+    keys = ("file", "between", *(("origin", "positive") if map_ else ()))
+    found = in_si("water.bottom", given, keys, {"origin": u.LENGTH})
+    between = found.get("between", "bilinear")
+    if map_:
+        more = {key: found[key] for key in ("origin", "positive") if key in found}
+        return Bottom.from_geotiff(path, between, **more)
     reader = Bottom.from_csv if path.suffix == ".csv" else Bottom.from_netcdf
-    return reader(path, given.get("between", "bilinear"))
+    return reader(path, between)
 
 
 def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], default: str, seeds: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A bottom by its depths on a grid: from netCDF and CSV, interpolated with continuous derivatives."""
+"""A bottom by its depths on a grid: from netCDF, CSV and GeoTIFF, interpolated with continuous derivatives."""
 
 from __future__ import annotations
 
@@ -102,6 +102,35 @@ class Bottom:
             except Exception as error:
                 raise FileError(f"The file {source} is damaged: its {name} cannot be read.") from error
             return _of_file(cls, source, grid.north.values, grid.east.values, sign * grid.values, between)
+
+    @classmethod
+    def from_geotiff(
+        cls,
+        path: str | os.PathLike[str],
+        between: Literal["bilinear", "bicubic"] = "bilinear",
+        *,
+        origin: tuple[float, float] = (0.0, 0.0),
+        positive: Literal["up", "down"] = "up",
+    ) -> Bottom:
+        """The bottom of a GeoTIFF in metres, such as UTM, by tifffile (extra `[maps]`).
+
+        origin: northing and easting, m, of north and east 0. positive: "up" of elevations, as most such files have
+        them, or "down" of depths. Nodes are the centres of pixels.
+        Raises FileError for a file that cannot be read, is in degrees, turned, or has pixels without a value,
+        ArgumentError for other words and numbers and where tifffile is not installed.
+        """
+        if positive not in ("up", "down"):
+            raise ArgumentError(f'Argument `positive` must be "up" or "down", but is {positive!r}.')
+        try:
+            zero = np.asarray(origin, float)
+        except (TypeError, ValueError):
+            zero = np.zeros(0)
+        if zero.shape != (2,) or not np.all(np.isfinite(zero)):
+            raise ArgumentError(f"Argument `origin` must be a northing and an easting in m, but is {origin!r:.60}.")
+        from coadjoint.vehicles.water.geotiff import grid_of
+
+        north, east, values = grid_of(Path(path), MOST)
+        return _of_file(cls, path, north - zero[0], east - zero[1], -values if positive == "up" else values, between)
 
     def __call__(self, north: Any, east: Any) -> Array:
         """The depth at a place, m."""

@@ -1,0 +1,93 @@
+"""Depths on a grid from GeoTIFF, by tifffile: coordinates along north and east in m, elevations or depths."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coadjoint.errors import ArgumentError, FileError, told
+
+_SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
+_MODEL, _RASTER, _LINEAR_UNITS = 1024, 1025, 3076
+_PROJECTED, _POINT, _METRE = 1, 2, 9001
+
+
+def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Northings (n,), eastings (m,), rising, m, and the values (n, m) at the centres of pixels, NaN where none are.
+
+    Tags as of the OGC's GeoTIFF 1.1 (19-008r4): scale 33550, tie point 33922, keys 34735. Raises FileError for files
+    that are none, of several bands, turned, in degrees or in feet, and for more than `most` pixels, before these are
+    read; ArgumentError where tifffile is not installed.
+    """
+    try:
+        tifffile = import_module("tifffile")
+    except ImportError as error:
+        raise ArgumentError(
+            'A bottom of GeoTIFF needs tifffile, which is not installed: pip install "coadjoint[maps]".'
+        ) from error
+    if not path.is_file():
+        raise FileError(f"There is no file {path}.")
+    try:
+        with tifffile.TiffFile(path) as opened:
+            page: Any = opened.pages[0]
+            tags = {
+                code: page.tags[code].value
+                for code in (_SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA)
+                if code in page.tags
+            }
+            more = sum(not other.keyframe.is_reduced for other in opened.pages[1:])  # reduced ones are overviews
+            shape = tuple(page.shape) if not more else (1 + more, *page.shape)
+            _require_grid(path, shape, tags, most)
+            values = np.asarray(page.asarray(), float)
+    except (FileError, ArgumentError):
+        raise
+    except Exception as error:
+        raise FileError(f"The file {path} is no GeoTIFF that can be read ({told(error)}).") from error
+    return _placed(path, values, tags)
+
+
+def _require_grid(path: Path, shape: tuple[int, ...], tags: dict[int, Any], most: int) -> None:
+    if len(shape) != 2:
+        raise FileError(f"The file {path} must have one band of depths, but its shape is {shape}.")
+    if shape[0] * shape[1] > most:
+        raise FileError(f"The file {path} has {shape[0] * shape[1]:,} pixels, more than {most:,}: thin it out.")
+    if _TRANSFORMATION in tags or _SCALE not in tags or _TIE not in tags or len(tags[_TIE]) != 6:
+        raise FileError(
+            f"The file {path} must have its place by one tie point and a scale (tags 33922 and 33550), along north and "
+            "east: warp it to such a grid, as by gdalwarp."
+        )
+    keys = _keys(tags.get(_KEYS, ()))
+    if keys.get(_MODEL) != _PROJECTED:
+        raise FileError(
+            f"The file {path} is in degrees, or does not say in what: project it to metres, as by gdalwarp -t_srs."
+        )
+    if keys.get(_LINEAR_UNITS, _METRE) != _METRE:
+        raise FileError(f"The file {path} is not in metres, but in the unit EPSG:{keys[_LINEAR_UNITS]}: project it.")
+
+
+def _keys(directory: Any) -> dict[int, int]:
+    """GeoKeys that are one number, by their numbers."""
+    rows = np.asarray(directory, int).ravel()
+    rows = rows[: len(rows) // 4 * 4].reshape(-1, 4)[1:]
+    return {int(key): int(value) for key, where, _, value in rows if where == 0}
+
+
+def _placed(path: Path, values: np.ndarray, tags: dict[int, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The grid with its axes; a tie point is of the corner of a pixel unless keys say of its centre."""
+    step_east, step_north = (float(x) for x in tags[_SCALE][:2])
+    column, row, _, east, north = (float(x) for x in tags[_TIE][:5])
+    if not (step_east > 0 and step_north > 0):
+        raise FileError(f"The file {path} has pixels of {step_east:g} by {step_north:g} m, which must be positive.")
+    half = 0.0 if _keys(tags[_KEYS]).get(_RASTER) == _POINT else 0.5
+    eastings = east + (np.arange(values.shape[1]) + half - column) * step_east
+    northings = north - (np.arange(values.shape[0]) + half - row) * step_north
+    if _NO_DATA in tags:
+        try:
+            missing = float(str(tags[_NO_DATA]).strip("\0 "))
+        except ValueError:
+            missing = np.nan
+        values = np.where(values == missing, np.nan, values)
+    return northings[::-1], eastings, values[::-1]
