@@ -64,6 +64,57 @@ def test_a_rov_of_uuv_simulator_swims_as_by_its_plugins() -> None:
     np.testing.assert_allclose(np.asarray(run.final.nu) * FLIP, last[12:15], atol=2e-3)
 
 
+def fin_force(velocity: np.ndarray) -> np.ndarray:
+    """Lift and drag of the plugin's quadratic law in the axes of the fin, of the flow across its z axis."""
+    x, y = velocity[:2]
+    angle, size = np.arctan2(y, x), np.hypot(x, y)
+    angle -= np.pi * np.sign(angle) if abs(angle) > np.pi / 2 else 0.0
+    across, along = np.array([y, -x, 0.0]), -np.array([x, y, 0.0])
+    constant = 0.5 * 1028 * 0.0064
+    return size * constant * (3.0 * angle * across + 1.98 * angle**2 * along)
+
+
+def test_a_torpedo_of_uuv_simulator_swims_as_by_its_plugins() -> None:
+    """LAUV, 60 s with its propeller and four fins, all after their lags: within 5 mm of the plugins' equations."""
+    found = import_vehicle(HERE / "lauv.xacro", gravity=9.81)
+    craft = vehicles.Craft(found.vehicle)
+    told = np.array([0.05, -0.03, -0.05, 0.02])
+    start = craft.start(position=(1.0, 2.0, -20.0), velocity=(0.8, 0, 0), euler_zyx=(0.3, 0.05, -0.05), axes="ENU/FLU")
+    inputs = {"thrusters": np.array([-160.0]), **{f"fin{i}": angle for i, angle in enumerate(told)}}
+    run = co.simulate(craft.system, start, dt=0.0025, duration=60.0, inputs=inputs, save_every=24000)
+
+    places = np.array([[-0.4, 0, 0.04], [-0.4, -0.04, 0], [-0.4, 0, -0.04], [-0.4, 0.04, 0]])
+    poses = [turned(angle, 0, 0) for angle in (0, np.pi / 2, np.pi, -np.pi / 2)]
+    screw, small, across = np.array([-0.53994, 0, 0]), 1e-6 * np.eye(3), 18 * (3 * 0.075**2 + 1.08**2) / 12
+    lumps = [(0.001, r, small) for r in (screw, *places)]
+    body = rigid([(18.0, np.zeros(3), np.diag([9 * 0.075**2, across, across])), *lumps])
+    both = np.concatenate([FLIP, FLIP])
+    linear = np.diag([-2.4, -23, -23, -0.3, -9.7, -9.7])
+    linear[1, 5], linear[2, 4], linear[4, 2], linear[5, 1] = 11.5, -11.5, 3.1, -3.1
+    quadratic = np.array([-2.4, -80, -80, -0.0006, -9.1, -9.1])  # on the diagonal, as the plugin takes it
+
+    def wrench(t, q, R, v, w):
+        nu = np.concatenate([v, w]) * both
+        up = R.T @ np.array([0.0, 0.0, 9.81])
+        rotor = -160.0 * (1 - np.exp(-t / 0.05))
+        acting = [(np.array([0, 0, 0.01]), 1028.0 * 0.017551374956865266 * up), (np.zeros(3), -18.0 * up)]
+        acting += [(screw, np.array([-0.0002 * rotor * abs(rotor), 0, 0]) - 0.001 * up)]  # it looks astern
+        for r, pose, angle in zip(places, poses, told * (1 - np.exp(-t / 0.2)), strict=True):
+            fin = pose @ turned(0, 0, angle)
+            acting.append((r, fin @ fin_force(fin.T @ (v + np.cross(w, r))) - 0.001 * up))
+        damping = (linear @ nu + quadratic * np.abs(nu) * nu) * both
+        return damping + sum(np.concatenate([force, np.cross(r, force)]) for r, force in acting)
+
+    first = np.concatenate([[1.0, 2.0, -20.0], turned(-0.05, 0.05, 0.3).ravel(), [0.8, 0, 0], np.zeros(3)])
+    last = moved(body, np.diag([1, 16, 16, 0.005, 1.3, 1.3]), wrench, first, 60.0)
+    here = np.asarray(run.final.q)[[1, 0, 2]] * [1, 1, -1]
+    assert np.linalg.norm(here - first[:3]) > 5.0 and abs(last[17]) > 0.01
+    assert np.linalg.norm(here - last[:3]) < 5e-3
+    np.testing.assert_allclose(np.asarray(run.final.nu) * FLIP, last[12:15], atol=2e-3)
+    assert any("neither counts" in sentence for sentence in found.report.differs)
+    assert any("beside the diagonal" in row.what for row in found.report.left)
+
+
 def test_every_number_of_an_imported_vehicle_has_its_line() -> None:
     found = import_vehicle(HERE / "rov" / "rov.xacro")
     notes = {key: told.note for key, told in found.vehicle.provenance.items()}
