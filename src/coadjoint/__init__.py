@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.state import NodeMotion as NodeMotion
     from coadjoint.mechanics.state import State as State
     from coadjoint.mechanics.system import System as System
+    from coadjoint.mechanics.trace_casimirs import trace_casimirs as trace_casimirs
     from coadjoint.methods import AdjointVariational as AdjointVariational
     from coadjoint.methods import Composition as Composition
     from coadjoint.methods import EnergyMomentum as EnergyMomentum

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups import SO3, LieGroup, SOn, SUn, Un
+from coadjoint.groups import SO3, LieGroup, Opposite, SOn, SUn, Un
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.unitary import ComplexMatrix, product
 
@@ -49,6 +49,15 @@ class Orthogonal(Algebra):
     def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
         """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P), of P and W (n, n)."""
         return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
+
+    def forced(self, B: Array, Theta: Array, P: Array, epsilon: Array) -> Array:
+        """The coordinates (dim,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
+        return self.group.vee((B @ Theta) @ (2 * epsilon * np.eye(len(P)) + 2 * epsilon**2 * P))
+
+    def kicked(self, D: Array, b: Array, a: Array, epsilon: Array) -> Array:
+        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
+        R = np.eye(len(D)) + 0.5 * D
+        return self.group.vee((R @ self.matrix(b) @ R.T) @ (4 * epsilon * self.matrix(a)))
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
@@ -96,6 +105,17 @@ class Unitary(Algebra):
         one = ComplexMatrix(2 * epsilon * np.eye(self.hull.size) + epsilon**2 * P.real, epsilon**2 * P.imaginary)
         return self.hull.coordinates(product(product(P, W), one))
 
+    def forced(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix, epsilon: Array) -> Array:
+        """The coordinates (unknowns,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
+        real = 2 * epsilon * np.eye(self.hull.size) + 2 * epsilon**2 * P.real
+        return self.hull.coordinates(product(product(B, Theta), ComplexMatrix(real, 2 * epsilon**2 * P.imaginary)))
+
+    def kicked(self, D: ComplexMatrix, b: Array, a: Array, epsilon: Array) -> Array:
+        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
+        R = ComplexMatrix(np.eye(self.hull.size) + 0.5 * D.real, 0.5 * D.imaginary)
+        K = product(product(R, self.matrix(b)), R.adjoint)
+        return 4 * epsilon * self.group.coordinates(product(K, self.matrix(a)))
+
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
         A, B = self.matrix(xi)
@@ -121,6 +141,11 @@ def algebra_of(group: LieGroup) -> Any:
         return Unitary(group)
     if isinstance(group, (SOn, SO3)):
         return Orthogonal(group)
+    if isinstance(group, Opposite):
+        raise ArgumentError(
+            "co.IsospectralMidpoint takes left-invariant systems, but this one is right-invariant: leave out "
+            'invariance="right" and give ℋ of −μ, whose motion is minus that of μ.'
+        )
     raise ArgumentError(
         f"co.IsospectralMidpoint needs co.SOn, co.SO3, co.Un or co.SUn, but got {group!r}: "
         "use co.HamiltonianMidpoint()."

@@ -13,14 +13,17 @@ from jax import lax
 from coadjoint.kernels.newton.solver import Root
 from coadjoint.kernels.program import Code
 
-MOST = 100
-"""The most iterations: a contraction by 0.7 comes to round-off with these."""
+MOST, MOST_OF_TANGENTS = 100, 1000
+"""The most iterations, of equations, where a contraction by 0.7 comes to round-off with these, and of derivatives."""
 
 ROUND_OFF = 1e-11
 """A residual below this, relative to the unknowns, that no longer shrinks is round-off."""
 
-SHRINKS = 0.7
-"""What an iteration that converges leaves of the residual at most."""
+SHRINKS = 0.95
+"""What an iteration that converges leaves of the residual at most, of two in turn."""
+
+OF_TANGENTS = 1e-14
+"""The tolerance of derivatives, whatever that of the equations."""
 
 
 class _Iterate(NamedTuple):
@@ -28,15 +31,17 @@ class _Iterate(NamedTuple):
     iterations: jax.Array
     settled: jax.Array
     size: jax.Array
+    stalled: jax.Array
 
 
 @dataclass(frozen=True)
 class FixedPoint:
     """Equations r(z) = z − G(z) with a contraction G: z ← z − r(z) until |r|∞ ≤ tolerance·|z|∞.
 
-    Convergence is linear, so the tolerance is that of the result; an iteration that no longer shrinks r, once that is
-    below 1e-11 of z, has met round-off and ends, too. Derivatives follow from the implicit function theorem: linear
-    equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the same iteration. Nothing is carried over.
+    Convergence is linear: a contraction by ρ leaves an error of ρ/(1 − ρ) times the tolerance. Iterations of which two
+    in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end, too. Derivatives follow
+    from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the
+    same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN. Nothing is carried over.
     """
 
     tolerance: float = 1e-14
@@ -59,7 +64,8 @@ class FixedPoint:
             return end.unknowns, (end.iterations.astype(float), code.astype(float))
 
         def linear_solve(linear, right):
-            return self._iterated(lambda z: linear(z) - right, right).unknowns
+            end = FixedPoint(OF_TANGENTS)._iterated(lambda z: linear(z) - right, right, MOST_OF_TANGENTS)
+            return jnp.where(end.settled, end.unknowns, jnp.nan)
 
         def tangent_solve(linear, right):
             return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
@@ -67,7 +73,7 @@ class FixedPoint:
         unknowns, (iterations, code) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
         return Root(unknowns, iterations.astype(int), code.astype(int))
 
-    def _iterated(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array) -> _Iterate:
+    def _iterated(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> _Iterate:
         def advance(iterate: _Iterate) -> _Iterate:
             off = residual(iterate.unknowns)
             z = iterate.unknowns - off
@@ -75,11 +81,11 @@ class FixedPoint:
             size = jnp.max(jnp.abs(off)) / jnp.where(scale > 0, scale, 1.0)
             stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
             # A NaN compares false and would never end the loop.
-            settled = (size <= self.tolerance) | stalled | ~jnp.isfinite(size)
-            return _Iterate(z, iterate.iterations + 1, settled, size)
+            settled = (size <= self.tolerance) | (stalled & iterate.stalled) | ~jnp.isfinite(size)
+            return _Iterate(z, iterate.iterations + 1, settled, size, stalled)
 
         return lax.while_loop(
-            lambda i: ~i.settled & (i.iterations < MOST),
+            lambda i: ~i.settled & (i.iterations < most),
             advance,
-            _Iterate(start, jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf)),
+            _Iterate(start, jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf), jnp.asarray(False)),
         )

@@ -1,0 +1,58 @@
+"""The unknowns of isospectral steps: the momentum and the advected parameters that move as it does, side by side."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.system import System
+from coadjoint.methods.isospectral_algebra import algebra_of
+from coadjoint.spaces import Adjoint, Coadjoint, Several
+
+
+def fields(system: System) -> int:
+    """How many advected parameters Θ there are; raises ArgumentError where one does not move as the momentum does."""
+    V = system.advected
+    spaces = V.factors if type(V) is Several else (V,) if V.ambient(system.group) else ()
+    for space in spaces:
+        if not isinstance(space, (Adjoint, Coadjoint)):
+            raise ArgumentError(
+                "co.IsospectralMidpoint takes advected parameters that move as the momentum does, "
+                f"advected=co.Coadjoint(), but got {shown(space)}: use co.HamiltonianMidpoint()."
+            )
+    return len(spaces)
+
+
+def parts(system: System, a: Array) -> list[Array]:
+    """The advected parameters one by one, (dim G,) each, of a (ambient V*,)."""
+    dim = system.group.dim
+    return [a[i * dim : (i + 1) * dim] for i in range(fields(system))]
+
+
+def lifted(system: System, mu: Array, a: Array) -> Array:
+    """The unknowns, (unknowns,), that μ (dim G,) and a (ambient V*,) are themselves."""
+    algebra = algebra_of(system.group)
+    return jnp.concatenate([algebra.lifted(part) for part in (mu, *parts(system, a))])
+
+
+def momenta_of(system: System, z: Array) -> tuple[Array, Array]:
+    """μ (dim G,) and a (ambient V*,) of the unknowns (unknowns,)."""
+    algebra = algebra_of(system.group)
+    mu, *thetas = (algebra.momentum(row) for row in z.reshape(-1, algebra.unknowns))
+    return mu, jnp.concatenate(thetas) if thetas else jnp.zeros(0)
+
+
+def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array) -> Array:
+    """What moves the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
+
+    ε[P, W] + ε² PWP + Σ (ε[B, Θ] + ε²(BΘP + PΘB)) and ε[P, Θ] + ε² PΘP of every Θ. epsilon: half a step, one number.
+    """
+    algebra = algebra_of(system.group)
+    P = algebra.matrix(-xi)
+    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
+    of_mu, others = algebra.moved(P, W, epsilon), []
+    for theta, along in zip(thetas, parts(system, along_a), strict=True):
+        of_mu = of_mu + algebra.forced(algebra.matrix(-along), theta, P, epsilon)
+        others.append(algebra.moved(P, theta, epsilon))
+    return jnp.concatenate([of_mu, *others])
