@@ -47,6 +47,7 @@ SCRIPTS = {
         "theorem_four_settings", "theorem_kelvin_noether", "theorem_moser_veselov", "theorem_poisson",
     ],
     "examples/heisenberg.py": ["heisenberg"],
+    "examples/alfven_waves.py": ["alfven_waves"],
     "examples/fluid_drop.py": ["fluid_drop"],
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],

@@ -89,6 +89,12 @@ def test_the_charged_particle_runs_round_its_circle(run_example):
     assert Path("heisenberg.png").stat().st_size > 10_000
 
 
+def test_waves_of_alfven_have_the_frequencies_of_the_closed_form(run_example):
+    found = run_example("alfven_waves", 8)
+    assert found["error"] < 2e-4 and found["casimirs"] < 1e-13
+    assert Path("alfven_waves.png").stat().st_size > 10_000
+
+
 def test_the_spherical_pendulum_keeps_its_sphere_and_the_vertical_momentum(run_example):
     found = run_example("spherical_pendulum", 10)
     assert found["off_sphere"] < 1e-13

@@ -170,10 +170,10 @@ class IsospectralMidpoint(Method, Whole):
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         last = state.memory
-        momenta = jnp.concatenate([z[None], last.momenta[:2]])
-        times = jnp.concatenate([(state.t + 0.5 * h)[None], last.times[:2]])
+        momenta = jax.lax.stop_gradient(jnp.concatenate([z[None], last.momenta[:2]]))
+        times = jax.lax.stop_gradient(jnp.concatenate([(state.t + 0.5 * h)[None], last.times[:2]]))
         xi, along_a = self._slopes(system, state, h, z)
-        return state.replace(xi=xi, memory=LastMomenta(*map(jax.lax.stop_gradient, (momenta, times)), along_a))
+        return state.replace(xi=xi, memory=LastMomenta(momenta, times, along_a))
 
     def equations(self, system: System, record: State, h: Array) -> Array:
         return self.residual(system, record, h, record.memory.momenta[0])

@@ -75,7 +75,7 @@ def boussinesq(size: int, rotation: float = 0.0) -> System:
     Seychelles, Amarouchene, Bessafi and Kellay, Phys. Rev. Lett. 100, 144501 (2008).
     """
     fluid = euler(size, rotation)
-    height = _axial(fluid.group.size, 1.0)
+    height = _axial(_matrices_of(fluid), 1.0)
 
     def potential(a):
         return -a @ height
@@ -113,7 +113,7 @@ def carried(fluid: System, records: Any) -> Coefficients:
 
 def _carrying(fluid: System, energy: Any, watched: dict[str, Any], units: dict[str, str], name: str) -> System:
     """The fluid with a carried function, whose energy is that of the fluid and `energy(a)`, both times N/4π."""
-    size = fluid.group.size
+    size = _matrices_of(fluid)
     planetary = _planetary(size)
 
     def hamiltonian(mu, a, p):
@@ -154,7 +154,14 @@ def _planetary(size: int) -> np.ndarray:
     return _axial(size, 2.0)
 
 
+def _matrices_of(fluid: System) -> int:
+    """N of the group U(N) of a fluid."""
+    assert isinstance(fluid.group, Un)
+    return fluid.group.size
+
+
 def _size(fluid: System) -> int:
+    """N of a fluid that carries a function; raises ArgumentError for another."""
     if not isinstance(fluid.group, Un) or not isinstance(fluid.advected, Coadjoint):
         raise ArgumentError(
             "Argument `fluid` must be a fluid that carries a function, fluids.magnetohydrodynamics(N) or "
