@@ -135,6 +135,7 @@ def test_what_carries_nothing_is_refused():
         (lambda: fluids.boussinesq(4, rotation=np.inf), "`rotation` must be a finite number, rad/s, but is inf"),
         (lambda: fluids.carrying_start(fluids.euler(4), np.zeros((2, 2)), np.zeros((2, 2))), "that carries a function"),
         (lambda: fluids.carrying_start(fluid, np.eye(2), np.zeros((2, 2))), "must have mean 0, but c_00 is 1.0"),
+        (lambda: fluids.DampedMidpoint(drag=0.1).require_fit(fluid), "damps vorticity alone: take a fluid"),
         (lambda: fluids.carried(fluids.euler(4), None), r"fluids.magnetohydrodynamics\(N\) or"),
     ):
         with pytest.raises(ArgumentError, match=sentence):

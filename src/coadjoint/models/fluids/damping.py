@@ -72,6 +72,8 @@ class DampedMidpoint(IsospectralMidpoint):
     def require_fit(self, system: System) -> None:
         super().require_fit(system)
         size = size_of(system)
+        if system.advected.ambient(system.group):
+            raise ArgumentError("DampedMidpoint damps vorticity alone: take a fluid that carries nothing, as euler(N).")
         if (self.viscosity or self.stirring) and 8 * size**3 > LARGEST:
             raise ArgumentError(
                 f"The harmonics of viscosity and stirring at N = {size} would take {8 * size**3 / 1e9:.3g} GB: take N "
