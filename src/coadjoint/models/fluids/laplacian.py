@@ -43,14 +43,14 @@ def _factors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def skewed(rows: Array) -> Array:
-    """The matrix with entries R[i, (i + j) mod N]: the diagonals of R as columns, without a gather."""
+    """The matrix (N, N) with entries R[i, (i + j) mod N]: the diagonals of R (N, N) as columns, without a gather."""
     size = rows.shape[0]
     twice = jnp.concatenate([jnp.concatenate([rows, rows], axis=1).reshape(-1), jnp.zeros(size)])
     return twice.reshape(size, 2 * size + 1)[:, :size]
 
 
 def straight(columns: Array) -> Array:
-    """The inverse of `skewed`."""
+    """The inverse of `skewed`, (N, N) of columns (N, N)."""
     size = columns.shape[0]
     twice = jnp.concatenate([columns, columns], axis=1).reshape(-1)
     return twice[size:].reshape(size, 2 * size - 1)[:, :size]
