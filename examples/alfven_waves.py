@@ -32,7 +32,7 @@ print(run)
 
 # Of a swinging number, c(t + τ) + c(t − τ) = 2 cos(ωτ) c(t).
 time = run.dataset.time.values
-c = fluids.vorticity(fluid, run.records)[:, degrees, order].real / 1e-5
+c = np.real(fluids.vorticity(fluid, run.records)[:, degrees, order]) / 1e-5
 shift = 40
 middle, ends = c[shift:-shift], c[2 * shift :] + c[: -2 * shift]
 cosine = np.sum(ends * middle, axis=0) / (2 * np.sum(middle**2, axis=0))

@@ -173,6 +173,19 @@ def test_a_run_watches_all_casimirs_and_may_carry_g():
     np.testing.assert_allclose(run.final.a, evaluate(system.group.Ad_dual, run.final.g, start.a), atol=1e-14)
 
 
+def test_members_of_an_ensemble_run_as_alone():
+    """Without g, with an a₀ of each member's own."""
+    system, start = system_on(co.SUn(2))
+    scales = [1.0, 0.5]
+    alone = [path(system.replace(scale=scale), start.replace(a=scale * start.a), 5).final for scale in scales]
+    members = system.state(mu=start.mu, a0=co.each([scale * start.a for scale in scales]))
+    method = co.IsospectralMidpoint()
+    run = co.simulate(system.replace(scale=co.each(scales)), members, dt=H, steps=5, method=method, accuracy=False)
+    for k, end in enumerate(alone):
+        np.testing.assert_allclose(run.final.mu[k], end.mu, atol=1e-14)
+        np.testing.assert_allclose(run.final.a[k], end.a, atol=1e-14)
+
+
 def test_two_fields_of_one_momentum():
     """Each has its spectrum, the traces of products of both stay, and the order is two."""
     group = co.SUn(3)

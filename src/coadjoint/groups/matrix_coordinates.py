@@ -80,7 +80,7 @@ def require_room(group: LieGroup) -> None:
     if size > LARGEST_BASIS:
         raise GroupError(
             f"The basis of {group!r} would take {size / 1e9:.3g} GB of memory: use `hat` and `vee` of the group, which "
-            "need none, and co.Cayley() or co.Exponential() as difference map."
+            "need none, and co.IsospectralMidpoint() or, where it fits, co.Cayley() as difference map."
         )
 
 

@@ -111,7 +111,7 @@ def with_own_directions(
         return Constants(members.parameters, monitors, renewal), Constants(flags, own, axis)
 
     c0 = constants.monitors.get("c0")
-    if c0 is None:
+    if c0 is None or members.states.g is None:
         return program, *of_members(constants.monitors, False)
     places = members.states.places
     a0 = members.states.each(lambda s: places.advected.act(places.group, s.g, s.a))
