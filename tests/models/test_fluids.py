@@ -181,6 +181,27 @@ def test_datasets_have_units():
     }  # fmt: skip
 
 
+def test_what_does_not_fit_in_memory_is_refused_before_it_is_tried(monkeypatch):
+    """4 GB: steps of N = 4096 need 60 arrays of N² numbers, all harmonics of N = 1200 N³/3."""
+    fluid = fluids.euler(100)
+    start = fluids.start(fluid, fluids.random_vorticity(1, degree=3))
+    monkeypatch.setattr("coadjoint.models.fluids.memory.installed", lambda: 4e9)
+    monkeypatch.setattr("coadjoint.simulation.ensemble.MEMORY_LIMIT", 1e8)
+    for call, sentence in (
+        (
+            lambda: fluids.euler(4096),
+            "N = 4096 would take 8.05 GB of memory, and .* has 4: take N up to 2886",
+        ),
+        (lambda: fluids.coefficients_of(1200, np.zeros(1200**2)), "would take 4.61 GB .*: take N up to 1144"),
+        (
+            lambda: co.trajectory(fluid, start, dt=1.0, steps=10_000, method=co.IsospectralMidpoint()),
+            r"The 10,000 records of this trajectory would take .* GB of memory: raise save_every from 1 to \d+",
+        ),
+    ):
+        with pytest.raises(ArgumentError, match=sentence):
+            call()
+
+
 def test_what_is_no_fluid_is_refused():
     fluid, fraction = fluids.euler(4), cast(Any, 2.5)
     for call, sentence in (

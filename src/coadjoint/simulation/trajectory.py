@@ -31,6 +31,7 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation import ensemble
 from coadjoint.simulation.arguments import require_kinds, step_size, whole
 from coadjoint.simulation.backwards import require_forward
 from coadjoint.simulation.ensemble import require_one_time
@@ -132,6 +133,7 @@ def computed(
         raise ArgumentError(
             "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
         )
+    _require_room(begun, blocks)
     chosen = _choose(program, constants, begun, backend, inside)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
@@ -143,6 +145,17 @@ def computed(
         what = reason or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
         raise StepError(f"A step of the trajectory failed: {what}")
     return found
+
+
+def _require_room(state: State, blocks: Blocks) -> None:
+    """Raise ArgumentError where the records of a trajectory would not fit in memory."""
+    records, save_every = blocks
+    size = sum(8.0 * np.size(leaf) for leaf in jax.tree.leaves(state)) * records
+    if size > ensemble.MEMORY_LIMIT:
+        raise ArgumentError(
+            f"The {records:,} records of this trajectory would take {size / 1e9:.3g} GB of memory: raise save_every "
+            f"from {save_every} to {int(save_every * size / ensemble.MEMORY_LIMIT) + 1} or more."
+        )
 
 
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:

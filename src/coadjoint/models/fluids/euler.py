@@ -13,6 +13,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet
+from coadjoint.models.fluids.memory import ARRAYS, require_room
 
 UNITS = {
     "mu": "1/s",
@@ -41,13 +42,15 @@ def euler(size: int, rotation: float = 0.0) -> System:
     round-off. Runs observe `kinetic_energy` and `enstrophy`, ½∫ω².
 
     size: N, from 2. rotation: Ω, rad/s, by default 0; the radius is 1. Parameters: rotation.
-    Raises ArgumentError for others. Source: Zeitlin, Self-consistent finite-mode approximations for the hydrodynamics
-    of an incompressible fluid on nonrotating and rotating spheres, Phys. Rev. Lett. 93 (2004); Modin and Viviani, A
-    Casimir preserving scheme for long-time simulation of spherical ideal hydrodynamics, J. Fluid Mech. 884 (2020).
+    Raises ArgumentError for others, and for an N whose steps do not fit in memory.
+    Source: Zeitlin, Self-consistent finite-mode approximations for the hydrodynamics of an incompressible fluid on
+    nonrotating and rotating spheres, Phys. Rev. Lett. 93 (2004); Modin and Viviani, A Casimir preserving scheme for
+    long-time simulation of spherical ideal hydrodynamics, J. Fluid Mech. 884 (2020).
     """
     if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 2:
         raise ArgumentError(f"Argument `size` must be a whole number N from 2, but is {shown(size)}.")
     size = int(size)
+    require_room("A fluid on the sphere", size, 8.0 * ARRAYS * size**2, 2)
     if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
         raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
     turning = from_coefficients(size, _cosine(2.0))

@@ -10,6 +10,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.models.fluids.laplacian import tridiagonal
+from coadjoint.models.fluids.memory import require_room
 
 Coefficients = np.ndarray
 """c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
@@ -104,7 +105,11 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
 
 
 def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
-    """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`."""
+    """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`.
+
+    size: N. momentum: the coordinates. Raises ArgumentError where all matrices T_lm, 8N³/3 bytes, do not fit in memory.
+    """
+    require_room("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
     rows = np.reshape(momentum, (*np.shape(momentum)[:-1], size, size))
     found = np.zeros(rows.shape, complex)
     for m in range(size):
