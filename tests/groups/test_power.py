@@ -105,3 +105,32 @@ def test_poses_between_links_are_carried_by_both_ends_and_by_the_ground():
 def test_what_is_no_power_is_told_in_a_sentence(made, sentence):
     with pytest.raises(GroupError, match=sentence):
         made()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda power: co.Opposite(power),
+        lambda power: co.DirectProduct(power, co.SO3()),
+        lambda power: co.SemidirectProduct(power, co.Defining()),
+    ],
+)
+def test_a_power_within_another_group_is_refused(made):
+    with pytest.raises(GroupError, match="must not hold a power, but got Power"):
+        made(co.Power(co.SO3(), 3))
+
+
+def test_poses_that_are_given_are_elements_of_the_group():
+    group, space = co.Power(co.SO3(), 3), co.RelativePoses()
+    rows = np.tile(np.eye(3), (2, 1, 1))
+    assert np.array_equal(space.point(group, rows, "a0"), rows.ravel())
+    rows[1, 0, 1] = 1e-3
+    with pytest.raises(
+        co.errors.ArgumentError, match=r"The pose of the pair \(1, 2\) in `a0` must be an element of SO3"
+    ):
+        space.point(group, rows, "a0")
+
+
+def test_all_has_no_pairs_and_says_which_to_give():
+    with pytest.raises(GroupError, match=r"give the pairs that are meant, as in co.RelativePoses\(\[\(0, 1\)"):
+        co.RelativePoses().require_fit(co.Power(co.SO3(), 3, "all"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
@@ -111,6 +111,39 @@ def test_two_additional_spaces_belong_to_each_link():
     system, start = slings(8)
     begun = co.Midpoint().begin(system, start, 0.05)
     assert begun.memory.inverse.shape == (8, 9, 9)
+
+
+def test_a_pair_that_is_missing_is_named_in_any_units():
+    def light(xi, a, p):
+        return 1e-12 * chain(xi, a, p)
+
+    system, start = bodies(24, "chain", [(0, 1), (3, 17)], light)
+    with pytest.raises(ArgumentError, match=r"links 3 and 17 act on each other"):
+        co.Midpoint().begin(system, start, 0.05)
+
+
+def test_a_coupling_that_could_not_be_checked_is_told():
+    def cracked(xi, a, p):
+        return chain(xi, a, p) + jnp.sum(jnp.sqrt(a[:, 0, 0] - 1.0))
+
+    system, start = bodies(24, "chain", None, cracked)
+    with pytest.warns(UserWarning, match="was not checked, because"):
+        co.Midpoint().begin(system, start, 0.05)
+
+
+@pytest.mark.parametrize("joined", [0.0, 0.1], ids=["links alone", "links with kinetic energy together"])
+@pytest.mark.parametrize("coupling", ["chain", "ring"])
+def test_a_link_without_mass_is_named(coupling, joined):
+    weights = np.ones((24, 3))
+    weights[17, 1] = 0.0
+
+    def lagrangian(xi):
+        along = jnp.zeros_like(xi).at[3].set(xi[3] - xi[4])
+        return 0.5 * jnp.sum(weights * xi * xi) + joined * jnp.sum(along**2)
+
+    system = co.System(co.Power(co.SO3(), 24, coupling), lagrangian)
+    with pytest.raises(LagrangianError, match=r"link 17 is singular: motion along \[0\.0, 1\.0, 0\.0\]"):
+        co.simulate(system, system.state(xi=np.ones((24, 3))), dt=0.05, steps=1)
 
 
 def test_a_chain_that_would_be_right_invariant_is_refused():

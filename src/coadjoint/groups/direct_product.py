@@ -13,6 +13,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.power import require_one_matrix
 
 
 @dataclass(frozen=True, init=False)
@@ -30,6 +31,8 @@ class DirectProduct(LieGroup):
         strangers = [factor for factor in factors if not isinstance(factor, LieGroup)]
         if strangers:
             raise GroupError(f"DirectProduct needs Lie groups such as SO3(), but got {shown(strangers[0])}.")
+        for factor in factors:
+            require_one_matrix(factor, "DirectProduct")
         object.__setattr__(self, "factors", tuple(factors))
 
     @property

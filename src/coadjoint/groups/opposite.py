@@ -8,6 +8,7 @@ import numpy as np
 
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup
+from coadjoint.groups.power import require_one_matrix
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Opposite(LieGroup):
     def __post_init__(self):
         if not isinstance(self.group, LieGroup):
             raise GroupError(f"Opposite needs a Lie group such as SO3(), but got {shown(self.group)}.")
+        require_one_matrix(self.group, "Opposite")
 
     @property
     def basis(self) -> np.ndarray:

@@ -78,7 +78,10 @@ class Power(LieGroup):
         if isinstance(self.coupling, tuple):
             return self.coupling
         if self.coupling == "all":
-            raise GroupError(f"{self!r} has no list of pairs: all links act on each other.")
+            raise GroupError(
+                f"{self!r} has no list of pairs, because all links act on each other: give the pairs that are meant, "
+                "as in co.RelativePoses([(0, 1), (1, 2)])."
+            )
         chain = tuple((i, i + 1) for i in range(self.count - 1))
         return (*chain, (0, self.count - 1)) if self.coupling == "ring" and self.count > 2 else chain
 
@@ -158,6 +161,15 @@ class Power(LieGroup):
 
     def outside(self, g: Element) -> Array:
         return jnp.max(jax.vmap(self.factor.outside)(g))
+
+
+def require_one_matrix(group: LieGroup, what: str) -> None:
+    """Raise GroupError for a power, whose elements have a matrix for each link, within another group, `what`."""
+    if isinstance(group, Power):
+        raise GroupError(
+            f"{what} must not hold a power, but got {group!r}: take Power({what}(…), {group.count}), whose links are "
+            "such groups, with all that is no link in `additional` or `advected`."
+        )
 
 
 def _coupling(coupling: Any, count: int) -> str | tuple[tuple[int, int], ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.groups.matrix_exponential import exponential_minus_one
+from coadjoint.groups.power import require_one_matrix
 from coadjoint.groups.small_angle import cubic_ratio, versine_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -62,6 +63,7 @@ class SemidirectProduct(LieGroup):
     def __post_init__(self):
         if not isinstance(self.group, LieGroup):
             raise GroupError(f"SemidirectProduct needs a Lie group such as SO3(), but got {shown(self.group)}.")
+        require_one_matrix(self.group, "SemidirectProduct")
         V = self.representation
         try:
             acts = isinstance(V, LinearAction) and bool(V.flat)

@@ -204,20 +204,33 @@ def _require_regular(system: System, lagrangian: Callable[..., Any], arguments: 
 
 
 def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.ndarray) -> list[str]:
-    """`_require_regular` of the kinetic energy of each link by itself, where links have none together."""
-    lower, diagonal, _ = evaluate(lambda z: how.blocks(jax.linearize(jax.grad(at), z)[1]), velocities)
-    if how.layout.width > 1 or np.any(lower):
-        return []
-    for link, mass in enumerate(diagonal):
-        empty, eigenvalues, direction = _weakest(mass)
-        if empty or abs(eigenvalues).min() <= SINGULAR:
+    """`_require_regular` by block elimination: of D_i − L_i S_{i−1}⁻¹U_{i−1}, what links before it leave of a mass."""
+    blocks = evaluate(lambda z: how.blocks(jax.linearize(jax.grad(at), z)[1]), velocities)
+    lower, diagonal, upper = map(np.asarray, blocks)
+    links, size = np.argsort(how.layout.position), sum(how.sizes)
+    # In units in which every row has the size 1, as `_weakest` takes them.
+    scale = np.sqrt(np.max(np.abs(blocks), axis=(0, 3), initial=0.0))
+    scale = np.where(scale > 0, scale, 1.0)
+    before, unsound = np.zeros(diagonal.shape[1:]), []
+    for row, (L, D, U) in enumerate(zip(lower, diagonal, upper, strict=True)):
+        mass = (D - L @ before) / scale[row][:, None] / scale[row]
+        eigenvalues, vectors = (
+            np.linalg.eigh(0.5 * (mass + mass.T)) if np.all(np.isfinite(mass)) else _weakest(mass)[1:]
+        )
+        direction = vectors[:, np.argmin(np.abs(eigenvalues))] / scale[row]
+        inside = int(np.argmax(np.abs(direction)))
+        link = links[min(row * how.layout.width + inside // size, how.count - 1)]
+        if abs(eigenvalues).min() <= SINGULAR:
+            first = inside // size * size
+            along = direction[first : first + size] / direction[inside]
             raise LagrangianError(
                 f"The Legendre transform must be regular, but the mass matrix of link {link} is singular: motion along "
-                f"{np.round(direction, 3).tolist()} carries no kinetic energy; give it a mass or leave it out."
+                f"{np.round(along, 3).tolist()} carries no kinetic energy; give it a mass or leave it out."
             )
-        if eigenvalues[0] < 0:
-            return [f"The kinetic energy is not positive definite at link {link}."]
-    return []
+        if eigenvalues[0] < 0 and not unsound:
+            unsound = [f"The kinetic energy is not positive definite at link {link}."]
+        before = np.linalg.solve(D - L @ before, U)
+    return unsound
 
 
 def require_regular_hamiltonian(system: System, state: State) -> None:

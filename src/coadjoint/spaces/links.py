@@ -14,12 +14,15 @@ import numpy as np
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array, Element
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space, checked_vector
 
 GROUND = -1
 """The link that stands still at e, in a pair of `RelativePoses`."""
+
+OUTSIDE = 1e-9
+"""How far a given pose may be from its group."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +132,9 @@ class RelativePoses(Space):
         system = co.System(co.Power(co.SE3(), 50), rod, advected=dict(joint=co.RelativePoses(), height=co.Dual()))
 
     With e₀ = e, its value at the start where `a0` leaves it out, it is g_i⁻¹g_j, the pose of link j as link i sees it.
-    So an energy of the joints is a function of `a.joint`, elements of G with a leading axis of pairs. Moving all links
-    at once leaves it as it is: the total momentum is conserved.
+    So an energy of the joints is a function of `a.joint`, elements of G with a leading axis of pairs. With e₀ = e and
+    without the ground, moving all links at once leaves it as it is, and the total momentum is conserved. Where g are
+    displacements from poses A_i at rest, e₀ = A_i⁻¹A_j; the symmetry is then k_i = A_i⁻¹kA_i, another one at each link.
 
     pairs: of links, by default those of the group's `coupling`; −1 stands for the ground, which stays at e: (−1, 0) is
     the pose of the first link itself. Raises GroupError for what is no list of pairs.
@@ -231,7 +235,21 @@ class RelativePoses(Space):
                 f"Argument `{name}` must hold an element of {G!r} for each of {count} pairs, or be left out for e, but "
                 f"is {shown(value)}."
             )
-        return checked_vector(rows.reshape(-1), self.ambient(group), name)
+        checked = checked_vector(rows.reshape(-1), self.ambient(group), name)
+        if not traced(checked):
+            self._require_poses(group, checked, name)
+        return checked
+
+    def _require_poses(self, group: LieGroup, x: Array, name: str) -> None:
+        """Raise ArgumentError where a given pose is no element of G."""
+        G = _power(group).factor
+        away = evaluate(lambda x: jax.vmap(lambda e: jnp.asarray(G.outside(e)))(self.view(group, x)), x)
+        worst = int(np.argmax(away))
+        if not away[worst] <= OUTSIDE:
+            raise ArgumentError(
+                f"The pose of the pair {self.of(group)[worst]} in `{name}` must be an element of {G!r}, but is off by "
+                f"{away[worst]:.1e}: give it with all its digits, or leave `{name}` out for e."
+            )
 
 
 def on_links(group: LieGroup, space: Space) -> Space:
