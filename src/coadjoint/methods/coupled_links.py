@@ -69,7 +69,7 @@ def require_coupling(system: System, step: Step, state: State, how: Coupled) -> 
     if not np.all(np.isfinite(per_link)):
         warnings.warn(
             f"Whether `coupling` of {system.group!r} pairs all links that act on each other was not checked, because "
-            "the equations have no derivatives at random points near the start; pairs that are missing cost iterations.",
+            "the equations have no derivatives at random points near the start; missing pairs cost iterations.",
             stacklevel=2,
         )
         return
