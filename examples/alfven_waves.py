@@ -54,7 +54,7 @@ dispersion.legend()
 for degree in (2, 3, 8):
     swings.plot(time, c[:, degree - 2], linewidth=1, label=f"l = {degree}")
 swings.set(xlabel="time (s)", ylabel="vorticity, relative", title="each degree swings", ylim=(-1.1, 1.6))
-swings.legend(loc="upper center", ncols=3, frameon=False)
+swings.legend(loc="upper center", ncols=3, frameon=False, handlelength=1, columnspacing=1)
 energies.plot(time, run.dataset.kinetic_energy.values * 1e10, linewidth=1, label="flow")
 energies.plot(time, (magnetic - magnetic[0]) * 1e10, linewidth=1, label="field, gained")
 energies.set(xlabel="time (s)", ylabel="energy (1e-10 /s²)", title="flow and field", ylim=(-0.02, 0.5))
