@@ -43,6 +43,7 @@ SCRIPTS = {
     "docs/figures/stability.py": ["stability"],
     "docs/figures/water.py": ["water"],
     "docs/figures/missions.py": ["mission"],
+    "docs/figures/bag.py": ["bag"],
     "docs/theorems/figures.py": [
         "theorem_four_settings", "theorem_kelvin_noether", "theorem_moser_veselov", "theorem_poisson",
     ],
