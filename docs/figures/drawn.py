@@ -50,6 +50,7 @@ SCRIPTS = {
     "examples/heisenberg.py": ["heisenberg"],
     "examples/alfven_waves.py": ["alfven_waves"],
     "examples/fluid_drop.py": ["fluid_drop"],
+    "examples/falling_rod.py": ["falling_rod"],
     "examples/spherical_pendulum.py": ["spherical_pendulum"],
     "examples/falling_plates.py": ["falling_plates"],
     "examples/vehicle_in_current.py": ["vehicle_in_current"],

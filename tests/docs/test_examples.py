@@ -54,6 +54,17 @@ def test_a_vehicle_in_a_current_is_carried_along_and_its_balance_closes(run_exam
     assert Path("vehicle_in_current.png").stat().st_size > 10_000
 
 
+def test_a_falling_rod_keeps_its_energy_and_hangs_below_its_wall(run_example):
+    found = run_example("falling_rod", 0.2)
+    run, hanging, paths = found["run"], found["hanging"], found["paths"]
+    energy = run.dataset.energy.values
+    fallen = 1.1 * 9.81 * 0.1**2 * np.pi * 0.6 * 0.3  # about the energy of a fall to the vertical
+    assert np.ptp(energy) < 1e-4 * fallen
+    assert -0.6 < hanging.g[1][-1, 1] < -0.3 and paths[-1, -1, 1] < paths[0, -1, 1] - 0.1
+    assert found["squares"][0] > 0
+    assert Path("falling_rod.png").stat().st_size > 10_000
+
+
 def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_method(run_example):
     found = run_example("fast_heavy_top", 0.2)
     assert found["method"].order == 4

@@ -13,6 +13,7 @@ from coadjoint.lazy import lazy
 from coadjoint.models.entry import MOVING, TURNING, UP, CatalogueEntry
 from coadjoint.models.hamiltonian import HAMILTONIAN
 from coadjoint.models.integrable import INTEGRABLE
+from coadjoint.models.links import LINKS
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP, TABLE_1, TABLE_2
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from coadjoint.models import paper_form as paper_form
     from coadjoint.models import point_vortices as point_vortices
     from coadjoint.models import rigid_body as rigid_body
+    from coadjoint.models import rods as rods
     from coadjoint.models import swimmer as swimmer
     from coadjoint.models import toda as toda
     from coadjoint.models.general_form import general_vehicle as general_vehicle
@@ -78,6 +80,7 @@ _ENTRIES = (
     ),
     *INTEGRABLE,
     *HAMILTONIAN,
+    *LINKS,
     CatalogueEntry(
         "underwater_vehicle",
         "The vehicle of Ono, Fiori and Peng (2025), Tables 1 and 2: added mass, off-centre buoyancy; z points down.",

@@ -215,7 +215,8 @@ def turning(group: Any, xi: np.ndarray) -> np.ndarray:
     if isinstance(group, MatrixCoordinates) and not group.dense:
         return np.array([_spread(evaluate(group.hat, row)) for row in xi])
     if isinstance(group, Power):
-        return turning(group.factor, np.reshape(xi, (-1, group.factor.dim))).reshape(len(xi), -1).max(axis=1)
+        links = np.reshape(xi, (len(xi) * group.count, group.factor.dim))
+        return turning(group.factor, links).reshape(len(xi), group.count).max(axis=1)
     structure = _structure(group)
     if not structure.any():
         return np.zeros(len(xi))

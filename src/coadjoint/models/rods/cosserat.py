@@ -1,0 +1,228 @@
+"""Geometrically exact rods that bend, twist, shear and stretch: Cosserat rods on SE(3)ᴺ and SE(2)ᴺ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups.group import Array
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import Force
+from coadjoint.mechanics.system import System
+from coadjoint.models.quantities import checked, not_negative, number, positive, positive_pair, vector
+from coadjoint.models.rods.layout import Layout
+from coadjoint.models.rods.strains import logarithm, straight
+from coadjoint.spaces import Dual, RelativePoses
+from coadjoint.spaces.links import GROUND
+from coadjoint.spaces.numbers import float64
+
+STIFF = 1e6
+"""EA and GA where they are left out, in units of EI/L²: a penalty for stretch and shear, which stay below 1e-5 under
+loads up to that of buckling."""
+
+
+UNITS = {
+    "xi": "rad/s, m/s",
+    "xi_spatial": "rad/s, m/s",
+    "mu": "kg m²/s, kg m/s",
+    "a": "1, m",
+    "x": "m",
+    "energy": "J",
+    "discrete_energy": "J",
+}
+"""The components of a section share an array, the angular ones first."""
+
+
+def cosserat(
+    *,
+    elements: Any,
+    length: Any,
+    EI: Any,
+    GJ: Any,
+    mass: Any,
+    inertia: Any,
+    EA: Any = None,
+    GA: Any = None,
+    rest_curvature: Any = (0.0, 0.0, 0.0),
+    ends: str = "free",
+    gravity: Any = 0.0,
+    load: Any = None,
+    moment: Any = None,
+    motion: Callable[[Any], Any] | None = None,
+) -> System:
+    """A Cosserat rod of M elements between rigid sections, on SE(3)ᴺ with the relative poses of sections advected.
+
+        ℓ(ξ, a) = ½ Σ_i s_i ξ_i·𝕄ξ_i − ½ Σ_e l_e (ε_e − ε⁰_e)·ℂ(ε_e − ε⁰_e) + Σ_i s_i m g x_i·d + F·x_N
+
+    ε_e = (κ, γ) = log(g_i⁻¹g_j)/l_e is the strain of the element from section i to j: curvature with the twist first,
+    rad/m, and stretch with the two shears; it is constant along an element, so that a rod under an end couple is a
+    circle at any M. ℂ = diag(GJ, EI₂, EI₃, EA, GA₂, GA₃), 𝕄 = diag(inertia, m, m, m), s_i half the length of the
+    elements beside a section. The first axis of a section is the rod's tangent. Errors fall as 1/M².
+
+    elements: M. length: of the rod, m, or of each element, (M,). EI: bending stiffness, N m², about the second and the
+    third axis, or one number. GJ: of torsion, N m². EA, GA: of stretch and shear, N, GA one number or two; left out,
+    they are 1e6 EI/L² with the larger EI: a rod that hardly stretches and shears, by penalty. mass: per length, kg/m.
+    inertia: ρJ, ρI₂, ρI₃, of a section about its axes per length, (3,), kg m. rest_curvature: κ without load, (3,), or
+    (M, 3) by elements, rad/m. ends: "free"; "clamped", the first; "both clamped"; "ring", the last joined to the first.
+    gravity: g, m/s², along `down` of `start`. load: a force F in space at the last section, (3,), N. moment: a couple
+    there about its own axes, (3,), N m; it turns with the section and has no energy. motion: t ↦ (R, x), the pose of
+    the clamped first end relative to what it is at the start, in jax.numpy: a driven end.
+
+    Parameters: length, EI, GJ, EA, GA, mass, inertia, rest_curvature [, gravity] [, load] [, moment].
+    Raises ArgumentError for what no rod can have. Source: Simo, Comput. Methods Appl. Mech. Eng. 49 (1985);
+    Sonneville, Cardona and Brüls, ibid. 268 (2014), for the helicoidal element.
+    """
+    given = {"EI": EI, "GJ": GJ, "EA": EA, "GA": GA, "mass": mass, "inertia": inertia}
+    return _rod(Layout(elements, ends), length, given, rest_curvature, (gravity, load, moment, motion))
+
+
+def planar(
+    *,
+    elements: Any,
+    length: Any,
+    EI: Any,
+    mass: Any,
+    inertia: Any,
+    EA: Any = None,
+    GA: Any = None,
+    rest_curvature: Any = 0.0,
+    ends: str = "free",
+    gravity: Any = 0.0,
+    load: Any = None,
+    moment: Any = None,
+    motion: Callable[[Any], Any] | None = None,
+) -> System:
+    """The rod of `cosserat` in a plane, on SE(2)ᴺ: ε = (κ, γ₁, γ₂), ℂ = diag(EI, EA, GA), 𝕄 = diag(inertia, m, m).
+
+    elements: M. length: of the rod, m, or of each element, (M,). EI: bending stiffness, N m². EA, GA: of stretch and
+    shear, N; left out, 1e6 EI/L² as a penalty. mass: per length, kg/m. inertia: ρI per length, kg m. rest_curvature:
+    one number or (M,), rad/m. ends: as of `cosserat`. gravity: g, m/s². load: a force at the last section, (2,), N.
+    moment: a couple there, one number, N m. motion: t ↦ (R, x) of the clamped first end, (2, 2) and (2,).
+    Raises ArgumentError for what no rod can have.
+    """
+    given = {"EI": EI, "EA": EA, "GA": GA, "mass": mass, "inertia": inertia}
+    return _rod(Layout(elements, ends, True), length, given, rest_curvature, (gravity, load, moment, motion))
+
+
+def stiffness(p: Any) -> Array:
+    """The diagonal of ℂ, (6,) or in the plane (3,), of the parameters of a rod; N m² and N."""
+    turning = [jnp.reshape(p.GJ, 1), p.EI] if hasattr(p, "GJ") else [jnp.reshape(p.EI, 1)]
+    return jnp.concatenate([*turning, jnp.reshape(p.EA, 1), jnp.reshape(p.GA, -1)])
+
+
+def inertia_per_length(p: Any) -> Array:
+    """The diagonal of 𝕄, (6,) or in the plane (3,), of the parameters of a rod; kg m and kg/m."""
+    turning = jnp.reshape(p.inertia, -1)
+    return jnp.concatenate([turning, jnp.broadcast_to(p.mass, 3 if turning.shape[0] == 3 else 2)])
+
+
+def strains(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array:
+    """ε (M, d) of relative poses of the elements; `end`: the pose to which a driven end has moved."""
+    R, x = poses
+    if end is not None:
+        A, y = end
+        R = jnp.concatenate([(A.T @ R[0])[None], R[1:]])
+        x = jnp.concatenate([(A.T @ (x[0] - y))[None], x[1:]])
+    return logarithm((R, x)) / p.length[:, None]
+
+
+def elastic_energy(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array:
+    """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J."""
+    curvature = jnp.reshape(p.rest_curvature, (layout.elements, -1))
+    tangent = straight(layout.planar)[curvature.shape[1] :]
+    rest = jnp.concatenate([curvature, jnp.broadcast_to(tangent, (layout.elements, len(tangent)))], axis=1)
+    strain = strains(layout, poses, p, end) - rest
+    return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
+
+
+def _rod(layout: Layout, length: Any, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
+    gravity, load, moment, motion = outside
+    checks = _checks(layout)
+    size = 2 if layout.planar else 3
+    lengths = checks["length"](length, "length")
+    bending = checked({"EI": checks["EI"]}, {"EI": given["EI"]})["EI"]
+    stiff = STIFF * np.max(bending) / np.sum(lengths) ** 2
+    values = {"length": lengths, **given, "rest_curvature": rest}
+    values |= {name: stiff for name in ("EA", "GA") if given[name] is None}
+    acting = {"gravity": gravity if gravity != 0 else None, "load": load, "moment": moment}
+    values |= {name: value for name, value in acting.items() if value is not None}
+    _require_end(layout, load, moment, motion)
+    spaces = {"joint": RelativePoses(layout.pairs)}
+    spaces |= {"down": Dual()} if "gravity" in values else {}
+    spaces |= {"tip": RelativePoses(((GROUND, layout.sections - 1),))} if load is not None else {}
+
+    def lagrangian(xi, a, p, *, t):
+        shares = layout.shares(p.length)
+        energy = 0.5 * jnp.sum(shares[:, None] * inertia_per_length(p) * xi**2)
+        energy -= elastic_energy(layout, a.joint, p, None if motion is None else motion(t))
+        if hasattr(p, "gravity"):
+            energy += p.mass * p.gravity * shares @ a.down[:, size]
+        return energy + p.load @ a.tip[1][0] if hasattr(p, "load") else energy
+
+    def end_couple(motion, p):
+        turning = motion.xi.shape[1] - size
+        return Force(torque=jnp.zeros_like(motion.xi).at[-1, :turning].set(p.moment))
+
+    return System(
+        layout.group,
+        lagrangian if motion is not None else lambda xi, a, p: lagrangian(xi, a, p, t=0.0),
+        advected=spaces,
+        parameters=Parameters(**checked(checks, values)),
+        forces={"moment": end_couple} if moment is not None else None,
+        checks=partial(checked, checks),
+        units=UNITS,
+        name="planar rod" if layout.planar else "Cosserat rod",
+    )
+
+
+def _checks(layout: Layout) -> dict[str, Callable[[Any, str], Any]]:
+    """What each parameter of a rod is kept as, or ArgumentError, by name."""
+    three = not layout.planar
+
+    def lengths(value: Any, name: str) -> Any:
+        found = float64(value, f"Argument `{name}`")
+        if np.shape(found) == ():
+            return np.full(layout.elements, positive(found, name) / layout.elements)
+        for one in vector(found, name, layout.elements):
+            positive(one, name)
+        return found
+
+    def pair(value: Any, name: str) -> Any:
+        found = float64(value, f"Argument `{name}`")
+        return positive_pair(np.broadcast_to(found, 2) if np.shape(found) == () else found, name)
+
+    def bodies(value: Any, name: str) -> Any:
+        for one in vector(value, name):
+            positive(one, name)
+        return float64(value, name)
+
+    def curvature(value: Any, name: str) -> Any:
+        found = float64(value, f"Argument `{name}`")
+        one, all_ = ((3,), (layout.elements, 3)) if three else ((), (layout.elements,))
+        if np.shape(found) not in (one, all_):
+            raise ArgumentError(f"Argument `{name}` must have shape {one} or {all_}, but has shape {np.shape(found)}.")
+        return np.broadcast_to(found, all_)
+
+    size = 3 if three else 2
+    scalars = dict.fromkeys(("EA", "mass", "GJ") if three else ("EA", "mass", "EI", "GA", "inertia"), positive)
+    others = {"EI": pair, "GA": pair, "inertia": bodies} if three else {}
+    acting = {
+        "gravity": not_negative,
+        "load": lambda value, name: vector(value, name, size),
+        "moment": (lambda value, name: vector(value, name)) if three else number,
+    }
+    return {**scalars, **others, **acting, "length": lengths, "rest_curvature": curvature}
+
+
+def _require_end(layout: Layout, load: Any, moment: Any, motion: Any) -> None:
+    if layout.ends in ("both clamped", "ring") and (load is not None or moment is not None):
+        raise ArgumentError(f"A rod with ends {layout.ends!r} has no free end for a `load` or a `moment`.")
+    if motion is not None and (not callable(motion) or layout.ends not in ("clamped", "both clamped")):
+        raise ArgumentError(
+            "Argument `motion` must be a function of the time t to a pose (R, x) of a rod whose first end is clamped."
+        )

@@ -1,0 +1,66 @@
+"""Which sections a rod has, which of them an element joins, and what part of the rod's length each section carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups import SE2, SE3, Power
+from coadjoint.groups.group import Array
+from coadjoint.spaces.links import GROUND
+
+ENDS = ("free", "clamped", "both clamped", "ring")
+"""Both ends free; the first one clamped; both clamped; or the last joined to the first."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """M elements between sections, of which those that are clamped are no unknowns.
+
+    elements: M. ends: one of `ENDS`. planar: whether sections move on SE(2).
+    """
+
+    elements: int
+    ends: str
+    planar: bool = False
+
+    def __post_init__(self):
+        if self.ends not in ENDS:
+            raise ArgumentError(f"Argument `ends` must be one of {', '.join(ENDS)}, but is {shown(self.ends)}.")
+        least = {"free": 1, "clamped": 1, "both clamped": 2, "ring": 3}[self.ends]
+        if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < least:
+            raise ArgumentError(
+                f"Argument `elements` must be a whole number from {least} of a rod with ends {self.ends!r}, but is "
+                f"{shown(self.elements)}."
+            )
+
+    @property
+    def sections(self) -> int:
+        """N, how many sections move."""
+        return self.elements + {"free": 1, "clamped": 0, "both clamped": -1, "ring": 0}[self.ends]
+
+    @property
+    def group(self) -> Power:
+        """SE(3)ᴺ, or SE(2)ᴺ in the plane."""
+        return Power(SE2() if self.planar else SE3(), self.sections, "ring" if self.ends == "ring" else "chain")
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The sections that each element joins, in the order along the rod, −1 for one that is clamped."""
+        N = self.sections
+        inner = tuple((i, i + 1) for i in range(N - 1))
+        if self.ends == "ring":
+            return (*inner, (N - 1, 0))
+        first = ((GROUND, 0),) if self.ends != "free" else ()
+        return (*first, *inner, *(((N - 1, GROUND),) if self.ends == "both clamped" else ()))
+
+    def shares(self, lengths: Array) -> Array:
+        """The length that each section stands for, half of the elements beside it, (N,), of those of elements (M,)."""
+        half = 0.5 * lengths
+        if self.ends == "ring":
+            return half + jnp.roll(half, 1)
+        nothing = jnp.zeros(1)
+        whole = jnp.concatenate([half, nothing]) + jnp.concatenate([nothing, half])
+        return whole[int(self.ends != "free") : len(whole) - int(self.ends == "both clamped")]

@@ -1,0 +1,158 @@
+"""States in which rods start, and where their sections are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.groups import Power
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.orientation import orientation
+from coadjoint.models.quantities import number, vector
+from coadjoint.models.rods.strains import each_element, straight
+from coadjoint.spaces.numbers import float64
+
+
+def start(
+    rod: System,
+    *,
+    position: Any = (0.0, 0.0, 0.0),
+    rotation: Any = None,
+    euler_zxz: Any = None,
+    euler_zyx: Any = None,
+    curvature: Any = None,
+    velocity: Any = (0.0, 0.0, 0.0),
+    angular_velocity: Any = (0.0, 0.0, 0.0),
+    down: Any = (0.0, 0.0, -1.0),
+) -> State:
+    """The state of a rod of `cosserat` in the shape of its curvatures, moving as a rigid body or section by section.
+
+    position, rotation, euler_zxz, euler_zyx: the pose (R, x) of the first section, clamped or not, x (3,) in m; the rod
+    begins along the first column of R. curvature: κ (3,) or (M, 3), rad/m, by default that at rest; not stretched.
+    velocity, angular_velocity: v and ω in space of a rigid motion about the mean of the sections, (3,) each, m/s and
+    rad/s, or of every section, (N, 3). down: the direction of gravity, (3,). Clamped ends stay where they are.
+    Raises ArgumentError for other shapes.
+    """
+    R, _ = orientation(rotation, euler_zxz, euler_zyx)
+    return _start(rod, (R, vector(position, "position")), curvature, velocity, angular_velocity, down)
+
+
+def planar_start(
+    rod: System,
+    *,
+    position: Any = (0.0, 0.0),
+    angle: Any = 0.0,
+    curvature: Any = None,
+    velocity: Any = (0.0, 0.0),
+    angular_velocity: Any = 0.0,
+    down: Any = (0.0, -1.0),
+) -> State:
+    """The state of a rod of `planar`, as `start`.
+
+    position: of the first section, (2,), m. angle: of its tangent, rad. curvature: one number or (M,), rad/m, that at
+    rest by default. velocity: (2,) or (N, 2), m/s. angular_velocity: one number or (N,), rad/s. down: (2,).
+    Raises ArgumentError for other shapes.
+    """
+    theta = number(angle, "angle")
+    turned = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
+    return _start(rod, (turned, vector(position, "position", 2)), curvature, velocity, angular_velocity, down)
+
+
+def centerline(state: State) -> np.ndarray:
+    """Where the sections of a state are, (N, 3) or (N, 2), or of records with leading axes, m; not the clamped ends."""
+    g: Any = state.g
+    return np.asarray(g[1])
+
+
+def curve(rod: System, first: Any, strain: Any) -> Any:
+    """The poses (M + 1, …) of sections one after the other from the first one, of strains (M, d)."""
+    group: Any = rod.group
+    p: Any = rod.parameters
+
+    def along(g: Any, step: Any) -> Any:
+        further = group.factor.compose(g, group.factor.exp(step))
+        return further, further
+
+    def whole(first: Any, steps: Any) -> Any:
+        _, others = jax.lax.scan(along, first, steps)
+        return jax.tree.map(lambda one, rest: jnp.concatenate([one[None], rest]), first, others)
+
+    return evaluate(whole, first, np.asarray(strain) * np.asarray(p.length)[:, None])
+
+
+def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_velocity: Any, down: Any) -> State:
+    group = rod_of(rod)
+    p: Any = rod.parameters
+    size, M = len(first[1]), len(p.length)
+    turning = group.factor.dim - size
+    kappa = float64(p.rest_curvature if curvature is None else curvature, "Argument `curvature`")
+    if np.shape(kappa) not in (((3,), (M, 3)) if turning == 3 else ((), (M,))):
+        raise ArgumentError(
+            f"Argument `curvature` must be that of a section, or of each of {M} elements, but has shape "
+            f"{np.shape(kappa)}."
+        )
+    strain = each_element(straight(size == 2), M)
+    strain[:, :turning] = np.reshape(kappa, (-1, turning))
+    poses = curve(rod, first, strain)
+    pairs = rod_pairs(rod)
+    begin = int(pairs[0][0] < 0)
+    R, x = (leaf[begin : begin + group.count] for leaf in poses)
+    a0: dict[str, Any] = {"joint": _clamps(rod, pairs, poses)}
+    if hasattr(p, "gravity"):
+        a0["down"] = [*vector(down, "down", size), 0.0]
+    if hasattr(p, "load"):
+        a0["tip"] = None
+    return rod.state(g=(R, x), xi=_velocities(R, x, velocity, angular_velocity), a0=a0)
+
+
+def _clamps(rod: System, pairs: Any, poses: Any) -> Any:
+    """e₀ of every element: e, and the poses of clamped ends, with those of the first one inverted."""
+    R, x = poses
+    size = x.shape[1]
+    turned, moved = np.tile(np.eye(size), (len(pairs), 1, 1)), np.zeros((len(pairs), size))
+    if pairs[0][0] < 0:
+        turned[0], moved[0] = R[0].T, -R[0].T @ x[0]
+    if pairs[-1][1] < 0:
+        turned[-1], moved[-1] = R[-1], x[-1]
+    return turned, moved
+
+
+def _velocities(R: np.ndarray, x: np.ndarray, velocity: Any, angular_velocity: Any) -> np.ndarray:
+    """ξ (N, d) of velocities in space."""
+    N, size = x.shape
+    v = float64(velocity, "Argument `velocity`")
+    omega = float64(angular_velocity, "Argument `angular_velocity`")
+    turning = (3,) if size == 3 else ()
+    for name, given, shape in (("velocity", v, (size,)), ("angular_velocity", omega, turning)):
+        if np.shape(given) not in (shape, (N, *shape)):
+            raise ArgumentError(
+                f"Argument `{name}` must have shape {shape} or {(N, *shape)}, but has shape {np.shape(given)}."
+            )
+    if np.ndim(omega) == len(turning):
+        away = x - np.mean(x, axis=0)
+        rigid = np.cross(omega, away) if size == 3 else omega * np.stack([-away[:, 1], away[:, 0]], axis=1)
+        v = v + rigid
+        omega = np.broadcast_to(omega, (N, *turning))
+    moving = np.einsum("nij,ni->nj", R, np.broadcast_to(v, (N, size)))
+    spinning = np.einsum("nij,ni->nj", R, omega) if size == 3 else omega[:, None]
+    return np.concatenate([spinning, moving], axis=1)
+
+
+def rod_of(rod: System) -> Power:
+    """The group of a rod; raises ArgumentError for another system."""
+    if not isinstance(rod, System) or not isinstance(rod.group, Power) or not hasattr(rod.parameters, "rest_curvature"):
+        raise ArgumentError(f"Argument `rod` must be a rod of co.models.rods, but is {shown(rod)}.")
+    return rod.group
+
+
+def rod_pairs(rod: System) -> tuple[tuple[int, int], ...]:
+    """The pairs of sections that the elements of a rod join."""
+    advected: Any = rod.advected
+    names = advected.names if hasattr(advected, "names") else ("joint",)
+    return advected.factors[names.index("joint")].of(rod.group)

@@ -1,0 +1,154 @@
+"""Rods at rest under their loads, and the frequencies at which they swing about there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.linalg import eigh
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import Power
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics.state import State
+from coadjoint.mechanics.system import System
+from coadjoint.models.rods.shapes import curve, rod_pairs
+from coadjoint.models.rods.strains import logarithm
+
+LONGEST_STEP = 1.0
+"""rad or units of length, by which one section moves at most in an iteration."""
+MOST = 60
+"""Iterations."""
+LARGEST = 1500
+"""Unknowns, of which a dense matrix is formed."""
+
+
+def equilibrium(rod: System, state: State, tolerance: float = 1e-9) -> State:
+    """The state of rest that Newton's iteration finds from the shape of a state, stable or not.
+
+    All sections hold ∂V/∂η_i = T_i, V the energy of strains, gravity and loads, T a couple at the end. The matrix is
+    dense: of a chain with 100 sections on SE(3) one of 600 rows.
+
+    rod: a rod or a chain of co.models.rods. state: of it, from which a and the shape are taken; velocities are not.
+    tolerance: by how much a section moves in the last iteration at most, rad or units of length.
+    Raises ArgumentError where the iteration does not end, or the matrix has more than 1500 rows.
+    """
+    group = _group(rod)
+    forces, couple = _forces(rod, state), _couple(rod, group)
+    a0 = evaluate(lambda g, a: rod.advected.act(group, g, a), state.g, state.a)
+    size = np.inf
+    for _ in range(MOST):
+        residual, slope = forces(state.a)
+        step = np.linalg.lstsq(slope, couple - residual, rcond=1e-13)[0]
+        size = float(np.max(np.abs(step)))
+        if not np.isfinite(size):
+            break
+        state = _moved(rod, state, a0, step * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
+        if size <= tolerance:
+            return state
+    raise ArgumentError(
+        f"No state of rest was found in {MOST} iterations, the last of which moved a section by {size:.2g}: start from "
+        "a shape that is nearer, as that of a smaller load."
+    )
+
+
+def modes(rod: System, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """ω² and the shapes of small motions about a state of rest: Kη = ω²Mη, K = ∂²V/∂η², M = ∂²ℓ/∂ξ².
+
+    rod: a rod or a chain of co.models.rods, without a couple at its end. state: at rest, as of `equilibrium`.
+    Returns ω², 1/s², from the smallest on, (n,), negative where the state is unstable and 0 for rigid motions of free
+    rods, and the shapes, (n, N, dim G), with ηᵀMη = 1. Raises ArgumentError above 1500 unknowns or with a couple.
+    """
+    group = _group(rod)
+    if np.any(_couple(rod, group)):
+        raise ArgumentError("A rod with a couple at its end has no energy to take modes of: leave `moment` out.")
+    _, K = _forces(rod, state)(state.a)
+    nothing = np.zeros(rod.additional.ambient(group))
+
+    def mass(a):
+        return jax.hessian(lambda xi: rod.reduced_lagrangian(xi, nothing, nothing, a, state.t))(np.zeros(group.dim))
+
+    squares, shapes = eigh(0.5 * (K + K.T), evaluate(mass, state.a))
+    return squares, shapes.T.reshape(len(squares), group.count, -1)
+
+
+def _group(rod: System) -> Power:
+    group = rod.group
+    if not isinstance(group, Power) or rod.additional.ambient(group):
+        raise ArgumentError(f"Argument `rod` must be a rod or a chain of co.models.rods, but is {rod.name!r}.")
+    if group.dim > LARGEST:
+        raise ArgumentError(
+            f"A state of rest is found by a dense matrix of at most {LARGEST} unknowns, but this has {group.dim}."
+        )
+    return group
+
+
+def _couple(rod: System, group: Power) -> np.ndarray:
+    T = np.zeros((group.count, group.factor.dim))
+    p: Any = rod.parameters
+    if hasattr(p, "moment"):
+        moment = np.ravel(p.moment)
+        T[-1, : len(moment)] = moment
+    return np.ravel(T)
+
+
+def _forces(rod: System, state: State) -> Callable[..., Any]:
+    """a ↦ (∂V/∂η, its derivative by η) at η = 0, (n,) and (n, n), V of g exp(η)."""
+    group, _, V = rod.places
+    rest, nothing = np.zeros(group.dim), np.zeros(rod.additional.ambient(group))
+
+    def seen(a, eta):
+        return V.act(group, group.inverse(group.exp(eta)), a)
+
+    def gradient(a):
+        def energy(eta):
+            return -rod.reduced_lagrangian(rest, nothing, nothing, seen(a, eta), state.t)
+
+        return jax.grad(energy)(rest)
+
+    def both(a):
+        return gradient(a), jax.jacfwd(lambda eta: gradient(seen(a, eta)))(rest)
+
+    return tabulate(both, state.a)
+
+
+def _moved(rod: System, state: State, a0: Any, eta: np.ndarray) -> State:
+    """The state at g exp(η); of a rod with a free end the state whose strains have moved as they do along η.
+
+    Strains that add up keep a stiff rod from being stretched by a turn, which is what sections that move on their own
+    do to it.
+    """
+    group, _, V = rod.places
+    g = evaluate(lambda g, eta: group.compose(g, group.exp(eta)), state.g, eta)
+    last = rod_pairs(rod)[-1] if hasattr(rod.parameters, "rest_curvature") else (0, 0)
+    if last[1] == last[0] + 1:  # neither a ring nor clamped there
+        g = _by_strains(rod, state, g, a0, eta)
+    a = evaluate(lambda g, a0: V.act(group, group.inverse(g), a0), g, a0)
+    still = np.zeros(group.dim)
+    return state.replace(g=g, a=a, xi=still, mu=still)
+
+
+def _by_strains(rod: System, state: State, g: Any, a0: Any, eta: np.ndarray) -> Any:
+    """The elements of the sections one after the other, from the first as it is moved, or from the clamp."""
+    group, _, V = rod.places
+    p: Any = rod.parameters
+    clamped = rod_pairs(rod)[0][0] < 0
+
+    def strains(a, eta):
+        def strain(eta):
+            joint = V.view(group, V.act(group, group.inverse(group.exp(eta)), a)).joint
+            return logarithm(joint) / p.length[:, None]
+
+        now, change = jax.jvp(strain, (jnp.zeros_like(eta),), (eta,))
+        return now + change
+
+    def clamp(a0):  # e₀ of the first element is the inverse of its pose
+        R, x = V.view(group, a0).joint
+        return R[0].T, -R[0].T @ x[0]
+
+    first = evaluate(clamp, a0) if clamped else jax.tree.map(lambda leaf: leaf[0], g)
+    poses = curve(rod, first, evaluate(strains, state.a, eta))
+    return jax.tree.map(lambda leaf: leaf[int(clamped) :], poses)

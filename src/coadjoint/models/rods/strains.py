@@ -1,0 +1,74 @@
+"""Strains of an element of a rod: the logarithm of the pose of one section as the section before it sees it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.groups.group import Array
+
+_SWITCH = 1 / 16
+_TERMS = 14
+
+
+def _arctangent_ratios(t: Array) -> tuple[Array, Array]:
+    """f = arctan(τ)/τ and q = (1 − f)/τ² of t = τ², arrays of any shape, smooth through τ = 0.
+
+    Below t = 1/16 by the series of the arctangent, above it in closed form.
+    """
+    near = t < _SWITCH
+    inner = jnp.where(near, t, 0.0)
+    series = jnp.zeros_like(inner)
+    for k in reversed(range(_TERMS)):
+        series = series * -inner + 1 / (2 * k + 3)
+    outer = jnp.where(near, 1.0, t)
+    tangent = jnp.sqrt(outer)
+    q = jnp.where(near, series, (1 - jnp.arctan(tangent) / tangent) / outer)
+    return 1 - t * q, q
+
+
+def logarithm(pose: tuple[Array, Array]) -> Array:
+    """(ω, v) of poses (R, x) with exp(ω, v) = (R, x), for turns below π.
+
+    With w = 2 tan(θ/2) n of the turn R by θ about n, τ = tan(θ/2), and f, q as above:
+
+        ω = f w,    v = x − ½ f w × x + ¼ q w × (w × x)
+
+    pose: (R, x), in space (…, 3, 3) and (…, 3), which gives (…, 6), rad and m; in the plane (…, 2, 2) and (…, 2), which
+    gives (…, 3). At a turn of π it is infinite.
+    """
+    R, x = pose
+    if x.shape[-1] == 2:
+        tangent = (R[..., 1, 0] - R[..., 0, 1]) / (2 + R[..., 0, 0] + R[..., 1, 1])
+        f, _ = _arctangent_ratios(tangent**2)
+        half = (f * tangent)[..., None]
+        back = jnp.stack([x[..., 1], -x[..., 0]], axis=-1)
+        return jnp.concatenate([2 * half, f[..., None] * x + half * back], axis=-1)
+    w = _half_tangent(R)
+    f, q = (ratio[..., None] for ratio in _arctangent_ratios(0.25 * jnp.sum(w * w, axis=-1)))
+    once = jnp.cross(w, x)
+    return jnp.concatenate([f * w, x - 0.5 * f * once + 0.25 * q * jnp.cross(w, once)], axis=-1)
+
+
+def rotation_vector(R: Array) -> Array:
+    """log R, (…, 3), rad, of rotations (…, 3, 3) by less than π."""
+    w = _half_tangent(R)
+    return _arctangent_ratios(0.25 * jnp.sum(w * w, axis=-1))[0][..., None] * w
+
+
+def _half_tangent(R: Array) -> Array:
+    """2 tan(θ/2) n, (…, 3)."""
+    turned = jnp.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
+    return 2 * turned / (1 + R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2])[..., None]
+
+
+def straight(planar: bool) -> np.ndarray:
+    """The strain (κ, γ) of a straight rod, (6,) or in the plane (3,): κ = 0 and γ = the first axis."""
+    return np.eye(3)[1] if planar else np.eye(6)[3]
+
+
+def each_element(strain: Any, count: int) -> np.ndarray:
+    """A strain for each of `count` elements, (count, d), of one for all (d,) or of one each."""
+    return np.broadcast_to(strain, (count, np.shape(strain)[-1])).copy()
