@@ -15,7 +15,7 @@ from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
 from coadjoint.models.quantities import checked, not_negative, number, positive, positive_pair, vector
-from coadjoint.models.rods.layout import Layout
+from coadjoint.models.rods.layout import RodLayout
 from coadjoint.models.rods.strains import logarithm, straight
 from coadjoint.spaces import Dual, RelativePoses
 from coadjoint.spaces.links import GROUND
@@ -78,7 +78,7 @@ def cosserat(
     Sonneville, Cardona and Brüls, ibid. 268 (2014), for the helicoidal element.
     """
     given = {"EI": EI, "GJ": GJ, "EA": EA, "GA": GA, "mass": mass, "inertia": inertia}
-    return _rod(Layout(elements, ends), length, given, rest_curvature, (gravity, load, moment, motion))
+    return _rod(RodLayout(elements, ends), length, given, rest_curvature, (gravity, load, moment, motion))
 
 
 def planar(
@@ -106,7 +106,7 @@ def planar(
     Raises ArgumentError for what no rod can have.
     """
     given = {"EI": EI, "EA": EA, "GA": GA, "mass": mass, "inertia": inertia}
-    return _rod(Layout(elements, ends, True), length, given, rest_curvature, (gravity, load, moment, motion))
+    return _rod(RodLayout(elements, ends, True), length, given, rest_curvature, (gravity, load, moment, motion))
 
 
 def stiffness(p: Any) -> Array:
@@ -121,7 +121,7 @@ def inertia_per_length(p: Any) -> Array:
     return jnp.concatenate([turning, jnp.broadcast_to(p.mass, 3 if turning.shape[0] == 3 else 2)])
 
 
-def strains(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array:
+def strains(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
     """ε (M, d) of relative poses of the elements; `end`: the pose to which a driven end has moved."""
     R, x = poses
     if end is not None:
@@ -131,7 +131,7 @@ def strains(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array:
     return logarithm((R, x)) / p.length[:, None]
 
 
-def elastic_energy(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array:
+def elastic_energy(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
     """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J."""
     curvature = jnp.reshape(p.rest_curvature, (layout.elements, -1))
     tangent = straight(layout.planar)[curvature.shape[1] :]
@@ -140,7 +140,7 @@ def elastic_energy(layout: Layout, poses: Any, p: Any, end: Any = None) -> Array
     return 0.5 * jnp.sum(p.length[:, None] * stiffness(p) * strain**2)
 
 
-def _rod(layout: Layout, length: Any, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
+def _rod(layout: RodLayout, length: Any, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
     gravity, load, moment, motion = outside
     checks = _checks(layout)
     size = 2 if layout.planar else 3
@@ -180,7 +180,7 @@ def _rod(layout: Layout, length: Any, given: dict[str, Any], rest: Any, outside:
     )
 
 
-def _checks(layout: Layout) -> dict[str, Callable[[Any, str], Any]]:
+def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
     """What each parameter of a rod is kept as, or ArgumentError, by name."""
     three = not layout.planar
 
@@ -219,7 +219,7 @@ def _checks(layout: Layout) -> dict[str, Callable[[Any, str], Any]]:
     return {**scalars, **others, **acting, "length": lengths, "rest_curvature": curvature}
 
 
-def _require_end(layout: Layout, load: Any, moment: Any, motion: Any) -> None:
+def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None:
     if layout.ends in ("both clamped", "ring") and (load is not None or moment is not None):
         raise ArgumentError(f"A rod with ends {layout.ends!r} has no free end for a `load` or a `moment`.")
     if motion is not None and (not callable(motion) or layout.ends not in ("clamped", "both clamped")):

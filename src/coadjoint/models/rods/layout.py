@@ -16,7 +16,7 @@ ENDS = ("free", "clamped", "both clamped", "ring")
 
 
 @dataclass(frozen=True)
-class Layout:
+class RodLayout:
     """M elements between sections, of which those that are clamped are no unknowns.
 
     elements: M. ends: one of `ENDS`. planar: whether sections move on SE(2).
