@@ -127,10 +127,11 @@ def by_quflow(W: np.ndarray, h: float, steps: int) -> tuple[float, float] | None
     """Seconds a step of quflow and the largest change of an eigenvalue; None where it is not installed."""
     if find_spec("quflow") is None:
         return None
-    integrate = importlib.import_module("quflow.integrators").isomp_fixedpoint
+    integrate = importlib.import_module("quflow.integrators.isospectral").isomp_fixedpoint
+    tolerance = 1e-14 * 0.079 * float(np.linalg.norm(W, np.inf))  # its residual is of what a step adds to W
 
     def run(count: int) -> np.ndarray:
-        return integrate(W.copy(), h, steps=count, maxit=100, tol=1e-14, compsum=True)
+        return integrate(W.copy(), h, steps=count, maxit=100, tol=tolerance, compsum=True)
 
     change = np.max(np.abs(spectrum(run(steps)) - spectrum(W)))
     return seconds_a_step(run, steps), float(change)
