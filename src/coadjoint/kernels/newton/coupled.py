@@ -57,7 +57,10 @@ class Factors(NamedTuple):
 
 
 class _Iterate(NamedTuple):
-    """age: iterations with these factors. near: whether the last increment was below NEAR. due: renew the factors."""
+    """age: iterations with these factors. near: whether the last increment was below NEAR. due: renew the factors.
+
+    fresh: whether they were renewed in this stage.
+    """
 
     unknowns: jax.Array
     iterations: jax.Array
@@ -66,6 +69,7 @@ class _Iterate(NamedTuple):
     near: jax.Array
     due: jax.Array
     age: jax.Array
+    fresh: jax.Array
 
 
 @dataclass(frozen=True)
@@ -236,36 +240,33 @@ class Coupled:
                 it.due, lambda z: self.factors(jax.linearize(function, z)[1]), lambda z: factors, it.unknowns
             )
 
-        def with_factors(carry):
+        def advance(carry):
             it, factors = carry
-            factors, fresh = renewed(it, factors), it.due
-
-            def advance(it: _Iterate) -> _Iterate:
-                increment = self.solve(factors, -function(it.unknowns))
-                new = it.unknowns + increment
-                sizes, scales = sizes_of(increment, parts), sizes_of(new, parts)
-                finite = jnp.all(jnp.isfinite(sizes))
-                near = jnp.max(sizes) <= NEAR * jnp.max(scales) + floor
-                rates = jnp.where(it.age > 0, sizes / jnp.maximum(it.sizes, floor), jnp.inf)
-                small = (sizes <= SETTLED * scales + floor) | (jnp.maximum(rates, 1e-8) * sizes <= LEFT_OVER * scales)
-                stalled = near & it.near & (rates > STALLED)
-                # New factors that lead to no number have failed.
-                settled = jnp.all(small | (stalled & fresh)) | (~finite & fresh & (it.age == 0))
-                lost = (jnp.max(rates) > 1.0) & ~near & (it.age > 0)
-                lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite
-                age = it.age + 1
-                kept = jnp.where(finite | settled, jnp.where(lost & ~near, it.unknowns, new), start)
-                due = ~settled & (lost | (age >= RENEWED))
-                return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age)
-
-            fresh_start = it._replace(due=jnp.asarray(False), near=jnp.asarray(False), age=jnp.asarray(0))
-            return lax.while_loop(lambda i: ~i.settled & ~i.due & (i.iterations < MOST), advance, fresh_start), factors
+            factors, fresh = renewed(it, factors), it.fresh | it.due
+            age, was_near = jnp.where(it.due, 0, it.age), it.near & ~it.due
+            increment = self.solve(factors, -function(it.unknowns))
+            new = it.unknowns + increment
+            sizes, scales = sizes_of(increment, parts), sizes_of(new, parts)
+            finite = jnp.all(jnp.isfinite(sizes))
+            near = jnp.max(sizes) <= NEAR * jnp.max(scales) + floor
+            rates = jnp.where(age > 0, sizes / jnp.maximum(it.sizes, floor), jnp.inf)
+            small = (sizes <= SETTLED * scales + floor) | (jnp.maximum(rates, 1e-8) * sizes <= LEFT_OVER * scales)
+            stalled = near & was_near & (rates > STALLED)
+            # New factors that lead to no number have failed.
+            settled = jnp.all(small | (stalled & fresh)) | (~finite & fresh & (age == 0))
+            lost = (jnp.max(rates) > 1.0) & ~near & (age > 0)
+            lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite
+            kept = jnp.where(finite | settled, jnp.where(lost & ~near, it.unknowns, new), start)
+            due = ~settled & (lost | (age + 1 >= RENEWED))
+            return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age + 1, fresh), factors
 
         known, never = before.h == h, jnp.asarray(False)
         ahead = jnp.where(known, 2.0 * before.changes[0] - before.changes[1], 0.0)
-        first = _Iterate(start + ahead, jnp.asarray(0), never, sizes_of(start, parts), never, ~known, jnp.asarray(0))
+        first = _Iterate(
+            start + ahead, jnp.asarray(0), never, sizes_of(start, parts), never, ~known, jnp.asarray(0), never
+        )
         return lax.while_loop(
-            lambda carry: ~carry[0].settled & (carry[0].iterations < MOST), with_factors, (first, before[:3])
+            lambda carry: ~carry[0].settled & (carry[0].iterations < MOST), advance, (first, before[:3])
         )
 
 
