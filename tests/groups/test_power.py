@@ -134,3 +134,18 @@ def test_poses_that_are_given_are_elements_of_the_group():
 def test_all_has_no_pairs_and_says_which_to_give():
     with pytest.raises(GroupError, match=r"give the pairs that are meant, as in co.RelativePoses\(\[\(0, 1\)"):
         co.RelativePoses().require_fit(co.Power(co.SO3(), 3, "all"))
+
+
+def test_datasets_have_velocities_momenta_and_elements_by_links(tmp_path):
+    chain = co.System(co.Power(co.SE2(), 3), lambda xi: 0.5 * (xi**2).sum())
+    xi = np.arange(9.0).reshape(3, 3)
+    options = {"dt": 0.01, "steps": 2, "accuracy": False}
+    run = co.simulate(chain, chain.state(xi=xi), **options)
+    assert run.dataset.xi.dims == run.dataset.mu.dims == ("time", "link", "algebra")
+    assert run.dataset.R.dims == ("time", "link", "R_0", "R_1") and run.dataset.x.dims == ("time", "link", "x_0")
+    np.testing.assert_allclose(run.dataset.mu[0], xi, atol=1e-14)
+    stored = co.simulate(chain, chain.state(xi=xi), **options, store=tmp_path / "run").dataset
+    np.testing.assert_array_equal(stored.xi.isel(link=1), run.dataset.xi.values[:, 1])
+    members = co.simulate(chain, chain.state(xi=co.each(np.stack([xi, -xi]))), **options)
+    assert members.dataset.mu.dims == ("member", "time", "link", "algebra")
+    assert members.statistics("mu").mu.sel(statistic="mean").shape == (3, 3, 3)

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import xarray
 
-from coadjoint.groups import attitude
+from coadjoint.groups import LieGroup, Power, attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.invariance import group_of, is_right
@@ -164,14 +164,16 @@ def variables(
     group, Q, V = system.places
     found: Variables = {}
     leaves = () if records.g is None else zip(group.leaf_names, jax.tree.leaves(records.g), strict=True)
+    links = ("link",) if isinstance(group, Power) else ()
     for name, leaf in leaves:
-        found[name] = (("time", *(f"{name}_{axis}" for axis in range(leaf.ndim - 1))), leaf)
+        own = range(leaf.ndim - 1 - len(links))
+        found[name] = (("time", *links, *(f"{name}_{axis}" for axis in own)), leaf)
     more = evaluate(derived, records) if derive is None else derive(records)
     rotation = more.pop("rotation", None)
     for name in ("xi", "mu"):
-        found[name] = (("time", "algebra"), getattr(records, name))
+        found[name] = _coordinates(group, getattr(records, name))
     if "xi_there" in more:
-        found[_seen_from_there(system)] = (("time", "algebra"), more.pop("xi_there"))
+        found[_seen_from_there(system)] = _coordinates(group, more.pop("xi_there"))
     for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
@@ -246,6 +248,13 @@ def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) 
     for name, attrs in attributes.items():
         made[name].attrs.update(attrs)
     return made
+
+
+def _coordinates(group: LieGroup, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Vectors or covectors of the algebra, (records, dim), by coordinates; of a power by links and coordinates."""
+    if isinstance(group, Power):
+        return ("time", "link", "algebra"), np.reshape(values, (len(values), group.count, group.factor.dim))
+    return ("time", "algebra"), values
 
 
 def _parts(space: Space, group: Any, name: str, values: np.ndarray) -> dict[str, tuple[tuple[str, ...], Any]]:

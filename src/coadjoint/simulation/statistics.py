@@ -28,7 +28,8 @@ def statistics(
     names = _known(made, variables)
     wanted = _quantiles(quantiles)
     labels = ["mean", "std", "min", "max", *(f"{100 * q:.12g}%" for q in wanted)]
-    left = np.isfinite(made["mu"].transpose("member", "time", "algebra").values).all(axis=-1).sum(axis=0)
+    mu = np.isfinite(made["mu"].transpose("member", "time", ...).values)
+    left = mu.reshape(*mu.shape[:2], -1).all(axis=-1).sum(axis=0)
     found = {}
     for name in names:
         array = made[name].transpose("member", ...)
