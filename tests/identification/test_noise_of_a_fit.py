@@ -35,7 +35,7 @@ def test_the_noise_is_over_the_numbers_that_the_fit_left(missing):
     hat = X @ np.linalg.pinv(X)
     noise = random.normal(size=len(X)) * there.ravel()
     residual = noise - hat @ noise
-    problem = SimpleNamespace(there=there, sigma=np.array([1.0, 2.0]))
+    problem = SimpleNamespace(there=there, sigma=np.array([1.0, 2.0]), values=np.zeros(there.shape))
     solution = cast(Any, SimpleNamespace(jacobian=J, residual=residual.reshape(RUNS, -1)))
     left = np.where(there, 1 - np.diag(hat).reshape(there.shape), 0.0).sum(axis=(0, 1))
     expected = problem.sigma * np.sqrt((residual.reshape(there.shape) ** 2).sum(axis=(0, 1)) / left)
