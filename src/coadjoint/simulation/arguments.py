@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, LagrangianError, shown
-from coadjoint.kernels.trace.evaluate import traced
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics import quantities
 from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
@@ -54,7 +54,7 @@ def require_quantities(system: System, state: State) -> None:
 def _needs_g(system: System, function: Any, state: State) -> bool:
     """Whether a quantity that cannot be read of a state without g can be read where there is one."""
     try:
-        require_scalar(partial(quantities.value, system, function), "", (state.replace(g=system.group.identity),))
+        require_scalar(partial(quantities.value, system, function), "", (state.replace(g=evaluate(system.group.identity)),))
     except (LagrangianError, AttributeError):
         return False
     return True

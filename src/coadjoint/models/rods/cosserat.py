@@ -122,7 +122,7 @@ def inertia_per_length(p: Any) -> Array:
 
 
 def strains(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
-    """ε (M, d) of relative poses of the elements; `end`: the pose to which a driven end has moved."""
+    """ε, shape (M, d), of relative poses of the elements; `end`: the pose to which a driven end has moved."""
     R, x = poses
     if end is not None:
         A, y = end
@@ -132,7 +132,7 @@ def strains(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
 
 
 def elastic_energy(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Array:
-    """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J."""
+    """½ Σ l (ε − ε⁰)·ℂ(ε − ε⁰), J, one number."""
     curvature = jnp.reshape(p.rest_curvature, (layout.elements, -1))
     tangent = straight(layout.planar)[curvature.shape[1] :]
     rest = jnp.concatenate([curvature, jnp.broadcast_to(tangent, (layout.elements, len(tangent)))], axis=1)

@@ -66,6 +66,7 @@ def _times(times: Any) -> np.ndarray:
 
 
 def _rate(rate: Any) -> float:
-    if not (isinstance(rate, (int, float, np.floating, np.integer)) and 0 < rate < np.inf):
+    number = not isinstance(rate, bool) and np.ndim(rate) == 0 and np.asarray(rate).dtype.kind in "iuf"
+    if not (number and 0 < rate < np.inf):
         raise ArgumentError(f"The rate of readings must be a positive number, 1/s, but is {shown(rate)}.")
     return float(rate)
