@@ -53,8 +53,9 @@ def require_quantities(system: System, state: State) -> None:
 
 def _needs_g(system: System, function: Any, state: State) -> bool:
     """Whether a quantity that cannot be read of a state without g can be read where there is one."""
+    there = state.replace(g=evaluate(system.group.identity))
     try:
-        require_scalar(partial(quantities.value, system, function), "", (state.replace(g=evaluate(system.group.identity)),))
+        require_scalar(partial(quantities.value, system, function), "", (there,))
     except (LagrangianError, AttributeError):
         return False
     return True
