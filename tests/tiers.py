@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-DEFAULT, LONG = 2.0, 9.0
+DEFAULT, LONG = 2.0, 8.0
 """Seconds of processor time that a function of tests may take by default, and with `-m long`."""
 
 MOST = 3.0
