@@ -42,6 +42,7 @@ SCRIPTS = {
     "docs/figures/controllers.py": ["controllers", "five_controllers"],
     "docs/figures/stability.py": ["stability"],
     "docs/figures/water.py": ["water"],
+    "docs/figures/allan.py": ["allan"],
     "docs/figures/missions.py": ["mission"],
     "docs/figures/bag.py": ["bag"],
     "docs/theorems/figures.py": [

@@ -17,8 +17,8 @@ import drawn  # noqa: E402
 
 MEASURED = {
     "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed",
-    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "identification", "long_runs",
-    "view_cat", "view_mission",
+    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "filters_gap", "filters_nees", "identification",
+    "long_runs", "view_cat", "view_mission",
 }  # fmt: skip
 """Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
 
