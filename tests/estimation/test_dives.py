@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "figures"))
-import filters
+import filters  # pyright: ignore[reportMissingImports]
 
 
 @pytest.mark.budget(15)
