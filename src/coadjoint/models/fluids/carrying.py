@@ -13,7 +13,7 @@ from coadjoint.groups import Un
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.fluids.euler import euler, hbar
+from coadjoint.models.fluids.euler import absolute, axial, euler, hbar, size_of
 from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet, laplacian
 from coadjoint.spaces import Coadjoint
@@ -75,7 +75,7 @@ def boussinesq(size: int, rotation: float = 0.0) -> System:
     Seychelles, Amarouchene, Bessafi and Kellay, Phys. Rev. Lett. 100, 144501 (2008).
     """
     fluid = euler(size, rotation)
-    height = _axial(_matrices_of(fluid), 1.0)
+    height = axial(size, 1.0)
 
     def potential(a):
         return -a @ height
@@ -95,12 +95,7 @@ def carrying_start(fluid: System, vorticity: Coefficients, carried: Coefficients
     1/s², (L, L). Raises ArgumentError for others.
     """
     size = _size(fluid)
-    c = np.asarray(vorticity)
-    omega = from_coefficients(size, vorticity)
-    if c[0, 0] != 0:
-        raise ArgumentError(f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {c[0, 0]}.")
-    parameters: Any = fluid.parameters
-    return fluid.state(mu=omega + float(parameters.rotation) * _planetary(size), a0=from_coefficients(size, carried))
+    return fluid.state(mu=absolute(fluid, vorticity), a0=from_coefficients(size, carried))
 
 
 def carried(fluid: System, records: Any) -> Coefficients:
@@ -113,8 +108,8 @@ def carried(fluid: System, records: Any) -> Coefficients:
 
 def _carrying(fluid: System, energy: Any, watched: dict[str, Any], units: dict[str, str], name: str) -> System:
     """The fluid with a carried function, whose energy is that of the fluid and `energy(a)`, both times N/4π."""
-    size = _matrices_of(fluid)
-    planetary = _planetary(size)
+    size = size_of(fluid)
+    planetary = axial(size, 2.0)
 
     def hamiltonian(mu, a, p):
         return (dirichlet(mu - p.rotation * planetary) + energy(a)) / hbar(size)
@@ -142,22 +137,6 @@ def _slope(primals, tangents):
     (a,), (along,) = primals, tangents
     current = laplacian(round(np.sqrt(a.shape[0])), a)
     return -0.5 * a @ current, -current @ along
-
-
-def _axial(size: int, amplitude: float) -> np.ndarray:
-    """The coordinates (N²,) of amplitude · cos ϑ."""
-    return from_coefficients(size, np.array([[0, 0], [amplitude * np.sqrt(4 * np.pi / 3), 0]], complex))
-
-
-def _planetary(size: int) -> np.ndarray:
-    """The coordinates (N²,) of 2 cos ϑ, the planetary vorticity of Ω = 1."""
-    return _axial(size, 2.0)
-
-
-def _matrices_of(fluid: System) -> int:
-    """N of the group U(N) of a fluid."""
-    assert isinstance(fluid.group, Un)
-    return fluid.group.size
 
 
 def _size(fluid: System) -> int:

@@ -53,7 +53,7 @@ def euler(size: int, rotation: float = 0.0) -> System:
     require_room("A fluid on the sphere", size, 8.0 * ARRAYS * size**2, 2)
     if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
         raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
-    turning = from_coefficients(size, _cosine(2.0))
+    turning = axial(size, 2.0)
 
     def hamiltonian(mu, p):
         return dirichlet(mu - p.rotation * turning) / hbar(size)
@@ -81,12 +81,17 @@ def start(fluid: System, vorticity: Coefficients) -> State:
     vorticity: c (L, L) as `harmonics.from_coefficients` takes them, 1/s; c_00 must be 0.
     Raises ArgumentError for others.
     """
-    mu = from_coefficients(size_of(fluid), vorticity)
+    return fluid.state(mu=absolute(fluid, vorticity))
+
+
+def absolute(fluid: System, vorticity: Coefficients) -> np.ndarray:
+    """The coordinates (N²,), 1/s, of ω + 2Ω cos θ of a relative vorticity; raises ArgumentError where c_00 is not 0."""
+    omega = from_coefficients(size_of(fluid), vorticity)
     if np.asarray(vorticity)[0, 0] != 0:
         raise ArgumentError(
             f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {np.asarray(vorticity)[0, 0]}."
         )
-    return fluid.state(mu=mu + planetary(fluid))
+    return omega + planetary(fluid)
 
 
 def vorticity(fluid: System, records: Any) -> Coefficients:
@@ -98,17 +103,15 @@ def vorticity(fluid: System, records: Any) -> Coefficients:
     return coefficients_of(size_of(fluid), np.asarray(records.mu) - planetary(fluid))
 
 
-def _cosine(amplitude: float) -> Coefficients:
-    """c_lm of amplitude · cos θ."""
-    c = np.zeros((2, 2), complex)
-    c[1, 0] = amplitude * np.sqrt(4 * np.pi / 3)
-    return c
+def axial(size: int, amplitude: float) -> np.ndarray:
+    """The coordinates (N²,) of amplitude · cos θ."""
+    return from_coefficients(size, np.array([[0, 0], [amplitude * np.sqrt(4 * np.pi / 3), 0]], complex))
 
 
 def planetary(fluid: System) -> np.ndarray:
     """The coordinates (N²,) of 2Ω cos θ."""
-    turning, parameters = from_coefficients(size_of(fluid), _cosine(2.0)), cast(Any, fluid.parameters)
-    return turning * parameters.rotation
+    parameters = cast(Any, fluid.parameters)
+    return axial(size_of(fluid), 2.0) * parameters.rotation
 
 
 def size_of(fluid: System) -> int:
