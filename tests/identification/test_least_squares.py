@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.identification.least_squares import Estimates, least_squares, stationary, step
+from coadjoint.identification.least_squares import Estimates, least_squares, reduced, stationary, step
 
 
 class Shadowed:
@@ -39,3 +39,18 @@ def test_a_place_off_the_valley_is_not_stationary():
     place = Estimates(np.zeros(1), np.zeros((1, 1)))
     found = problem.residual(place)
     assert not stationary(problem.jacobian(place, None), found[0], 1)
+
+
+def test_starts_that_the_log_does_not_see_stay_though_round_off_moves_residuals_by_them():
+    """As velocities where only an attitude is logged: columns of 1e-17 led to steps of 1e15."""
+    random = np.random.default_rng(8)
+    J, r = random.normal(size=(4, 30, 5)), random.normal(size=(4, 30))
+    J[..., 1] = 1e-17 * random.normal(size=(4, 30))
+    shared, own, errors = step(J, r, 3, 0.0)
+    seen = np.delete(J, 1, axis=2)
+    expected, others, spread = step(seen, r, 2, 0.0)
+    assert np.allclose(shared, expected, rtol=1e-9) and np.allclose(errors, spread, rtol=1e-9)
+    assert np.allclose(np.delete(own, 1, axis=1), others, rtol=1e-6) and np.max(np.abs(own[:, 1])) < 1e-2
+    left, taken = reduced(J, 3)
+    expected, others = reduced(seen, 2)
+    assert np.allclose(left, expected, atol=1e-9) and np.allclose(taken, others, atol=1e-9)

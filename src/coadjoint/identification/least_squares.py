@@ -29,6 +29,9 @@ ROUGH = 1e-2
 FARTHEST = 1.0
 """How far a shared unknown may go in one iteration; larger steps are damped more."""
 
+UNSEEN = 1e-12
+"""Of the largest column of a segment: one that is shorter is round-off, of a start that the log does not see."""
+
 
 class Estimates(NamedTuple):
     """φ (m,) and δ (segments, d)."""
@@ -112,7 +115,7 @@ def step(J: np.ndarray, r: np.ndarray, d: int, damping: float) -> tuple[np.ndarr
     g = np.einsum("srk,sr->sk", J, r)
     diagonal = np.einsum("skk->sk", H)
     own = diagonal[:, :d]
-    own = np.where(own > 0, own, 1.0)
+    own = np.where(own > UNSEEN**2 * np.max(diagonal, axis=1, keepdims=True), own, 1.0)
     steep = H[:, :d, :d] + np.einsum("sk,kj->skj", damping * own + 1e-13 * own, np.eye(d))
     right = np.concatenate([H[:, :d, d:], g[:, :d, None]], axis=2)
     solved = np.linalg.solve(steep, right)
@@ -133,7 +136,7 @@ def reduced(J: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     each residual they take, (segments, rows): the diagonal of A(AᵀA)⁻¹Aᵀ."""
     A, B = J[..., :d], J[..., d:]
     size = np.linalg.norm(A, axis=1, keepdims=True)
-    A = A / np.where(size > 0, size, 1.0)
+    A = np.where(size > UNSEEN * np.max(size, axis=2, keepdims=True), A / np.where(size > 0, size, 1.0), 0.0)
     # Columns of length one: what round-off leaves of dependent ones is far below the 1e-12 that is added.
     L = np.linalg.cholesky(A.swapaxes(1, 2) @ A + 1e-12 * np.eye(d))
     Q = np.linalg.solve(L, A.swapaxes(1, 2)).swapaxes(1, 2)
