@@ -185,7 +185,7 @@ def test_what_does_not_fit_in_memory_is_refused_before_it_is_tried(monkeypatch):
     """4 GB: steps of N = 4096 need 60 arrays of N² numbers, all harmonics of N = 1200 N³/3."""
     fluid = fluids.euler(100)
     start = fluids.start(fluid, fluids.random_vorticity(1, degree=3))
-    monkeypatch.setattr("coadjoint.models.fluids.memory.installed", lambda: 4e9)
+    monkeypatch.setattr("coadjoint.models.memory.installed", lambda: 4e9)
     monkeypatch.setattr("coadjoint.simulation.ensemble.MEMORY_LIMIT", 1e8)
     for call, sentence in (
         (
@@ -207,7 +207,10 @@ def test_what_is_no_fluid_is_refused():
     for call, sentence in (
         (lambda: fluids.euler(1), "`size` must be a whole number N from 2, but is 1"),
         (lambda: fluids.euler(4, rotation=np.nan), "`rotation` must be a finite number, rad/s, but is nan"),
-        (lambda: fluids.start(fluid, np.tril(np.ones((5, 5)))), r"\(L, L\) with L up to N = 4, but has shape \(5, 5\)"),
+        (
+            lambda: fluids.start(fluid, np.tril(np.ones((5, 5)))),
+            r"\(L, L\) with L up to N = 4, degrees up to 3, but has shape \(5, 5\)",
+        ),
         (lambda: fluids.start(fluid, np.eye(3)), "must have mean 0, but c_00 is 1.0"),
         (lambda: fluids.from_coefficients(4, 1j * np.eye(2)), "must be real for m = 0"),
         (

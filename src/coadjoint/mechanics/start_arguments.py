@@ -49,25 +49,28 @@ def checked(system: System, element: Element, q, qdot, xi, a0, t, by_momenta: bo
         q, qdot = _pair(system, q, None)[0], pi
     else:
         q, qdot = _pair(system, q, qdot)
-    xi = (
-        np.zeros(system.group.dim)
-        if xi is None
-        else checked_vector(_end_to_end(system.group, xi), system.group.dim, "mu" if by_momenta else "xi")
-    )
+    xi = np.zeros(system.group.dim) if xi is None else _of_links(system.group, xi, "mu" if by_momenta else "xi")
     t = float64(t, "Argument `t`")
     if np.shape(t) != ():
         raise ArgumentError(f"Argument `t` must be one number (s), but has shape {np.shape(t)}.")
     return Checked(element, q, qdot, xi, _advected(system, a0), t)
 
 
-def _end_to_end(group: LieGroup, xi: Any) -> Any:
-    """ξ or μ of links (N, dim G) as (N·dim G,); whatever else as it is."""
+def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
+    """ξ or μ, (dim G,); of links also (N, dim G) by rows. Raises ArgumentError for other shapes."""
     if not isinstance(group, Power) or not (traced(xi) or isinstance(xi, (list, np.ndarray))):
-        return xi
-    given: Any = xi
+        return checked_vector(xi, group.dim, name)
+    given, rows = xi, (group.count, group.factor.dim)
     with suppress(ValueError):
         given = xi if traced(xi) else np.asarray(xi)
-    return given.reshape(-1) if np.shape(given) == (group.count, group.factor.dim) else xi
+    if np.shape(given) == rows:
+        return checked_vector(given.reshape(-1), group.dim, name)
+    if np.ndim(given) > 1:
+        raise ArgumentError(
+            f"Argument `{name}` of {rows[0]} links must have shape {rows}, a row a link, or ({group.dim},), but has "
+            f"shape {np.shape(given)}."
+        )
+    return checked_vector(xi, group.dim, name)
 
 
 def checked_members(system: System, arguments: tuple[Any, ...], count: int, by_momenta: bool = False) -> Checked:
@@ -125,14 +128,17 @@ def checked_element(group: LieGroup, g: Element) -> Element:
     given: list[Any] = []
     shapes = None
     with suppress(Exception):
-        given = structure.flatten_up_to(g)
+        # A named tuple, as of U(n), may be given as a plain one.
+        given = list(g) if type(g) is tuple and len(g) == len(leaves) else structure.flatten_up_to(g)
         shapes = [np.shape(leaf) for leaf in given]
     expected = [leaf.shape for leaf in leaves]
     if shapes != expected:
         if not all(map(numeric, given)):
             raise ArgumentError(f"Argument `g` must hold the numbers of an element of {group!r}, but is {shown(g)}.")
+        names = group.leaf_names if len(expected) > 1 else ("of shape",)
+        arrays = ", ".join(f"{name} {shape}" for name, shape in zip(names, expected, strict=False))
         raise ArgumentError(
-            f"Argument `g` must be an element of {group!r}, arrays of shape {', '.join(map(str, expected))}, "
+            f"Argument `g` must be an element of {group!r}, arrays {arrays}, "
             f"but has {'another structure' if shapes is None else 'shape ' + ', '.join(map(str, shapes))}."
         )
     element = jax.tree.unflatten(structure, [float64(leaf, "Argument `g`") for leaf in given])

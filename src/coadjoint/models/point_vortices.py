@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import combinations
 from typing import Any
 
 import jax.numpy as jnp
@@ -16,6 +15,7 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.models.memory import require_room
 from coadjoint.models.quantities import checked, positive
 from coadjoint.spaces.numbers import float64
 
@@ -51,11 +51,10 @@ def plane(*, circulations: Any) -> System:
 
 def plane_energy(mu, p):
     """H = −1/(2π) Σ_{i<j} Γ_iΓ_j ln |r_i − r_j|."""
-    r, total = plane_positions(mu, p.circulations), 0.0
-    for i, j in combinations(range(p.circulations.shape[0]), 2):
-        apart = r[i] - r[j]
-        total = total - p.circulations[i] * p.circulations[j] * jnp.log(apart @ apart)
-    return total / (4 * np.pi)
+    i, j = np.triu_indices(p.circulations.shape[0], 1)
+    r = plane_positions(mu, p.circulations)
+    apart = jnp.sum((r[i] - r[j]) ** 2, axis=1)
+    return -jnp.sum(p.circulations[i] * p.circulations[j] * jnp.log(apart)) / (4 * np.pi)
 
 
 def plane_positions(mu: Array, circulations: Array) -> Array:
@@ -108,11 +107,10 @@ def sphere(*, circulations: Any, radius: Any) -> System:
 
 def sphere_energy(mu, p):
     """H = −1/(4π) Σ_{i<j} Γ_iΓ_j ln(2R² − 2x_i·x_j)."""
-    x, total = sphere_positions(mu, p.circulations, p.radius), 0.0
-    for i, j in combinations(range(p.circulations.shape[0]), 2):
-        apart = 2 * p.radius**2 - 2 * x[i] @ x[j]
-        total = total - p.circulations[i] * p.circulations[j] * jnp.log(apart)
-    return total / (4 * np.pi)
+    i, j = np.triu_indices(p.circulations.shape[0], 1)
+    x = sphere_positions(mu, p.circulations, p.radius)
+    apart = 2 * p.radius**2 - 2 * jnp.sum(x[i] * x[j], axis=1)
+    return -jnp.sum(p.circulations[i] * p.circulations[j] * jnp.log(apart)) / (4 * np.pi)
 
 
 def sphere_positions(mu: Array, circulations: Array, radius: Any) -> Array:
@@ -157,6 +155,7 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
             f"Argument `{name}` must hold {count} numbers, but holds {len(found)}: make another model for another "
             "number of vortices."
         )
+    require_room("A step of point vortices", len(found), 96.0 * (2 * len(found) + 1) ** 2, 2)
     if not traced(found) and np.any(found == 0):
         raise ArgumentError(
             f"Argument `{name}` must have no zero, but that of vortex {int(np.argmin(np.abs(found))) + 1} is 0: "
@@ -181,9 +180,10 @@ def _positions(value: Any, count: int, size: int) -> np.ndarray:
         raise ArgumentError(
             f"Argument `positions` must have shape ({count}, {size}), a row a vortex, but has shape {found.shape}."
         )
-    apart = {(i, j): float(np.linalg.norm(found[i] - found[j])) for i, j in combinations(range(count), 2)}
-    (i, j), least = min(apart.items(), key=lambda item: item[1])
-    if least <= APART * max(apart.values()) or least == 0:
+    pairs = np.triu_indices(count, 1)
+    apart = np.linalg.norm(found[pairs[0]] - found[pairs[1]], axis=1)
+    (i, j), least = (int(row[np.argmin(apart)]) for row in pairs), np.min(apart)
+    if least <= APART * np.max(apart) or least == 0:
         raise ArgumentError(
             f"Vortices must be apart, but {i + 1} and {j + 1} are at one place: their energy is infinite."
         )

@@ -100,6 +100,9 @@ class Trivial(Representation):
     def ambient(self, group: LieGroup) -> int:
         return self.size
 
+    def require_fit(self, group: LieGroup) -> None:
+        """Nothing: g·x = x is an affine action of every group."""
+
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         return x
 

@@ -13,7 +13,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet
-from coadjoint.models.fluids.memory import ARRAYS, require_room
+from coadjoint.models.memory import ARRAYS, require_room
 
 UNITS = {
     "mu": "1/s",

@@ -10,7 +10,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.models.fluids.laplacian import tridiagonal
-from coadjoint.models.fluids.memory import require_room
+from coadjoint.models.memory import installed, require_room
 
 Coefficients = np.ndarray
 """c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
@@ -89,8 +89,8 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
     c = checked(coefficients)
     if c.ndim != 2 or len(c) > size:
         raise ArgumentError(
-            f"Argument `coefficients` must be finite numbers c_lm, (L, L) with L up to N = {size}, but has shape "
-            f"{c.shape}: {shown(coefficients)}."
+            f"Argument `coefficients` must be c_lm, (L, L) with L up to N = {size}, degrees up to {size - 1}, but has "
+            f"shape {c.shape}: leave out the higher degrees, or take a larger N."
         )
     rows = np.zeros((size, size))
     for m in range(c.shape[0]):
@@ -153,6 +153,12 @@ def on_grid(
     c = checked(coefficients)
     for name, count in (("latitudes", latitudes), ("longitudes", longitudes)):
         require_whole(name, count, 2)
+    needed = 8.0 * latitudes * (c.shape[-1] ** 2 + 2 * c[..., 0, 0].size * (longitudes + c.shape[-1]))
+    if needed > installed():
+        raise ArgumentError(
+            f"A grid of {latitudes} × {longitudes} points would take {needed / 1e9:.3g} GB of memory, and this machine "
+            f"has {installed() / 1e9:.3g}: take fewer latitudes and longitudes."
+        )
     latitude = np.linspace(-np.pi / 2, np.pi / 2, latitudes)
     longitude = np.linspace(0, 2 * np.pi, longitudes, endpoint=False)
     size = c.shape[-1]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
+from coadjoint.kernels.float64 import float64 as float64_scope
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
@@ -222,7 +225,12 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
 def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None:
     if layout.ends in ("both clamped", "ring") and (load is not None or moment is not None):
         raise ArgumentError(f"A rod with ends {layout.ends!r} has no free end for a `load` or a `moment`.")
-    if motion is not None and (not callable(motion) or layout.ends not in ("clamped", "both clamped")):
+    size, found = 2 if layout.planar else 3, None
+    if callable(motion):
+        with suppress(Exception), float64_scope():
+            found = [np.shape(leaf) for leaf in jax.eval_shape(motion, 0.0)]
+    if motion is not None and (found != [(size, size), (size,)] or layout.ends not in ("clamped", "both clamped")):
         raise ArgumentError(
-            "Argument `motion` must be a function of the time t to a pose (R, x) of a rod whose first end is clamped."
+            "Argument `motion` must be a function of the time t, in jax.numpy, to a pose (R, x) of shapes "
+            f"({size}, {size}) and ({size},), of a rod whose first end is clamped."
         )

@@ -91,6 +91,9 @@ def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_veloc
     p: Any = rod.parameters
     size, M = len(first[1]), len(p.length)
     turning = group.factor.dim - size
+    if turning != (3 if size == 3 else 1):
+        right = "planar_start" if size == 3 else "start"
+        raise ArgumentError(f"A {rod.name} starts by co.models.rods.{right}, not by that of the other rods.")
     kappa = float64(p.rest_curvature if curvature is None else curvature, "Argument `curvature`")
     if np.shape(kappa) not in (((3,), (M, 3)) if turning == 3 else ((), (M,))):
         raise ArgumentError(
