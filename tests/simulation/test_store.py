@@ -279,7 +279,13 @@ def pendulum():
     return body, body.state(xi=[0.3], q=[1.0], qdot=[0.0])
 
 
-@pytest.mark.parametrize("make", [rigid_body, two_arrows, pendulum])
+def unitary():
+    group = co.DirectProduct(co.Un(2), co.SO2())  # elements of U(n) are tuples with names
+    body = co.System(group, lambda xi: 0.5 * xi @ (np.arange(1.0, 6.0) * xi))
+    return body, body.state(xi=[0.3, 0.2, 0.1, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("make", [rigid_body, two_arrows, pendulum, unitary])
 @pytest.mark.parametrize("monitors", [True, False])
 def test_every_kind_of_state_streams(tmp_path, make, monitors):
     body, start = make()

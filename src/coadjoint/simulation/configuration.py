@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from importlib import import_module, metadata
 from typing import Any
 
+import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
@@ -72,10 +73,17 @@ def start_form(start: State) -> tuple[Any, dict[str, np.ndarray]]:
     """The structure of a start as JSON, None where it holds anything unusual, and its numbers."""
     numbers: dict[str, np.ndarray] = {}
     try:
-        form = {name: _tree(getattr(start, name), numbers) for name in _NUMBERS}
+        form = {name: _tree(getattr(start, name), numbers) for name in _NUMBERS if name != "g"}
+        form["g"] = _tree(list(jax.tree.leaves(start.g)) if _has_names(start.g) else start.g, numbers)
         return {**form, "fixed": {name: getattr(start, name) for name in _FIXED}}, numbers
     except Unwritable:
         return None, {}
+
+
+def _has_names(g: Any) -> bool:
+    """Whether g is, or holds, tuples with names, as elements of U(n)."""
+    inner = g if isinstance(g, (tuple, list)) else ()
+    return hasattr(g, "_fields") or any(map(_has_names, inner))
 
 
 def _tree(tree: Any, numbers: dict[str, np.ndarray]) -> Any:
@@ -99,6 +107,11 @@ def start_from(form: Any, numbers: Mapping[str, np.ndarray], system: System) -> 
     if form is None:
         raise ArgumentError("The start of this run has parts that its folder does not keep: give `start` again.")
     grown = {name: _planted(form.get(name), numbers) for name in _NUMBERS}
+    if isinstance(grown["g"], list):
+        structure = jax.tree.structure(system.group.identity())
+        if structure.num_leaves != len(grown["g"]):
+            raise ArgumentError(f"The start of this run is no element of {system.group}: give the system it had.")
+        grown["g"] = jax.tree.unflatten(structure, grown["g"])
     return State(**grown, **form["fixed"], places=system.places)
 
 

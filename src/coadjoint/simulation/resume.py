@@ -133,7 +133,7 @@ def resume(
             raise ArgumentError(f"This run was begun with `{name}`, which its folder does not keep: give it again.")
     method = method_from(header["method"]) if method is None else method
     if method is None:
-        raise ArgumentError("The method of this run is not the library's own: give `method` again.")
+        raise ArgumentError("The folder of this run does not keep its method: give `method` again.")
     start = start_from(header["start"], numbers, system) if start is None else start
     grid = (header["dt"], header["steps"], header["save_every"], header["monitors"])
     traces = Traced()
