@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import coadjoint as co
 from coadjoint.models import toda
@@ -25,6 +26,42 @@ def test_two_particles_move_as_in_closed_form():
     assert errors[1] < 1e-4 and errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     gap = -2 * np.log(2 * L[-1, 0, 1])  # q₂ − q₁
     assert gap == pytest.approx(2 * np.log(np.cosh(kappa * (4.0 - reached)) / kappa), abs=1e-3)
+
+
+@pytest.mark.parametrize("particles", [3, 4])
+def test_any_number_moves_as_the_factorisation_says(particles: int):
+    """exp(tL₀) = QR with R_ii > 0, L(t) = QᵀL₀Q (Symes, Physica D 4 (1982)), which is Moser's solution."""
+    k = np.arange(particles)
+    q, p = 0.4 * k + 0.2 * np.sin(3.0 * k), np.cos(2.0 * k)
+    system = toda.lattice(particles=particles)
+    start = toda.start(system, positions=q, momenta=p)
+    L0, duration, errors = toda.lax_matrix(start.mu), 1.5, []
+    Q, R = np.linalg.qr(expm(duration * L0))
+    Q = Q * np.sign(np.diag(R))
+    for h in (0.1, 0.05):
+        run = co.trajectory(system, start, dt=h, steps=round(duration / h))
+        errors.append(np.max(np.abs(toda.lax_matrix(run.final.mu) - Q.T @ L0 @ Q)))
+    assert errors[1] < 2e-3 and errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+def test_particles_leave_each_other_with_exchanged_momenta_and_the_shifts_of_moser():
+    """q_k ~ p_k^± t + c_k^±: p⁺_k = p⁻_{n+1−k}, and c⁺ of the kth slowest less c⁻ of the same momentum is
+
+    Σ_{j faster} ln(p_j − p_k)² − Σ_{j slower} ln(p_j − p_k)² (Moser 1975).
+    """
+    far = np.array([0.9, 0.1, -0.7])  # the fastest is behind
+    system = toda.lattice(particles=3)
+    T, shifts = 14.0, []
+    shift = [sum(np.sign(other - one) * np.log((other - one) ** 2) for other in far if other != one) for one in far]
+    for h in (0.04, 0.02):
+        start = toda.start(system, positions=-T * far, momenta=far)
+        run = co.trajectory(system, start, dt=h, steps=round(2 * T / h))
+        L = toda.lax_matrix(run.final.mu)
+        p, gaps = -2 * np.diag(L), -2 * np.log(2 * np.diag(L, 1))
+        np.testing.assert_allclose(p, np.sort(far), atol=1e-3)
+        shifts.append(gaps - T * np.diff(np.sort(far)))
+    found = shifts[1] + (shifts[1] - shifts[0]) / 3
+    np.testing.assert_allclose(found, np.diff(shift[::-1]), atol=1e-3)
 
 
 def test_eigenvalues_stay_and_stand_in_order_at_the_end():

@@ -60,7 +60,8 @@ def _of_links(group: LieGroup, xi: Any, name: str) -> Array:
     """ξ or μ, (dim G,); of links also (N, dim G) by rows. Raises ArgumentError for other shapes."""
     if not isinstance(group, Power) or not (traced(xi) or isinstance(xi, (list, np.ndarray))):
         return checked_vector(xi, group.dim, name)
-    given, rows = xi, (group.count, group.factor.dim)
+    given: Any = xi
+    rows = (group.count, group.factor.dim)
     with suppress(ValueError):
         given = xi if traced(xi) else np.asarray(xi)
     if np.shape(given) == rows:

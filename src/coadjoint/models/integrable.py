@@ -49,6 +49,16 @@ INTEGRABLE = (
         duration=100.0,
     ),
     CatalogueEntry(
+        "manakov_body",
+        "A free rigid body in four dimensions, on SO(4): a Lax pair with a spectral parameter (Manakov 1976).",
+        "coadjoint.models.manakov:body",
+        "coadjoint.models.manakov:start",
+        {"moments": (1.0, 2.0, 3.5, 5.0)},
+        {"angular_velocity": (0.5, -0.3, 0.2, 0.4, 0.1, -0.6)},
+        dt=0.05,
+        duration=50.0,
+    ),
+    CatalogueEntry(
         "spherical_pendulum",
         "A spherical pendulum on the curved space S².",
         "coadjoint.models.spherical_pendulum:make",
