@@ -27,6 +27,10 @@ def goals(found: Found) -> Table:
         rows += _sweeps(found["sweeps"])
     if "environments" in found:
         rows += _environments(found["environments"])
+    if "filters" in found:
+        rows += _filters(found["filters"])
+    if "logs" in found:
+        rows += _logs(found["logs"])
     if "orders" in found:
         rows += _orders(found["orders"])
     for name, part in found.get("gradients", {"methods": {}})["methods"].items():
@@ -50,6 +54,22 @@ def _one(rows: Found) -> list[tuple[str, float, float, bool]]:
         ("one trajectory: native / by hand", 1.2, native, False),
         ("one trajectory: native / by hand, the aim", 1.0, native / rows[YARDSTICK]["ratio"], False),
         ("one trajectory: XLA / native", 20.0, rows["XLA: left rule"]["ratio"] / native, True),
+    ]
+
+
+def _filters(found: Found) -> list[tuple[str, float, float, bool]]:
+    return [
+        (f"an hour at 100 Hz by {label}, s", 30.0, 3600 / 0.01 * row["seconds"], False)
+        for name in ("model", "inertial unit")
+        for label, row in found[name].items()
+        if label.endswith("Process")
+    ]
+
+
+def _logs(found: Found) -> list[tuple[str, float, float, bool]]:
+    return [
+        ("4·10⁵ messages of an MCAP file, s", 3.0, 4e5 * found["mcap"]["read_log"]["seconds"], False),
+        ("a log of ArduPilot / pymavlink", 1.2, found["ardupilot"]["read_log"]["ratio"], False),
     ]
 
 

@@ -261,6 +261,25 @@ def _optimal(found: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def _filters(found: dict[str, Any]) -> list[Table]:
+    tables = []
+    for name in ("inertial unit", "model"):
+        rows = [
+            (
+                label,
+                f"{row['errors']:.0f}",
+                _time(row["seconds"]),
+                f"{row['seconds'] * found['steps']:.3g} s",
+                f"{row['ratio']:.3g}",
+                f"{row['off']:.4f} m",
+            )
+            for label, row in found[name].items()
+        ]
+        title = f"A filter by {'an ' if name != 'model' else 'the vehicle’s '}{name}, {found['seconds']} s at 100 Hz"
+        tables.append(Table(title, ("", "errors", "a step", "the log", "ratio", "RMS off"), rows))
+    return tables
+
+
 def _predictive(found: dict[str, Any]) -> list[Table]:
     tables = []
     for part in found.values():
@@ -279,6 +298,7 @@ def _predictive(found: dict[str, Any]) -> list[Table]:
 
 _TABLES = {
     "logs": _logs,
+    "filters": _filters,
     "sweeps": _sweeps,
     "predictive": _predictive,
     "optimal": _optimal,

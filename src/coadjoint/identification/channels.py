@@ -39,12 +39,14 @@ class Channels:
     """Numbers that a log holds, in their order: those of a vehicle by name, others by functions of the state.
 
     `own`: pairs of name and function (state) → number. `vehicle`: names of `VEHICLE`. With `rotation` the nine numbers
-    of the attitude matrix follow.
+    of the attitude matrix follow. `levers`: pairs of such a name and r, m, where the sensor sits in the body: it reads
+    the place q + Rr and the velocity ν + ω × r.
     """
 
     vehicle: tuple[str, ...]
     own: tuple[tuple[str, Callable[[State], Any]], ...] = ()
     rotation: bool = False
+    levers: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,11 +54,27 @@ class Channels:
 
     def of(self, system: System, state: State) -> Array:
         """What the sensors would say at a node."""
-        known = vehicle(system, state) if self.vehicle else {}
+        known = dict(vehicle(system, state)) if self.vehicle else {}
+        known |= self._elsewhere(system, state, known)
         values = [known[name] for name in self.vehicle] + [jnp.asarray(f(state), float) for _, f in self.own]
         if self.rotation:
-            values += list(jnp.ravel(state.g if isinstance(system.group, SO3) else state.g[0]))
+            values += list(jnp.ravel(_rotation(system, state)))
         return jnp.stack(values)
+
+    def _elsewhere(self, system: System, state: State, known: Mapping[str, Array]) -> dict[str, Array]:
+        """What sensors off O read, by name."""
+        found = {}
+        for name, r in self.levers:
+            if name in POSITION:
+                found[name] = known[name] + _rotation(system, state)[POSITION.index(name)] @ jnp.asarray(r)
+            else:
+                omega = jnp.stack([known[rate] for rate in RATES])
+                found[name] = known[name] + jnp.cross(omega, jnp.asarray(r))[VELOCITY.index(name)]
+        return found
+
+
+def _rotation(system: System, state: State) -> Array:
+    return state.g if isinstance(system.group, SO3) else state.g[0]
 
 
 def is_vehicle(system: System) -> bool:

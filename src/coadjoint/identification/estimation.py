@@ -116,7 +116,8 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
                 f"The log's column `{name}` is no quantity of a vehicle, the nearest is `{near}`: rename it, leave it "
                 "out, or give it in `measured`."
             )
-    return Channels(tuple(name for name in VEHICLE if name in rest), tuple(measured.items()))
+    levers = tuple((name, r) for name, r in log.positions.items() if name in rest)
+    return Channels(tuple(name for name in VEHICLE if name in rest), tuple(measured.items()), levers=levers)
 
 
 def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.channels import UNITS
+from coadjoint.identification.channels import POSITION, UNITS, VELOCITY
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class Log:
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
     `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
     `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
-    `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
+    `positions`: where in the body the sensor of a column of place or velocity sits, name → (x, y, z) m; O where none is
+    named. `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """
 
@@ -31,6 +32,7 @@ class Log:
     notes: tuple[str, ...] = ()
     step: float | None = None
     actual: Mapping[str, np.ndarray] = field(default_factory=dict)
+    positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def __post_init__(self):
         time = _numbers(self.time, "time")
@@ -57,7 +59,12 @@ class Log:
                 raise ArgumentError(f"Input `{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
             if name in columns and np.all(np.isnan(values)):
                 raise ArgumentError(f"Column `{name}` holds no number: leave it out.")
-        for key, value in {"time": time, "columns": columns, "inputs": inputs}.items():
+        for name in self.positions:
+            if name not in columns or name not in (*POSITION, *VELOCITY):
+                able = ", ".join(n for n in (*POSITION, *VELOCITY) if n in columns) or "none"
+                raise ArgumentError(f"`positions` names `{name}`, but has a place of a sensor of: {able}.")
+        places = {name: _place(value, name) for name, value in self.positions.items()}
+        for key, value in {"time": time, "columns": columns, "inputs": inputs, "positions": places}.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
 
@@ -79,7 +86,7 @@ class Log:
         here = (self.time >= start) & (self.time <= end)
         parts = [{k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs, self.actual)]
         columns, inputs, actual = parts
-        return Log(self.time[here], columns, inputs, self.units, self.notes, self.step, actual)
+        return Log(self.time[here], columns, inputs, self.units, self.notes, self.step, actual, self.positions)
 
     def first(self, name: str) -> np.ndarray | None:
         """Where an actuator started: what it did, or else its first command; None where neither was logged."""
@@ -96,3 +103,10 @@ def _numbers(values: Any, name: str) -> np.ndarray:
         return np.array(values, float)
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"`{name}` of a log must hold numbers, but is {values!r:.60}.") from error
+
+
+def _place(value: Any, name: str) -> tuple[float, float, float]:
+    found = _numbers(value, f"positions[{name!r}]")
+    if found.shape != (3,) or not np.all(np.isfinite(found)):
+        raise ArgumentError(f"`positions` of `{name}` must be three finite numbers, m, but is {value!r:.60}.")
+    return tuple(found.tolist())

@@ -16,7 +16,7 @@ from coadjoint.identification.observed import Observed
 from coadjoint.identification.sampling import Between, samples
 from coadjoint.identification.sensing import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
-from coadjoint.identification.smoothing import poses
+from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
@@ -83,7 +83,7 @@ class Setting:
         """Where segments start: from the log if it tells, else from a run of the system as it is."""
         system, start = self.unknowns.system, self.start
         if self.tells_starts:
-            pose = poses(self.log, times)
+            pose = at_origin(poses(self.log, times), self.log)
             if system.additional.ambient(system.group):
                 return Reference(pose.R, pose.q, pose.omega, pose.v)
             nothing = np.zeros((len(times), 0))

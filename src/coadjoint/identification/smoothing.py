@@ -62,6 +62,21 @@ def poses(log: Log, times: np.ndarray) -> Pose:
     return Pose(R, q, omega, _measured(log, VELOCITY, times, np.einsum("kji,kj->ki", R, qdot)))
 
 
+def at_origin(pose: Pose, log: Log) -> Pose:
+    """q − Rr and ν − ω × r of O, where sensors of place and velocity sit at r."""
+    q, v = pose.q.copy(), pose.v.copy()
+    for name, r in log.positions.items():
+        if name in POSITION:
+            i = POSITION.index(name)
+            q[:, i] -= pose.R[:, i] @ np.asarray(r)
+        else:
+            i = VELOCITY.index(name)
+            v[:, i] -= np.cross(pose.omega, r)[:, i]
+    if VELOCITY[0] not in log.columns and POSITION[0] in log.positions:
+        v -= np.cross(pose.omega, log.positions[POSITION[0]])
+    return pose._replace(q=q, v=v)
+
+
 def _measured(log: Log, names: Sequence[str], times: np.ndarray, instead: np.ndarray) -> np.ndarray:
     """The columns at times; `instead` of those that were not logged."""
     columns = [fitted(log, n, times)[0] if n in log.columns else instead[:, i] for i, n in enumerate(names)]

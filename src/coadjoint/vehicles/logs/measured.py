@@ -105,13 +105,17 @@ def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     """The log as a file that `read_log` reads: CSV, angles in degrees, inputs as `command_…`, missing cells empty; or
     messages of ROS 2 in ENU/FLU where the name ends in `.mcap`."""
+    from coadjoint.vehicles.logs.bags.mounting import require_at_origin
+
     if Path(path).suffix.lower() == ".mcap":
         from coadjoint.vehicles.logs.bags.writing import log_bytes
 
+        require_at_origin(log.positions, "A bag with /odometry")
         content = log_bytes(log)
         with whole_file(path) as temporary:
             temporary.write_bytes(content)
         return
+    require_at_origin(log.positions, "A table")
     columns = {"time_s": log.time}
     for prefix, part in (("", log.columns), ("", log.actual), ("command_", log.inputs)):
         for name, values in part.items():

@@ -25,12 +25,16 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.texts import read_table, told_text
-from coadjoint.vehicles.axes import Axes, space_axes
+from coadjoint.vehicles.axes import Axes, body_axes, space_axes
 from coadjoint.vehicles.logs.bags.converted import MOST_NORTH, OTHERS, WaterAbove
+from coadjoint.vehicles.logs.bags.mounting import Mounting, require_place
 from coadjoint.vehicles.logs.bags.sensors import CommandTopic, Number, SensorTopic, Stamp
 from coadjoint.vehicles.logs.headers import NAMES, column, inside
 
-_SENSOR = ("topic", "columns", "axes", "stamp", "offset_s", "every_s", "surface_pressure", "density", "origin")
+_SENSOR = (
+    "topic", "columns", "axes", "stamp", "offset_s", "every_s", "surface_pressure", "density", "origin", "position_m",
+    "euler_zyx_deg",
+)  # fmt: skip
 _COMMAND = ("topic", "name", "field", "fields", "unit", "stamp", "offset_s")
 
 
@@ -92,10 +96,11 @@ def _sensor(row: dict[str, Any], where: str, axes: Axes) -> tuple[SensorTopic, b
         if name in columns:
             raise FileError(f"{where}: `{name}` is given twice, as `{header}` too.")
         columns[name] = Number(_text(path, header, where), factor)
+    turn = _axes(row.get("axes", axes), where)
     sensor = SensorTopic(
         _text(row.get("topic"), "topic", where),
         columns,
-        _axes(row.get("axes", axes), where),
+        turn,
         _stamp(row, where),
         _number(row, "offset_s", 0.0, where),
         _number(row, "every_s", 0.0, where, least=0.0),
@@ -104,8 +109,23 @@ def _sensor(row: dict[str, Any], where: str, axes: Axes) -> tuple[SensorTopic, b
             _number(row, "density", WaterAbove().density, where, least=1.0),
         ),
         origin=_origin(row, where),
+        mounting=_mounting(row, turn, where),
     )
     return sensor, bool(columns)
+
+
+def _mounting(row: Mapping[str, Any], axes: Axes, where: str) -> Mounting:
+    """Where a sensor sits, from the axes of its section, FRD or FLU, to FRD."""
+    given = {}
+    for key in ("position_m", "euler_zyx_deg"):
+        value = row.get(key, (0.0, 0.0, 0.0))
+        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+            raise FileError(f"{where}: `{key}` must be three numbers, but is {value!r:.40}.")
+        given[key] = np.array([_number({key: one}, key, 0.0, where) for one in value])
+    signs = np.diag(body_axes(axes))
+    require_place(given["position_m"], where)
+    position, angles = signs * given["position_m"], signs[::-1] * np.radians(given["euler_zyx_deg"])
+    return Mounting(tuple((position + 0.0).tolist()), tuple((angles + 0.0).tolist()))
 
 
 def _command(row: dict[str, Any], where: str) -> CommandTopic:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,7 @@ HOUR = 3600.0
 class Samples:
     """What one sensor measured: times, ns, that grow, and columns by name, (samples,), with their rank.
 
+    positions: where in the body the sensor sits, m, by those columns for which it is not O.
     lag: by how much its messages were logged after their stamps, the median, s; None where times are those of logging.
     """
 
@@ -28,6 +29,7 @@ class Samples:
     columns: Mapping[str, np.ndarray]
     rank: Mapping[str, int]
     lag: float | None = None
+    positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def merged(
             tuple(told),
             step,
             {name: _held(clock, one) for name, one in actual.items() if one.times[0] <= clock[0]},
+            {name: chosen[name].positions[name] for name in columns if name in chosen[name].positions},
         )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error

@@ -23,6 +23,7 @@ from coadjoint.vehicles.logs.bags.declared import Declared, declared
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint.vehicles.logs.bags.messages import Topic
+from coadjoint.vehicles.logs.bags.mounting import Mounting, mounting_of
 from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
 from coadjoint.vehicles.logs.bags.sensor_messages import FOLDER
@@ -172,7 +173,7 @@ def _taken(
 
 
 def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> SensorTopic | None:
-    """A sensor of a bag of this library: after the motion itself, in the water that the bag tells."""
+    """A sensor of a bag of this library: after the motion itself, in the water and at the place that the bag tells."""
     if sensor is None or not own:
         return sensor
     try:
@@ -185,6 +186,8 @@ def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> S
     if not (math.isfinite(water.surface) and math.isfinite(water.density) and water.density > 0):
         raise FileError(f"{topic.where}: density and pressure in the metadata `{OWN}` must be numbers.")
     after = 10 if topic.name.startswith(FOLDER) else 0
+    if after:
+        sensor = replace(sensor, mounting=mounting_of(own, topic.name.removeprefix(FOLDER), topic.where))
     return replace(sensor, water=water, rank={name: sensor.rank.get(name, 1) + after for name in VEHICLE})
 
 
@@ -192,7 +195,7 @@ def _mounted(topic: Topic, own: Mapping[str, str]) -> list[str]:
     """A note on a sensor that was asked for and does not sit at O along the axes of the body."""
     name = topic.name.removeprefix(FOLDER)
     said = [f"{key} = {own[f'{key}.{name}']}" for key in ("position", "euler_zyx") if f"{key}.{name}" in own]
-    return [f"{topic.name} is of a sensor with {', '.join(said)}: its numbers count as those of O."] if said else []
+    return [f"{topic.name} is of a sensor with {', '.join(said)}, which is where they count."] if said else []
 
 
 def _require_frame(topic: Topic, sensor: SensorTopic) -> None:
@@ -231,6 +234,8 @@ def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:
 
 def _filled(given: SensorTopic, whole: bool, usual: SensorTopic | None, topic: Topic) -> SensorTopic:
     """A sensor that was declared, with the columns of its type where it tells none."""
+    if usual is not None and given.mounting == Mounting():
+        given = replace(given, mounting=usual.mounting)
     if whole:
         return given
     if usual is None:

@@ -10,6 +10,7 @@ from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.bags.converted import along_body, converted
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
 from coadjoint.vehicles.logs.bags.messages import Topic
+from coadjoint.vehicles.logs.bags.mounting import along_the_body, positions
 from coadjoint.vehicles.logs.bags.sensors import CommandTopic, SensorTopic, Stamp
 from coadjoint.vehicles.logs.turned import turned
 
@@ -36,10 +37,11 @@ def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> 
             raise FileError(f"{topic.where}: `{own[name].path}` of {topic.name} is infinite in sample {at + 1}.")
     where = f"{topic.where}: {topic.name}"
     plain, more = converted(given, sensor.water, sensor.origin, where)
-    columns = turned(where, plain, sensor.axes)
+    columns = along_the_body(turned(where, plain, sensor.axes), sensor.mounting, where)
     columns |= along_body(given, columns, where)
     kept_columns = {n: v for n, v in columns.items() if n not in ignore}
-    return Samples(topic.name, times, kept_columns, sensor.rank, _lag(topic, found)), [*notes, *more]
+    places = positions(kept_columns, sensor.mounting)
+    return Samples(topic.name, times, kept_columns, sensor.rank, _lag(topic, found), places), [*notes, *more]
 
 
 def driving(topic: Topic, command: CommandTopic) -> tuple[Actuation, list[str]]:

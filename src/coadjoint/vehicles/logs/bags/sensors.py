@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.vehicles.axes import Axes
 from coadjoint.vehicles.logs.bags.converted import SPEEDS, WaterAbove
+from coadjoint.vehicles.logs.bags.mounting import Mounting
 
 Stamp = Literal["header", "log"]
 """When a sample was taken: the stamp in the head of its message, or when it was logged."""
@@ -27,7 +28,7 @@ class Number(NamedTuple):
 class SensorTopic:
     """A topic and what it measures, names of `headers.NAMES` → number.
 
-    water, origin: by which pressures become depths, and fixes north and east.
+    mounting: where it sits in the body. water, origin: by which pressures become depths, and fixes north and east.
     stamp: None is that of the head, where messages have one. offset: s, which is added to its times. every: s, of
     which one sample is kept. rank: of the sensors that measure a column the one with the lowest is taken.
     """
@@ -42,6 +43,7 @@ class SensorTopic:
     unless: Mapping[str, str] = field(default_factory=dict)
     water: WaterAbove = field(default_factory=WaterAbove)
     origin: tuple[float, float] | None = None
+    mounting: Mounting = field(default_factory=Mounting)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,167 @@
+"""Sensors that sit off the origin, turned in the body: a log says so, and identification compares them there."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import CoadjointError, FileError
+from coadjoint.groups import attitude
+from coadjoint.identification import identify
+from coadjoint.identification.channels import Channels, seen
+from coadjoint.identification.log import Log
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.vehicles.logs import read_log, write_log, write_mcap
+from coadjoint.vehicles.readings.of_run import readings
+from coadjoint.vehicles.sensors import Ahrs, Depth, Dvl, Gps, Imu
+
+pytest.importorskip("mcap.reader")
+
+PLACE, TURN = (0.5, -0.2, 0.1), (0.6, -0.3, 0.2)
+H = 0.05
+SENSORS = (
+    Dvl(name="dvl", rate=1 / H, position=PLACE, euler_zyx=TURN),
+    Imu(name="imu", rate=1 / H, position=PLACE, euler_zyx=TURN),
+    Ahrs(name="ahrs", rate=1 / H, euler_zyx=TURN),
+    Gps(name="gps", rate=1 / H, position=PLACE, deepest=1e3),
+    Depth(name="gauge", rate=1 / H, position=PLACE),
+)
+TOPICS = [f"/sensors/{one.name}" for one in SENSORS]
+
+
+@pytest.fixture(scope="module")
+def dive():
+    """REMUS 100 in a zigzag, with readings without noise."""
+    craft = co.vehicles.Craft(co.vehicles.load("remus_100"))
+    t = H * np.arange(601)
+    rudder = 0.2 * np.sign(np.sin(t) + 1e-9)
+    commands = {"rudder": rudder, "stern_planes": 0.1 * np.sin(0.7 * t), "propeller": 18 + 0 * t}
+    start = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 18.0})
+    inputs = {name: co.Held(t, values) for name, values in commands.items()}
+    run = co.simulate(craft.system, start, dt=H, duration=30, inputs=inputs)
+    readings(run, seed=1, sensors=SENSORS, craft=craft).add_to(run.dataset)
+    return craft, start, run
+
+
+@pytest.fixture(scope="module")
+def bag(dive, tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "dive.mcap"
+    write_mcap(dive[2].dataset, path, axes="NED/FRD")
+    return path
+
+
+def test_a_bag_of_this_library_says_where_its_sensors_sit(dive, bag):
+    """Speeds, rates and attitudes along the body; places as the sensor's, with r beside them."""
+    log = read_log(bag, topics=TOPICS)
+    data = dive[2].dataset
+    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "node_xi", "node_nu"))
+    at = np.einsum("kij,j->ki", R, PLACE)
+    for names, expected in (
+        ("uvw", v + np.cross(omega, PLACE)),
+        ("pqr", omega),
+        (("north", "east"), (q + at)[:, :2]),
+        (("depth",), (q + at)[:, 2:]),
+        (("heading", "pitch", "roll"), np.stack(attitude.zyx_angles(R), axis=-1)),
+    ):
+        found = np.stack([log.columns[name] for name in names], axis=1)
+        np.testing.assert_allclose(found, expected[np.rint(log.time / H).astype(int)], atol=1e-9)
+    assert log.positions == dict.fromkeys(("north", "east", "depth", "u", "v", "w"), PLACE)
+    assert log.between(0, 5).positions == log.positions
+
+
+def declaration(axes="NED/FRD"):
+    signs = np.array([1, 1, 1]) if axes == "NED/FRD" else np.array([1, -1, -1])
+    return {
+        "axes": axes,
+        "position_m": (signs * PLACE).tolist(),
+        "euler_zyx_deg": (signs[::-1] * np.degrees(TURN)).tolist(),
+    }
+
+
+@pytest.mark.parametrize("axes", ["NED/FRD", "ENU/FLU"])
+def test_a_declared_mounting_is_that_of_the_vehicle_file(dive, bag, tmp_path, axes):
+    """The same bag without its metadata: the mounting stands in the declaration, in either axes."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    whole = tmp_path / "whole.mcap"
+    write_mcap(dive[2].dataset, whole, axes=axes)
+    foreign = tmp_path / "foreign.mcap"
+    with whole.open("rb") as source, foreign.open("wb") as opened:
+        writer, known = Writer(opened), {}
+        writer.start()
+        for schema, channel, message in make_reader(source).iter_messages(topics=["/sensors/dvl", "/sensors/imu"]):
+            assert schema is not None
+            if channel.id not in known:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                known[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(known[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    rows = [{"topic": f"/sensors/{name}", **declaration(axes)} for name in ("dvl", "imu")]
+    log, ours = read_log(foreign, sensors={"sensor": rows}), read_log(bag, topics=["/sensors/dvl", "/sensors/imu"])
+    for name in "uvwpqr":
+        np.testing.assert_allclose(log.columns[name], ours.columns[name], atol=1e-12)
+    assert log.positions.keys() == set("uvw")
+    np.testing.assert_allclose(log.positions["u"], PLACE, atol=1e-15)
+    bare = read_log(foreign, sensors={"sensor": [{"topic": "/sensors/dvl", "axes": axes}]})
+    assert np.nanmax(np.abs(bare.columns["v"] - log.columns["v"][np.isfinite(log.columns["v"])])) > 0.1
+
+
+def test_what_is_compared_is_what_a_sensor_of_that_place_reads(dive):
+    """q + Rr and ν + ω × r."""
+    names, (craft, _, run) = ("north", "east", "depth", "u", "v", "w"), dive
+    plain = seen(craft.system, run.records, (*names, "p", "q", "r"))
+    channels = Channels(names, levers=tuple((name, PLACE) for name in names))
+    values = np.asarray(evaluate(jax.vmap(lambda state: channels.of(craft.system, state)), run.records))
+    O = np.stack([plain[name] for name in names], axis=1)
+    np.testing.assert_allclose(values[:, :3], O[:, :3] + np.asarray(run.records.g) @ PLACE, atol=1e-12)
+    rates = np.stack([plain[name] for name in "pqr"], axis=1)
+    np.testing.assert_allclose(values[:, 3:], O[:, 3:] + np.cross(rates, PLACE), atol=1e-12)
+
+
+def test_a_model_from_sensors_off_the_origin_is_the_true_one(dive, bag):
+    """Without the places the drags are 3 and 25 % off."""
+    craft, start, _ = dive
+    topics = [*TOPICS, "/command/rudder", "/command/stern_planes", "/command/propeller"]
+    log = read_log(bag, topics=topics)
+    drag, sigma = ["hull.axial_drag", "hull.crossflow_drag"], {"position": 0.1, "velocity": 0.01}
+    asked = {"start": start, "parameters": drag, "noise": {**sigma, "attitude": 0.01, "rates": 0.01}}
+    guess = craft.system.replace(hull={"axial_drag": 0.6})
+    found = identify(guess, log, **asked)
+    assert abs(found[drag[0]].value - 0.42) < 1e-6 and abs(found[drag[1]].value - 1.1) < 1e-6
+    bare = Log(log.time, log.columns, log.inputs, log.units, log.notes, log.step, log.actual)
+    off = identify(guess, bare, **asked)
+    assert abs(off[drag[0]].value - 0.42) > 0.01 and abs(off[drag[1]].value - 1.1) > 0.01
+
+
+WRONG = {
+    "two numbers": ({"position_m": [1.0, 2.0]}, "`position_m` must be three numbers"),
+    "a word": ({"position_m": "nose"}, "`position_m` must be three numbers"),
+    "millimetres": ({"position_m": [500, 0, 0]}, "at most 100 m from the origin O"),
+    "no number": ({"euler_zyx_deg": [0, 0, float("nan")]}, "`euler_zyx_deg` must be a number"),
+    "another unit": ({"euler_zyx": [0, 0, 1]}, "no key `euler_zyx`, the nearest is `euler_zyx_deg`"),
+    "a part of a vector": (
+        {"columns": {"u_m_s": "twist.twist.linear.x"}, "euler_zyx_deg": [0, 0, 90]},
+        "needs u, v, w together, but has u",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_mounting_is_told(bag, case):
+    keys, sentence = WRONG[case]
+    with pytest.raises(FileError, match=sentence):
+        read_log(bag, sensors={"sensor": [{"topic": "/sensors/dvl", **keys}]})
+
+
+def test_a_file_that_cannot_say_where_a_sensor_sits_is_not_written(bag, tmp_path):
+    log = read_log(bag, topics=["/sensors/dvl"])
+    for name in ("log.csv", "log.mcap"):
+        with pytest.raises(CoadjointError, match=r"does not say where sensors sit, but `u` .* \[0\.5, -0\.2, 0\.1\] m"):
+            write_log(log, tmp_path / name)
+    with pytest.raises(CoadjointError, match="`positions` names `p`"):
+        Log(log.time, {"p": log.columns["u"]}, positions={"p": PLACE})
+    with pytest.raises(CoadjointError, match="three finite numbers"):
+        Log(log.time, {"u": log.columns["u"]}, positions={"u": (0.0, 1.0)})  # pyright: ignore[reportArgumentType]
