@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache, partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -197,3 +198,20 @@ def test_an_equation_whose_residual_is_no_number_holds_least_well():
     for order in (rows, rows[::-1]):
         worst = theory.Equations(tuple(order)).worst
         assert worst.equation == "two" and worst.largest == np.inf
+
+
+@pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), co.LeftRectangle(co.Exponential())], ids=repr)
+def test_the_equations_hold_on_runs_of_chains(method):
+    """Links that see each other, and each of which has a point of its own in a field."""
+
+    def lagrangian(xi, n, nu, a):
+        field = jnp.sum(n * a.field) - 0.2 * jnp.sum(n**2)
+        return 0.5 * jnp.sum(xi**2 * np.array([1.0, 2.0, 1.5])) + 0.5 * jnp.sum(nu**2) + field + 0.3 * a.joint[0, 0, 1]
+
+    spaces = {"field": co.Defining(), "joint": co.RelativePoses()}
+    chain = co.System(co.Power(co.SO3(), 2), lagrangian, additional=co.Defining(), advected=spaces)
+    values = np.cos(np.arange(6.0))
+    a0 = {"field": values[::-1], "joint": None}
+    start = chain.state(xi=0.4 * values, q=values, qdot=-values, a0=a0)
+    run = co.simulate(chain, start, dt=0.05, steps=6, method=method, accuracy=False)
+    assert theory.printed_equations(run).worst.largest < 1e-12

@@ -15,9 +15,12 @@ from typing import NamedTuple
 import rows_bundles
 import rows_continuous
 import rows_discrete
+import rows_large_groups
+import rows_links
 import rows_maps
 import rows_poisson
 import rows_products
+import rows_right
 import rows_schemes
 import rows_semidirect
 import rows_vehicle
@@ -28,6 +31,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "theorems.md"
 
 P = [*rows_continuous.ROWS, *rows_maps.ROWS, *rows_discrete.ROWS, *rows_vehicle.ROWS, *rows_schemes.ROWS]
 B = [*rows_products.ROWS, *rows_semidirect.ROWS, *rows_poisson.ROWS, *rows_bundles.ROWS]
+L = [*rows_links.ROWS, *rows_right.ROWS, *rows_large_groups.ROWS]
 
 HEAD = """# Theorems of both papers
 
@@ -50,6 +54,18 @@ TAIL = """This page is written by `PYTHONPATH=tests python tests/theory/theorem_
 Tests import every function, look for every test, measure every residual and try every mutation anew, and see that no
 number is left out.
 `coadjoint.theory.printed_equations(run)` measures the discrete equations on a run of your own.
+"""
+
+
+LARGE = """## L: chains, right-invariant systems and large groups
+
+The same statements on `co.Power(G, N)`, with `invariance="right"`, and on U(n), SU(n) and SO(n) that form no basis.
+Chains are compared with the block matrices of G × … × G, right-invariant systems with derivatives of L along
+(1 + εη̂)g, large groups with their matrices. Not for `co.Power`: a semidirect product of it (B1–B17), whose elements
+would have one matrix; the product is then that of a link. Isospectral steps have neither additional dynamics nor
+forces nor a discrete Lagrangian of their own: Theorems 1, 2, 6 and 7 apply to them, those of reduction and of bundles
+do not; with Θ no momentum is kept, but all Casimir functions are. On `co.SUn` Cayley's map leaves the group, so that
+no g is carried there.
 """
 
 
@@ -76,7 +92,7 @@ class Measured(NamedTuple):
 
 def measure(index: int) -> tuple[float, int, list[tuple[str, str]]]:
     """The residual of a row, the number of its mutations, and those that are neither detected nor equivalent."""
-    row = [*P, *B][index]
+    row = [*P, *B, *L][index]
     residual, tried = row.residual(), mutations(row)
     survived = [one for one in tried if one not in row.equivalent and not detected(row, *one)]
     return residual, len(tried), survived
@@ -84,7 +100,7 @@ def measure(index: int) -> tuple[float, int, list[tuple[str, str]]]:
 
 def measured() -> list[Measured]:
     """All rows, several at a time."""
-    rows = [*P, *B]
+    rows = [*P, *B, *L]
     workers = int(os.environ.get("WORKERS", os.cpu_count() or 1))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         return [Measured(row, *found) for row, found in zip(rows, pool.map(measure, range(len(rows))), strict=True)]
@@ -119,10 +135,10 @@ def counts(rows: list[Measured]) -> str:
 
 def page() -> str:
     rows = measured()
-    first, second = rows[: len(P)], rows[len(P) :]
+    first, second, third = rows[: len(P)], rows[len(P) : len(P) + len(B)], rows[len(P) + len(B) :]
     titles = "## P: advected parameters and additional dynamics", "## B: semidirect products and principal bundles"
     head = [HEAD.rstrip() + "\n" + counts(rows), TAIL.rstrip()]
-    return "\n\n".join([*head, titles[0], table(first), titles[1], table(second)]) + "\n"
+    return "\n\n".join([*head, titles[0], table(first), titles[1], table(second), LARGE.rstrip(), table(third)]) + "\n"
 
 
 if __name__ == "__main__":

@@ -88,12 +88,13 @@ def _ends(system: System, here: Trial, record: State, curve: Curve) -> Array:
         return group.matrix(moved.F), moved.d
 
     turning, moving = jax.jacfwd(end)(here.z)
-    return jnp.concatenate([jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(turning), moving])
+    return jnp.concatenate([jax.vmap(_right_trivialised(group, F), in_axes=-1, out_axes=1)(turning), moving])
 
 
 def _right_trivialised(group: LieGroup, F: Array):
-    """δF ↦ (δF)F⁻¹ ∈ 𝔤."""
-    return lambda change: group.vee(jnp.linalg.solve(F.T, change.T).T)
+    """δF ↦ (δF)F⁻¹ ∈ 𝔤, of matrices (n, n), or of links (N, n, n)."""
+    turned = jnp.swapaxes(F, -1, -2)
+    return lambda change: group.vee(jnp.swapaxes(jnp.linalg.solve(turned, jnp.swapaxes(change, -1, -2)), -1, -2))
 
 
 def _through(ends: Array, along_z: Array, dim: int) -> tuple[Array, Array, Array]:
@@ -165,4 +166,4 @@ def trivialised(system: System, step: Step, h: float, record: State) -> Array:
         return group.matrix(step.relative(system, record.replace(xi=xi), h))
 
     F, slope = increment(record.xi), jax.jacfwd(increment)(record.xi)
-    return jax.vmap(_right_trivialised(group, F), in_axes=2, out_axes=1)(slope)
+    return jax.vmap(_right_trivialised(group, F), in_axes=-1, out_axes=1)(slope)
