@@ -115,7 +115,7 @@ def isospectral_steps():
     epsilon = 0.5 * H
     for name, (group, hull) in GROUPS.items():
         system, state, z = world(name)
-        P, B, W_, Theta_, W, Theta, minus, plus = matrices(name, system, state, z)
+        _, B, W_, Theta_, W, Theta, minus, plus = matrices(name, system, state, z)
         record = taken(system, state, z)
         of_W = minus @ W_ @ plus + epsilon * (minus @ Theta_ @ B - B @ Theta_ @ plus)
         expected = [evaluate(lambda X, hull=hull: vee(hull, X), X)
