@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from coadjoint.models import manakov as manakov
     from coadjoint.models import paper_form as paper_form
     from coadjoint.models import point_vortices as point_vortices
+    from coadjoint.models import pseudo_rigid as pseudo_rigid
     from coadjoint.models import rigid_body as rigid_body
     from coadjoint.models import rods as rods
     from coadjoint.models import swimmer as swimmer
@@ -97,6 +98,19 @@ _ENTRIES = (
         },
         dt=PAPER_STEP,
         duration=PAPER_DURATION,
+    ),
+    CatalogueEntry(
+        "pseudo_rigid_body",
+        "An elastic body that stays an affine image of itself, on GL(3), stretched and turning.",
+        "coadjoint.models.pseudo_rigid:elastic",
+        "coadjoint.models.pseudo_rigid:start",
+        {"moments": (0.4, 0.4, 0.4), "shear": 2.0, "lame": 3.0, "volume": 0.5},
+        {
+            "deformation": ((1.1, 0.1, 0.0), (0.0, 0.95, 0.05), (0.0, 0.0, 1.0)),
+            "velocity": ((0.0, -0.5, 0.0), (0.6, 0.0, 0.1), (0.0, 0.0, 0.0)),
+        },
+        dt=0.01,
+        duration=10.0,
     ),
     CatalogueEntry(
         "elroys_beanie",
