@@ -214,8 +214,6 @@ def test_what_does_not_move_as_the_momentum_is_refused():
     method = co.IsospectralMidpoint()
     with pytest.raises(ArgumentError, match=r"advected=co.Coadjoint\(\), but got Defining\(\): use co.Hamil"):
         method.require_fit(one(co.SO3(), advected=co.Defining()))
-    with pytest.raises(ArgumentError, match="takes left-invariant systems, but this one is right-invariant"):
-        method.require_fit(one(co.SO3(), invariance="right"))
     with pytest.raises(ArgumentError, match="`degree` must be a whole number from 2, but is 1"):
         co.trace_casimirs(one(co.SO3()), degree=1)
     with pytest.raises(ArgumentError, match=r"needs a system on co.Un, co.SUn, co.SOn or co.SO3, but got SE3"):

@@ -174,7 +174,7 @@ def test_what_does_not_fit_is_refused():
             co.IsospectralMidpoint(**arguments)
     one = lambda group, **more: co.System(group, hamiltonian=lambda mu, *rest: mu @ mu, **more)  # noqa: E731
     for made, sentence in (
-        (one(co.SE3()), "needs co.SOn, co.SO3, co.Un or co.SUn, but got SE3"),
+        (one(co.SE3()), "needs co.SOn, co.SO3, co.Un or co.SUn, or copies of one, but got SE3"),
         (co.System(co.SO3(), lambda xi: 0.5 * xi @ xi), "needs a system with a `hamiltonian`"),
         (one(co.SO3(), forces=lambda motion: co.Force(torque=-motion.xi)), "takes no forces"),
         (one(co.SO3(), additional=co.Defining()), "takes no additional dynamics"),

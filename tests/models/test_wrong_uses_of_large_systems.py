@@ -134,7 +134,7 @@ GROUPS = {
     "too long a step": (too_long_a_step, "take a smaller dt: the iteration needs h‖ξ‖ below about 0.8"),
     "a group that has no isospectral steps": (
         lambda: ISOSPECTRAL.require_fit(co.System(co.SE3(), hamiltonian=lambda mu: mu @ mu)),
-        r"needs co.SOn, co.SO3, co.Un or co.SUn, but got SE3\(\): use co.HamiltonianMidpoint",
+        r"needs co.SOn, co.SO3, co.Un or co.SUn, or copies of one, but got SE3\(\): use co.HamiltonianMidpoint",
     ),
     "no bracket of Θ": (
         lambda: ISOSPECTRAL.require_fit(co.System(co.SO3(), hamiltonian=lambda mu, a: mu @ a, advected=co.Defining())),

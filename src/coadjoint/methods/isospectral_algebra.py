@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.groups import SO3, LieGroup, Opposite, SOn, SUn, Un
+from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power, SOn, SUn, Un
 from coadjoint.groups.group import Array, Element
 from coadjoint.groups.unitary import ComplexMatrix, product
 
@@ -135,18 +137,111 @@ class Unitary(Algebra):
         return ComplexMatrix(np.eye(self.hull.size) + back.real, back.imaginary)
 
 
+class Copies:
+    """Of Gᴺ, as co.Power(G, N) or as a product of N equal factors: the matrices of each, with a leading axis."""
+
+    def __init__(self, group: Power | DirectProduct, factor: LieGroup, count: int):
+        self.group, self.inner, self.count = group, algebra_of(factor), count
+
+    @property
+    def unknowns(self) -> int:
+        return self.count * self.inner.unknowns
+
+    def _rows(self, x: Array) -> Array:
+        return jnp.reshape(x, (self.count, -1))
+
+    def _each(self, function: Callable[..., Any], *arguments: Any) -> Array:
+        """The coordinates end to end of what is found for each copy."""
+        return jnp.reshape(jax.vmap(function)(*arguments), -1)
+
+    def lifted(self, mu: Array) -> Array:
+        return self._each(self.inner.lifted, self._rows(mu))
+
+    def momentum(self, z: Array) -> Array:
+        return self._each(self.inner.momentum, self._rows(z))
+
+    def matrix(self, xi: Array) -> Any:
+        return jax.vmap(self.inner.matrix)(self._rows(xi))
+
+    def unknown(self, z: Array) -> Any:
+        return jax.vmap(self.inner.unknown)(self._rows(z))
+
+    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
+        return self._each(lambda P, W: self.inner.moved(P, W, epsilon), P, W)
+
+    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
+        return self._each(lambda B, T, P: self.inner.forced(B, T, P, epsilon), B, Theta, P)
+
+    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
+        return self._each(lambda D, b, a: self.inner.kicked(D, b, a, epsilon), D, self._rows(b), self._rows(a))
+
+    def turn(self, xi: Array, epsilon: Array) -> Any:
+        return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
+
+    def turned(self, D: Any, mu: Array) -> Array:
+        return self._each(self.inner.turned, D, self._rows(mu))
+
+    def element(self, D: Any) -> Element:
+        found = jax.vmap(self.inner.element)(D)
+        if isinstance(self.group, Power):
+            return found
+        return tuple(jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(self.count))
+
+
+class Reversed:
+    """Of Gᵒᵖ, right-invariant systems: Ẇ = −[P, W] − [B, Θ], Θ̇ = −[P, Θ] and g_{k+1} = Cg_k, all by −P and −B."""
+
+    def __init__(self, group: Opposite):
+        self.group, self.inner = group.group, algebra_of(group.group)
+
+    @property
+    def unknowns(self) -> int:
+        return self.inner.unknowns
+
+    def lifted(self, mu: Array) -> Array:
+        return self.inner.lifted(mu)
+
+    def momentum(self, z: Array) -> Array:
+        return self.inner.momentum(z)
+
+    def matrix(self, xi: Array) -> Any:
+        return self.inner.matrix(-xi)
+
+    def unknown(self, z: Array) -> Any:
+        return self.inner.unknown(z)
+
+    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
+        return self.inner.moved(P, W, epsilon)
+
+    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
+        return self.inner.forced(B, Theta, P, epsilon)
+
+    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
+        return self.inner.kicked(D, -b, a, epsilon)
+
+    def turn(self, xi: Array, epsilon: Array) -> Any:
+        return self.inner.turn(-xi, epsilon)
+
+    def turned(self, D: Any, mu: Array) -> Array:
+        return self.inner.turned(D, mu)
+
+    def element(self, D: Any) -> Element:
+        return self.group.inverse(self.inner.element(D))
+
+
 def algebra_of(group: LieGroup) -> Any:
-    """The matrices of a group; raises ArgumentError for one that is not SO(n), U(n) or SU(n)."""
+    """The matrices of a group; raises ArgumentError for one but SO(n), U(n), SU(n) and copies of one."""
     if isinstance(group, (Un, SUn)):
         return Unitary(group)
     if isinstance(group, (SOn, SO3)):
         return Orthogonal(group)
     if isinstance(group, Opposite):
-        raise ArgumentError(
-            "co.IsospectralMidpoint takes left-invariant systems, but this one is right-invariant: leave out "
-            'invariance="right" and give ℋ of −μ, whose motion is minus that of μ.'
-        )
+        return Reversed(group)
+    if isinstance(group, Power):
+        return Copies(group, group.factor, group.count)
+    if isinstance(group, DirectProduct) and len(set(group.factors)) == 1:
+        return Copies(group, group.factors[0], len(group.factors))
     raise ArgumentError(
-        f"co.IsospectralMidpoint needs co.SOn, co.SO3, co.Un or co.SUn, but got {group!r}: "
+        f"co.IsospectralMidpoint needs co.SOn, co.SO3, co.Un or co.SUn, or copies of one, but got {group!r}: "
         "use co.HamiltonianMidpoint()."
     )

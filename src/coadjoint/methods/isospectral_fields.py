@@ -8,7 +8,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.system import System
 from coadjoint.methods.isospectral_algebra import algebra_of
-from coadjoint.spaces import Adjoint, Coadjoint, Several
+from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Links, Several
 
 
 def fields(system: System) -> int:
@@ -16,7 +16,10 @@ def fields(system: System) -> int:
     V = system.advected
     spaces = V.factors if type(V) is Several else (V,) if V.ambient(system.group) else ()
     for space in spaces:
-        if not isinstance(space, (Adjoint, Coadjoint)):
+        plain = space
+        while isinstance(plain, (ByInverse, Links)):
+            plain = plain.space
+        if not isinstance(plain, (Adjoint, Coadjoint)):
             raise ArgumentError(
                 "co.IsospectralMidpoint takes advected parameters that move as the momentum does, "
                 f"advected=co.Coadjoint(), but got {shown(space)}: use co.HamiltonianMidpoint()."

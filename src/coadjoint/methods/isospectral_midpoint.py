@@ -40,7 +40,7 @@ class LastMomenta(NamedTuple):
 
 @dataclass(frozen=True)
 class IsospectralMidpoint(Method, Whole):
-    """Lie–Poisson systems on U(n), SU(n) and SO(n) and on 𝔤 ⋉ 𝔤* over these, of order 2, symmetric.
+    """Lie–Poisson systems on U(n), SU(n), SO(n), copies of one, and 𝔤 ⋉ 𝔤* over these, of order 2, symmetric.
 
     Of ℋ(μ): μ̇ = ad*_ξ μ, ξ = ∂ℋ/∂μ; as matrices, W of μ and P of −ξ, Ẇ = [P, W]. With ε = h/2 the unknown is the
     momentum W̃ with
@@ -61,6 +61,8 @@ class IsospectralMidpoint(Method, Whole):
 
     The spectrum of Θ and all tr W f(Θ), its Casimirs, stay to round-off; the spectrum of W is none then.
     A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.trace_casimirs` watches Casimirs.
+    With invariance="right" all brackets have the other sign and g_{k+1} = Cg_k. On co.Power and on products of equal
+    factors each copy has its own W, as vortices on a sphere have (`co.models.point_vortices.sphere`).
 
     difference_map: co.Cayley() alone. tolerance: that of the iteration, relative to W̃, by default 1e-14. carry_g:
     whether g, with g_{k+1} = g_k C†, is computed as well, by default False: then states have no g, and what needs it

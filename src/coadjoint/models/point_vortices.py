@@ -91,9 +91,10 @@ def angular_impulse(state, p):
 def sphere(*, circulations: Any, radius: Any) -> System:
     """N point vortices on a sphere, ẋ_i = 1/(4πR) Σ_j Γ_j x_j × x_i / (R² − x_i·x_j), |x_i| = R.
 
-    It is the Lie–Poisson equation on so(3)*ᴺ with μ_i = RΓ_i x_i and ℋ = −1/(4π) Σ_{i<j} Γ_iΓ_j ln(2R² − 2x_i·x_j),
+    It is the Lie–Poisson equation on so(3)*ᴺ with μ_i = RΓ_i x_i and ℋ = −1/(4π) Σ_{i<j} Γ_iΓ_j ln |x_i − x_j|²,
     right-invariant: ξ_i is the rate at which the i-th vortex is carried. ∂²ℋ/∂μ² may be singular, so that it needs
-    co.HamiltonianMidpoint(). That keeps |x_i| and the moment of vorticity ΣΓ_i x_i to round-off and H in a band.
+    co.HamiltonianMidpoint(), or co.IsospectralMidpoint() for hundreds of vortices. Both keep |x_i| and the moment of
+    vorticity ΣΓ_i x_i to round-off and H in a band.
 
     circulations: Γ_i, (N,), two or more, none zero, m²/s. radius: R, m. H is per unit of density. Raises ArgumentError
     for others. Source: Newton, The N-Vortex Problem (Springer 2001), section 4.1.
@@ -106,10 +107,10 @@ def sphere(*, circulations: Any, radius: Any) -> System:
 
 
 def sphere_energy(mu, p):
-    """H = −1/(4π) Σ_{i<j} Γ_iΓ_j ln(2R² − 2x_i·x_j)."""
+    """H = −1/(4π) Σ_{i<j} Γ_iΓ_j ln |x_i − x_j|², whose slopes are small along x_i, where they move nothing."""
     i, j = np.triu_indices(p.circulations.shape[0], 1)
     x = sphere_positions(mu, p.circulations, p.radius)
-    apart = 2 * p.radius**2 - 2 * jnp.sum(x[i] * x[j], axis=1)
+    apart = jnp.sum((x[i] - x[j]) ** 2, axis=1)
     return -jnp.sum(p.circulations[i] * p.circulations[j] * jnp.log(apart)) / (4 * np.pi)
 
 
