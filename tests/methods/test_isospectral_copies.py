@@ -63,6 +63,18 @@ def test_both_sides_follow_their_equations_at_order_two(invariance, sign):
     assert np.max(np.abs(exact - np.concatenate([mu, a]))) > 0.1
 
 
+def test_casimirs_are_kept_on_the_right():
+    system = co.System(U3, hamiltonian=coupled, advected=co.Coadjoint(), invariance="right")
+    casimirs = co.trace_casimirs(system)
+    mu, a = 0.6 * generator("sides").normal(size=(2, 9))
+    start = system.state(mu=mu, a0=a)
+    run = co.simulate(system.watching(casimirs), start, dt=0.05, steps=40, method=STEP, accuracy=False)
+    W, Theta = -1j * matrix(mu), -1j * matrix(a)
+    assert run.dataset.trace_mu_a_3.values[0] == pytest.approx(np.trace(W @ Theta @ Theta).real, rel=1e-13)
+    assert max(np.ptp(run.dataset[name].values) for name in casimirs) < 2e-14
+    assert np.ptp(run.records.mu[:, 0]) > 0.05
+
+
 def test_on_the_right_g_moves_along_and_the_momentum_in_the_body_stays():
     top = co.SOn(4)
     weights = np.linspace(0.5, 2.0, 6)

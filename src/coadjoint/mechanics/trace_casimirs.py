@@ -11,9 +11,10 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, SOn, SUn, Un
 from coadjoint.groups.group import Array
 from coadjoint.groups.unitary import ComplexMatrix, product
+from coadjoint.mechanics.invariance import group_of
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.spaces import Adjoint, Coadjoint, Several
+from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Several
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class TraceCasimir:
 
     def __call__(self, state: State) -> Array:
         """The value at a state, one number."""
-        group, dim = state.places.group, state.places.group.dim
+        group = group_of(state.places)
+        dim = group.dim
         theta = state.mu if self.field < 0 else state.a[self.field * dim : (self.field + 1) * dim]
         base, first = (_matrix(group, x) for x in (theta, state.mu if self.with_momentum else theta))
         for _ in range(self.power - 1):
@@ -51,21 +53,22 @@ def trace_casimirs(system: System, degree: int = 4) -> dict[str, TraceCasimir]:
     Returns functions of a state by name for `system.watching`: `trace_mu_k`, or of advected=co.Coadjoint() `trace_a_k`
     and `trace_mu_a_k`, of a dictionary by its names. With several advected parameters the spectrum of each is kept,
     and tr WΘᵏ⁻¹ is not. k goes from 2, and of tr WΘᵏ⁻¹ from 1 on U(n), to `degree`, on SO(n) over even numbers.
-    system: on co.Un, co.SUn, co.SOn or co.SO3. degree: the largest k, a whole number from 2, by default 4.
+    system: on co.Un, co.SUn, co.SOn or co.SO3, left- or right-invariant. degree: the largest k, a whole number from 2, by default 4.
     Raises ArgumentError for others.
     """
     if isinstance(degree, bool) or not isinstance(degree, int) or degree < 2:
         raise ArgumentError(f"Argument `degree` must be a whole number from 2, but is {shown(degree)}.")
-    group, V = system.group, system.advected
+    group, V = group_of(system.places), system.advected
     if not isinstance(group, (Un, SUn, SOn, SO3)):
         raise ArgumentError(
             f"co.trace_casimirs needs a system on co.Un, co.SUn, co.SOn or co.SO3, but got {group!r}: "
             "use co.casimirs(system)."
         )
     names, spaces = (V.names, V.factors) if type(V) is Several else (("a",), (V,))
-    if not V.ambient(group):
+    if not V.ambient(system.group):
         names, spaces = (), ()
-    if not all(isinstance(space, (Adjoint, Coadjoint)) for space in spaces):
+    plain = [space.space if isinstance(space, ByInverse) else space for space in spaces]
+    if not all(isinstance(space, (Adjoint, Coadjoint)) for space in plain):
         raise ArgumentError(
             f"co.trace_casimirs needs advected parameters in co.Coadjoint(), but got {shown(V)}: "
             "use co.casimirs(system)."
