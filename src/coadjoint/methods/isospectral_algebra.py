@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Callable
 from typing import Any
 
@@ -15,63 +16,104 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.groups.unitary import ComplexMatrix, product
 
 
-class Algebra:
-    """Momenta W and velocities of a group as matrices.
+class Algebra(abc.ABC):
+    """Momenta W and velocities of a group as matrices, of n rows and columns.
 
     In the bases of these groups μ and the matrix of its coordinates say the same: ad*_ξ μ are the coordinates of
-    [W, ξ̂]. An unknown W̃ has coordinates of its own, `unknowns` of them.
+    [W, ξ̂]. An unknown W̃ has coordinates of its own, `unknowns` of them. Matrices of copies have a leading axis.
     """
 
-    def __init__(self, group: LieGroup):
-        self.group = group
+    group: LieGroup
 
     @property
+    @abc.abstractmethod
     def unknowns(self) -> int:
         """How many coordinates W̃ has."""
-        return self.group.dim
 
+    @abc.abstractmethod
     def lifted(self, mu: Array) -> Array:
         """The coordinates of W̃ = W, (unknowns,), of μ (dim,)."""
-        return mu
 
+    @abc.abstractmethod
     def momentum(self, z: Array) -> Array:
         """μ (dim,) of the coordinates of W̃, (unknowns,)."""
-        return z
+
+    @abc.abstractmethod
+    def matrix(self, xi: Array) -> Any:
+        """ξ̂, (n, n), of ξ (dim,)."""
+
+    @abc.abstractmethod
+    def unknown(self, z: Array) -> Any:
+        """W̃, (n, n), of its coordinates (unknowns,)."""
+
+    @abc.abstractmethod
+    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
+        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, of P and W (n, n)."""
+
+    @abc.abstractmethod
+    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
+        """The coordinates (unknowns,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
+
+    @abc.abstractmethod
+    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
+        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
+
+    @abc.abstractmethod
+    def turn(self, xi: Array, epsilon: Array) -> Any:
+        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂) and ξ (dim,)."""
+
+    @abc.abstractmethod
+    def turned(self, D: Any, mu: Array) -> Array:
+        """The coordinates of CWC†, (dim,), of those of W: what D adds has no part in the round-off of W."""
+
+    @abc.abstractmethod
+    def element(self, D: Any) -> Element:
+        """C†, (n, n), as an element of the group."""
 
 
 class Orthogonal(Algebra):
     """Of SO(n): skew matrices (n, n)."""
 
+    group: Any
+
+    def __init__(self, group: SOn | SO3):
+        self.group = group
+
+    @property
+    def unknowns(self) -> int:
+        return self.group.dim
+
+    def lifted(self, mu: Array) -> Array:
+        return mu
+
+    def momentum(self, z: Array) -> Array:
+        return z
+
     def matrix(self, xi: Array) -> Array:
-        """ξ̂, (n, n), of ξ (dim,)."""
         return self.group.hat(xi)
 
-    unknown = matrix
+    def unknown(self, z: Array) -> Array:
+        return self.group.hat(z)
 
     def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
         """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P), of P and W (n, n)."""
         return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
 
     def forced(self, B: Array, Theta: Array, P: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
         return self.group.vee((B @ Theta) @ (2 * epsilon * np.eye(len(P)) + 2 * epsilon**2 * P))
 
     def kicked(self, D: Array, b: Array, a: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
         R = np.eye(len(D)) + 0.5 * D
         return self.group.vee((R @ self.matrix(b) @ R.T) @ (4 * epsilon * self.matrix(a)))
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
-        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
         X = epsilon * self.matrix(xi)
         return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
 
     def turned(self, D: Array, mu: Array) -> Array:
-        """The coordinates of CWCᵀ, (dim,), of those of W: what D adds has no part in the round-off of W."""
         return mu + self.group.vee((D @ self.matrix(mu)) @ (2 * np.eye(len(D)) + D.T))
 
     def element(self, D: Array) -> Element:
-        """Cᵀ, (n, n), as an element of the group."""
         return np.eye(len(D)) + D.T
 
 
@@ -81,8 +123,7 @@ class Unitary(Algebra):
     group: Any
 
     def __init__(self, group: Un | SUn):
-        super().__init__(group)
-        self.hull = Un(group.size)
+        self.group, self.hull = group, Un(group.size)
 
     @property
     def unknowns(self) -> int:
@@ -95,11 +136,9 @@ class Unitary(Algebra):
         return z if self.hull == self.group else self.group.coordinates(self.hull.parts(z))
 
     def matrix(self, xi: Array) -> ComplexMatrix:
-        """ξ̂, (n, n), of ξ (dim,)."""
         return self.group.parts(xi)
 
     def unknown(self, z: Array) -> ComplexMatrix:
-        """W̃, (n, n), of its coordinates (unknowns,)."""
         return self.hull.parts(z)
 
     def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
@@ -108,36 +147,31 @@ class Unitary(Algebra):
         return self.hull.coordinates(product(product(P, W), one))
 
     def forced(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
         real = 2 * epsilon * np.eye(self.hull.size) + 2 * epsilon**2 * P.real
         return self.hull.coordinates(product(product(B, Theta), ComplexMatrix(real, 2 * epsilon**2 * P.imaginary)))
 
     def kicked(self, D: ComplexMatrix, b: Array, a: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
         R = ComplexMatrix(np.eye(self.hull.size) + 0.5 * D.real, 0.5 * D.imaginary)
         K = product(product(R, self.matrix(b)), R.adjoint)
         return 4 * epsilon * self.group.coordinates(product(K, self.matrix(a)))
 
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
-        """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂)."""
         A, B = self.matrix(xi)
         X = epsilon * (A + 1j * B)
         D = jnp.linalg.solve(np.eye(self.hull.size) - X, 2 * X)
         return ComplexMatrix(D.real, D.imag)
 
     def turned(self, D: ComplexMatrix, mu: Array) -> Array:
-        """The coordinates of CWC†, (dim,), of those of W: what D adds has no part in the round-off of W."""
         back = D.adjoint
         both = ComplexMatrix(2 * np.eye(self.hull.size) + back.real, back.imaginary)
         return mu + self.group.coordinates(product(product(D, self.matrix(mu)), both))
 
     def element(self, D: ComplexMatrix) -> Element:
-        """C†, (n, n), as an element of the group."""
         back = D.adjoint
         return ComplexMatrix(np.eye(self.hull.size) + back.real, back.imaginary)
 
 
-class Copies:
+class Copies(Algebra):
     """Of Gᴺ, as co.Power(G, N) or as a product of N equal factors: the matrices of each, with a leading axis."""
 
     def __init__(self, group: Power | DirectProduct, factor: LieGroup, count: int):
@@ -188,7 +222,7 @@ class Copies:
         return tuple(jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(self.count))
 
 
-class Reversed:
+class Reversed(Algebra):
     """Of Gᵒᵖ, right-invariant systems: Ẇ = −[P, W] − [B, Θ], Θ̇ = −[P, Θ] and g_{k+1} = Cg_k, all by −P and −B."""
 
     def __init__(self, group: Opposite):
@@ -229,7 +263,7 @@ class Reversed:
         return self.group.inverse(self.inner.element(D))
 
 
-def algebra_of(group: LieGroup) -> Any:
+def algebra_of(group: LieGroup) -> Algebra:
     """The matrices of a group; raises ArgumentError for one but SO(n), U(n), SU(n) and copies of one."""
     if isinstance(group, (Un, SUn)):
         return Unitary(group)

@@ -16,7 +16,7 @@ from coadjoint.vehicles.files.file import vehicle_from_text
 from coadjoint.vehicles.parts import Damping, Thrusters
 
 IMPOSSIBLE = {"mass": -15.0, "gravity": -1.0, "inertia": -1.0, "stiffness": -1.0, "density": 0.0, "added_mass": -1.0}
-IMPOSSIBLE |= {"radius": -1.0, "circulations": 0.0}
+IMPOSSIBLE |= {"radius": -1.0, "circulations": 0.0, "moments": -1.0}
 WITHOUT_PARAMETERS = ["toda_lattice"]
 
 
