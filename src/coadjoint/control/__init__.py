@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
+    from coadjoint.control.answers import Answer as Answer
     from coadjoint.control.exported import ExportedStep as ExportedStep
     from coadjoint.control.exported import step_function as step_function
     from coadjoint.control.functions import casadi_function as casadi_function
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from coadjoint.control.optimum import Optimum as Optimum
     from coadjoint.control.phased_optimum import PhasedOptimum as PhasedOptimum
     from coadjoint.control.phases import Phases as Phases
-    from coadjoint.control.predictive import Answer as Answer
     from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity

@@ -7,13 +7,13 @@ feedback control*, SIAM J. Control Optim. 43 (2005).
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.control.answers import Answer, Record
 from coadjoint.control.controllable import changing_names, require_controllable, steps_of
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
@@ -28,29 +28,6 @@ from coadjoint.simulation.arguments import whole
 
 VIOLATED = 1e-5
 """How far a solution may leave the constraints of its program."""
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What a controller says to a state.
-
-    command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
-    period. status: "solved"; "planned", the inputs that the last plan has for these steps; "fallback", those of the
-    function `fallback`; or "guess", those of the inputs' guesses. sentence: why, or empty where it is solved.
-    plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
-    names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
-    read, and after.
-    """
-
-    command: dict[str, np.ndarray]
-    inputs: dict[str, np.ndarray]
-    status: str
-    sentence: str
-    plan: dict[str, np.ndarray]
-    nodes: np.ndarray
-    t: float
-    preparation_seconds: float
-    feedback_seconds: float
 
 
 class MotionPlan(NamedTuple):
@@ -69,16 +46,6 @@ class Timeline:
     t: float
     inputs: np.ndarray
     age: int = 0
-
-
-@dataclass
-class Record:
-    """How often each status was answered, and the seconds of both phases."""
-
-    statuses: Counter[str] = field(default_factory=Counter)
-    last_failure: str = ""
-    preparation: list[float] = field(default_factory=list)
-    feedback: list[float] = field(default_factory=list)
 
 
 class Controller:
@@ -174,7 +141,7 @@ class Controller:
         clock = self._now(t, passed or 0)
         reason = self._iterate(measured, clock)
         answer = self._answer(state, clock, reason, began, preparation)
-        self._note(answer)
+        self.record.note(answer)
         return answer
 
     def _passed(self, t: float) -> int | None:
@@ -322,29 +289,14 @@ class Controller:
             raise ArgumentError(f"The `fallback` must return finite numbers, but returned {shown(command)}.")
         return row
 
-    def _note(self, answer: Answer) -> None:
-        record = self.record
-        record.statuses[answer.status] += 1
-        record.last_failure = answer.sentence or record.last_failure
-        record.preparation.append(answer.preparation_seconds)
-        record.feedback.append(answer.feedback_seconds)
-
     def __str__(self) -> str:
-        problem, record = self.problem, self.record
-        calls = sum(record.statuses.values())
-        counts = ", ".join(f"{count} {name}" for name, count in record.statuses.items())
+        problem = self.problem
         rows = [
             ("controller", f"{problem.count} steps of {problem.dt:g} s, a period of {self.steps * problem.dt:g} s, "
                            f"a delay of {self.delay * problem.dt:g} s"),
             ("a step", f"{len(self.names)} numbers of the state, {len(self._guess)} of the inputs"),
-            ("calls", f"{calls}: {counts}" if calls else "none"),
+            *self.record.rows(),
         ]  # fmt: skip
-        for name, seconds in (("preparation", record.preparation), ("feedback", record.feedback)):
-            if seconds:
-                median, high = 1e3 * np.percentile(seconds, [50, 99])
-                rows.append((name, f"{median:.3g} ms, {high:.3g} ms at the 99th percentile"))
-        if record.last_failure:
-            rows.append(("last failure", record.last_failure))
         return "\n".join(f"{name:<18}{text}" for name, text in rows)
 
 

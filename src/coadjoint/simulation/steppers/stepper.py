@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.emit.plan import specialised
 from coadjoint.kernels.packing import layout
 from coadjoint.kernels.program import Code
@@ -21,24 +20,24 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import Each, stacked
-from coadjoint.mechanics.over_step import require_internal
-from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.methods.program import Constants, StepProgram, as_read
-from coadjoint.simulation import known
+from coadjoint.methods.program import Constants, as_read
 from coadjoint.simulation.arguments import positive, require_kinds, whole
-from coadjoint.simulation.backwards import require_forward
 from coadjoint.simulation.driver import Plan
-from coadjoint.simulation.ensemble import count_of, first_member
+from coadjoint.simulation.ensemble import first_member
 from coadjoint.simulation.events import Event, as_event
-from coadjoint.simulation.inputs import inputs_held, with_inputs
-from coadjoint.simulation.preparing import require_chart, require_events
 from coadjoint.simulation.steppers.beginning import Beginning
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
+from coadjoint.simulation.steppers.building import (
+    checked,
+    commanded_system,
+    fixed_parameters,
+    members_of,
+    program_of,
+)
 from coadjoint.simulation.steppers.by_xla import XlaEngine
 from coadjoint.simulation.steppers.changes import carried
 from coadjoint.simulation.steppers.commands import Commands, commands_from, places_of
@@ -107,26 +106,26 @@ class Stepper(Stepping):
         require_backend(backend)
         if method.variable:
             raise ArgumentError(f"A stepper takes steps of dt, but {method.title} chooses its own: take another.")
-        h, threads, count = positive(dt, "dt"), whole(threads, "threads"), _members(system, start, members)
+        h, threads, count = positive(dt, "dt"), whole(threads, "threads"), members_of(system, start, members)
         commands = commands_from(inputs)
         by_velocities = method.start == "velocity"
-        system, start = _commanded(system, start, commands, by_velocities)
+        system, start = commanded_system(system, start, commands, by_velocities)
         one, first = first_member(system, start)
         event = as_event(until)
-        begun, version, told = _checked(one, first, method, h, event)
+        begun, version, told = checked(one, first, method, h, event)
         for sentence in told:
             warnings.warn(sentence, stacklevel=2)
         constants = Constants(one.parameters, None)
         watched, seen = watch(one, observe, begun)
         skeleton = replace_parameters(system, None)
-        self._program = _program(skeleton, method, event, version)
+        self._program = program_of(skeleton, method, event, version)
         self._beginning = Beginning(skeleton, method, h, count, begun, constants)
         values, axes = stacked(system.parameters)
         parameters = rows_where(values, axes)
         starts = start if np.ndim(start.t) else spread(start, (1 if count is None else count,))
         for step in dict.fromkeys(step for step, _ in method.stages) if len(starts.t) > 1 else ():
             step.require_members(system, values, axes, starts)
-        fixed, compiled_in = _fixed(constants, parameters, changing)
+        fixed, compiled_in = fixed_parameters(constants, parameters, changing)
         face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
         self._watch = watched
         with as_read(version):
@@ -292,74 +291,3 @@ class Stepper(Stepping):
         constants = self._beginning.constants.unpack(parameters[0])
         begun = self._beginning.state.unpack(by_member(self._origin)[0])
         self._engine = self._native(self.face, constants, begun)
-
-
-def _members(system: System, start: State, members: int | None) -> int | None:
-    count = count_of(system, start)
-    if members is None:
-        return count
-    if count is not None and count != whole(members, "members"):
-        raise ArgumentError(f"Argument `members` is {members}, but co.each gives {count} of them.")
-    return whole(members, "members")
-
-
-def _commanded(system: System, start: State, commands: Commands, by_velocities: bool) -> tuple[System, State]:
-    """The system driven by its inputs, and the start with the commands where they begin."""
-    if commands.start is not None:
-        start = start if by_velocities else with_own_momenta(system, start)
-        start = start.replace(inputs=spread(commands.start, np.shape(start.t)))
-    return with_inputs(system, start, commands.inputs, by_velocities)
-
-
-def _checked(
-    one: System, first: State, method: Method, h: float, event: Event | None
-) -> tuple[State, str, list[str]]:  # fmt: skip
-    """The state as the method begins it, the version of all functions, and warnings; raises what is wrong.
-
-    one, first: the system and the start of one member.
-    """
-    watched = () if event is None else (("until", event),)
-    functions: list[Any] = [] if one.inputs is None else [partial(inputs_held, one)]
-    functions += [event.function for _, event in watched]
-    reading = known.read(one, first, functions, watched, (), method, h)
-    before, warnings = known.verdict(reading, "stepper"), []
-    if before is None:
-        warnings = require_internal(one, first, h) + one.check(first, method.regular)
-        warnings += require_forward(one, method, first, h)
-    begun = method.begin(one, first, h)
-    if before is None:
-        require_chart(one, method, begun, h)
-        require_events(method, begun, watched)
-        before = {"warnings": warnings}
-        known.remember_verdict(reading, "stepper", before)
-    return begun, version(one, first, *functions) if reading is None else reading.version, before["warnings"]
-
-
-def _program(skeleton: System, method: Method, event: Event | None, version: str) -> StepProgram:
-    """The program of a step, which an event stops; version: of all functions."""
-    stopping: dict[str, Any] = {} if event is None else {"until": event.function, "direction": event.direction}
-    return StepProgram(skeleton, method, version=version, **stopping)
-
-
-def _fixed(
-    constants: Constants, parameters: np.ndarray, changing: Sequence[str]
-) -> tuple[Fields, tuple[tuple[int, float], ...]]:
-    """The parameters by their names, and those that are compiled in."""
-    fixed = Fields.of({name.removeprefix("system."): shape for name, shape in shapes_of(constants).items()})
-    return fixed, _compiled_in(parameters, fixed, changing)
-
-
-def _compiled_in(parameters: np.ndarray, fields: Fields, changing: Sequence[str]) -> tuple[tuple[int, float], ...]:
-    """Places and values of the parameters that are 0 or 1 for all members and are not named in `changing`."""
-    free: set[int] = set()
-    if not isinstance(changing, (str, list, tuple, set, frozenset)):
-        raise ArgumentError(
-            f'Argument `changing` must be names of parameters, such as ("mass",), but is {shown(changing)}.'
-        )
-    for name in (changing,) if isinstance(changing, str) else changing:
-        if name not in fields.names:
-            raise ArgumentError(fields.unknown(name, "parameter"))
-        free |= set(range(fields.place(name).start, fields.place(name).stop))
-    shared = np.where(np.all(parameters == parameters[:1], axis=0), parameters[0], np.nan)
-    kinds = enumerate(specialised(shared))
-    return tuple((place, float(kind)) for place, kind in kinds if kind < 2 and place not in free)

@@ -1,0 +1,60 @@
+"""What a predictive controller answers to a state, and the record of its answers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a controller says to a state.
+
+    command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
+    period. status: "solved"; "planned", the inputs that the last plan has for these steps; "fallback", those of the
+    function `fallback`; or "guess", those of the inputs' guesses. sentence: why, or empty where it is solved.
+    plan: name → (N, *shape), the inputs from t + delay on. nodes: (N + 1, nx), the numbers of the planned states, whose
+    names are the controller's `names`. t: of the state, s. preparation_seconds, feedback_seconds: before the state was
+    read, and after.
+    """
+
+    command: dict[str, np.ndarray]
+    inputs: dict[str, np.ndarray]
+    status: str
+    sentence: str
+    plan: dict[str, np.ndarray]
+    nodes: np.ndarray
+    t: float
+    preparation_seconds: float
+    feedback_seconds: float
+
+
+@dataclass
+class Record:
+    """How often each status was answered, and the seconds of both phases."""
+
+    statuses: Counter[str] = field(default_factory=Counter)
+    last_failure: str = ""
+    preparation: list[float] = field(default_factory=list)
+    feedback: list[float] = field(default_factory=list)
+
+    def note(self, answer: Answer) -> None:
+        self.statuses[answer.status] += 1
+        self.last_failure = answer.sentence or self.last_failure
+        self.preparation.append(answer.preparation_seconds)
+        self.feedback.append(answer.feedback_seconds)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and texts to print."""
+        calls = sum(self.statuses.values())
+        counts = ", ".join(f"{count} {name}" for name, count in self.statuses.items())
+        rows = [("calls", f"{calls}: {counts}" if calls else "none")]
+        for name, seconds in (("preparation", self.preparation), ("feedback", self.feedback)):
+            if seconds:
+                median, high = 1e3 * np.percentile(seconds, [50, 99])
+                rows.append((name, f"{median:.3g} ms, {high:.3g} ms at the 99th percentile"))
+        if self.last_failure:
+            rows.append(("last failure", self.last_failure))
+        return rows
