@@ -1,4 +1,4 @@
-"""Each wrong use of a chain, of a large group, of a fluid, of vortices and of a rod is told in one sentence."""
+"""Each wrong use of a chain, of a large group, of a fluid and of vortices is told in one sentence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import CoadjointError
-from coadjoint.models import fluids, point_vortices, rods, toda
+from coadjoint.models import fluids, point_vortices, toda
 
 ISOSPECTRAL = co.IsospectralMidpoint()
 
@@ -49,16 +49,6 @@ def magnetic() -> co.System:
 @cache
 def fluid() -> co.System:
     return fluids.euler(4)
-
-
-def rod(**changes: Any) -> co.System:
-    given: Any = {"elements": 3, "length": 1.0, "EI": 1.0, "mass": 1.0, "inertia": 0.01, **changes}
-    return rods.planar(**given)
-
-
-def rod_in_space(**changes: Any) -> co.System:
-    given: Any = {"elements": 3, "length": 1.0, "EI": 1.0, "GJ": 1.0, "mass": 1.0, "inertia": (0.02, 0.01, 0.01)}
-    return rods.cosserat(**{**given, **changes})
 
 
 def too_long_a_step() -> co.Run:
@@ -169,7 +159,7 @@ FLUIDS = {
     ),
     "a mean": (lambda: fluids.start(fluid(), np.diag([1.0, 0.0])), "must have mean 0, but c_00 is 1"),
     "another system": (lambda: fluids.vorticity(chain(), None), "must be a fluid of co.models.fluids"),
-    "a rod": (lambda: fluids.fields(fluid(), rod()), "`run` must be one run of co.simulate"),
+    "a system instead of a run": (lambda: fluids.fields(fluid(), chain()), "`run` must be one run of co.simulate"),
 }
 VORTICES = {
     "two at one place": (
@@ -183,33 +173,11 @@ VORTICES = {
         "A step of point vortices at N = 1000000 would take .* GB of memory",
     ),
 }
-RODS = {
-    "no ends": (lambda: rod(ends="pinned"), "`ends` must be one of free, clamped, .*, but is 'pinned'"),
-    "too few elements": (lambda: rod(elements=1, ends="both clamped"), "from 2 of a rod with ends 'both clamped'"),
-    "no stiffness": (lambda: rod(EI=-1.0), "`EI` must be positive, but is -1"),
-    "lengths of other elements": (lambda: rod(length=[0.5, 0.5]), r"`length` must have shape \(3,\)"),
-    "a load where no end is": (lambda: rod(ends="ring", load=(1.0, 0.0)), "has no free end for a `load`"),
-    "a motion of a free end": (
-        lambda: rod(motion=lambda t: (jnp.eye(2), jnp.zeros(2))),
-        "of a rod whose first end is clamped",
-    ),
-    "a motion that is no pose": (
-        lambda: rod(ends="clamped", motion=lambda t: jnp.zeros(3)),
-        r"`motion` must be .* to a pose \(R, x\) of shapes \(2, 2\) and \(2,\)",
-    ),
-    "a start of rods in space": (lambda: rods.start(rod()), "A planar rod starts by co.models.rods.planar_start"),
-    "a start of rods in a plane": (
-        lambda: rods.planar_start(rod_in_space()),
-        "A Cosserat rod starts by co.models.rods.start",
-    ),
-    "modes of too many sections": (
-        lambda: rods.modes(rod_in_space(elements=300), rods.start(rod_in_space(elements=300))),
-        "a dense matrix of at most 1500 unknowns, but this has 1806",
-    ),
-}
+
+
 WRONG = {
     f"{of}: {name}": case
-    for of, cases in (("chain", CHAINS), ("group", GROUPS), ("fluid", FLUIDS), ("vortices", VORTICES), ("rod", RODS))
+    for of, cases in (("chain", CHAINS), ("group", GROUPS), ("fluid", FLUIDS), ("vortices", VORTICES))
     for name, case in cases.items()
 }
 

@@ -110,9 +110,9 @@ def matrix(value: Any, name: str, size: int = 3) -> Array:
     return found
 
 
-def direction(value: Any, name: str) -> Array:
-    """A unit vector (3,); raises ArgumentError."""
-    found = vector(value, name)
+def direction(value: Any, name: str, size: int = 3) -> Array:
+    """A unit vector (size,); raises ArgumentError."""
+    found = vector(value, name, size)
     length = 1.0 if traced(found) else float(np.linalg.norm(found))
     if abs(length - 1) > 1e-9:
         raise ArgumentError(f"Argument `{name}` must be a unit vector, but has length {length:.6g}; divide by it.")

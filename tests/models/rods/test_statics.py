@@ -70,6 +70,17 @@ def test_a_cantilever_is_the_elastica_of_order_two_in_the_elements():
     assert np.max(np.abs(ends[1] + (ends[1] - ends[0]) / 3 - exact)) < 2e-5
 
 
+@pytest.mark.parametrize("L", [1e-4, 100.0])
+def test_rods_of_any_size_hang_alike(L: float):
+    def hanging(L: float, EI: float):
+        rod = rods.planar(
+            elements=np.int64(4), length=L, EI=EI, mass=2.0, inertia=1e-3 * L**2, ends="clamped", gravity=9.8
+        )
+        return rods.centerline(rods.equilibrium(rod, rods.planar_start(rod))) / L
+
+    assert np.max(np.abs(hanging(L, 3.0 * L**3) - hanging(1.0, 3.0))) < 1e-9  # of one mgL³/EI
+
+
 def test_a_column_buckles_at_the_load_of_euler():
     def smallest(load: float, elements: int) -> float:
         rod = rods.planar(**SLENDER, elements=elements, load=(-load, 0.0))

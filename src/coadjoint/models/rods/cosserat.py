@@ -14,6 +14,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.float64 import float64 as float64_scope
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
@@ -28,6 +29,10 @@ STIFF = 1e6
 """EA and GA where they are left out, in units of EI/L²: a penalty for stretch and shear, which stay below 1e-5 under
 loads up to that of buckling."""
 
+SEEN = (0.1, 1.0, 10.0)
+"""s, when it is looked whether a motion is one of poses."""
+ROUND_OFF = 1e-6
+"""How far a motion may be from a pose, also where it is computed in float32."""
 
 UNITS = {
     "xi": "rad/s, m/s",
@@ -74,7 +79,7 @@ def cosserat(
     (M, 3) by elements, rad/m. ends: "free"; "clamped", the first; "both clamped"; "ring", the last joined to the first.
     gravity: g, m/s², along `down` of `start`. load: a force F in space at the last section, (3,), N. moment: a couple
     there about its own axes, (3,), N m; it turns with the section and has no energy. motion: t ↦ (R, x), the pose of
-    the clamped first end relative to what it is at the start, in jax.numpy: a driven end.
+    the clamped first end relative to what it is at the start, (1, 0) at t = 0, in jax.numpy: a driven end.
 
     Parameters: length, EI, GJ, EA, GA, mass, inertia, rest_curvature [, gravity] [, load] [, moment].
     Raises ArgumentError for what no rod can have. Source: Simo, Comput. Methods Appl. Mech. Eng. 49 (1985);
@@ -234,3 +239,22 @@ def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None
             "Argument `motion` must be a function of the time t, in jax.numpy, to a pose (R, x) of shapes "
             f"({size}, {size}) and ({size},), of a rod whose first end is clamped."
         )
+    if motion is not None:
+        _require_pose(motion, size)
+
+
+def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
+    """Raise ArgumentError where a motion does not begin at (1, 0), or is seen to leave the rotations."""
+    try:
+        R, x = map(np.asarray, evaluate(motion, 0.0))
+    except jax.errors.TracerArrayConversionError:  # it holds a number that JAX traces, which a run refuses
+        return
+    if not max(np.max(np.abs(R - np.eye(size))), np.max(np.abs(x))) <= ROUND_OFF:
+        raise ArgumentError(
+            "Argument `motion` must be (1, 0) at t = 0, as it is relative to where the start puts the end, but there R "
+            f"is {R.tolist()} and x {x.tolist()}: give R(0)ᵀR and R(0)ᵀ(x − x(0))."
+        )
+    for t in SEEN:
+        R = np.asarray(evaluate(motion, t)[0])
+        if not np.max(np.abs(R @ R.T - np.eye(size))) <= ROUND_OFF or np.linalg.det(R) < 0:
+            raise ArgumentError(f"The R of `motion` must be a rotation, but at t = {t:g} s it is {R.tolist()}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
@@ -30,11 +31,13 @@ class RodLayout:
         if self.ends not in ENDS:
             raise ArgumentError(f"Argument `ends` must be one of {', '.join(ENDS)}, but is {shown(self.ends)}.")
         least = {"free": 1, "clamped": 1, "both clamped": 2, "ring": 3}[self.ends]
-        if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < least:
+        whole = isinstance(self.elements, (int, np.integer)) and not isinstance(self.elements, bool)
+        if not whole or self.elements < least:
             raise ArgumentError(
                 f"Argument `elements` must be a whole number from {least} of a rod with ends {self.ends!r}, but is "
                 f"{shown(self.elements)}."
             )
+        object.__setattr__(self, "elements", int(self.elements))
 
     @property
     def sections(self) -> int:

@@ -41,7 +41,8 @@ def pendulums(
     joint that it hangs from, m, by default in the middle. stiffness: k, N m. gravity: g, m/s².
     Parameters: length, mass, inertia, center, stiffness, gravity. Raises ArgumentError for what no body can have.
     """
-    checks = _checks(_count(links), 3)
+    links = _count(links)
+    checks = _checks(links, 3)
     given = {"length": length, "mass": mass, "inertia": inertia, "stiffness": stiffness, "gravity": gravity}
     center = 0.5 * np.asarray(checks["length"](length, "length")) if center is None else center
     pairs = tuple((GROUND, i) for i in range(links))
@@ -97,7 +98,8 @@ def points(*, links: Any, length: Any, mass: Any, gravity: Any = 9.81) -> System
     links: N. length: of a rod, m, one number or (N,). mass: of a point, kg, likewise. gravity: g, m/s².
     Parameters: length, mass, gravity. Raises ArgumentError for what no chain can have.
     """
-    checks = _checks(_count(links), 0)
+    links = _count(links)
+    checks = _checks(links, 0)
     values = checked(checks, {"length": length, "mass": mass, "gravity": gravity})
 
     def lagrangian(xi, n, nu, p):
@@ -145,9 +147,9 @@ def _heights(along: Any, p: Any) -> Any:
 
 
 def _count(links: Any) -> int:
-    if isinstance(links, bool) or not isinstance(links, int) or links < 1:
+    if isinstance(links, bool) or not isinstance(links, (int, np.integer)) or links < 1:
         raise ArgumentError(f"Argument `links` must be a whole number from 1, but is {shown(links)}.")
-    return links
+    return int(links)
 
 
 def _checks(count: int, axes: int) -> dict[str, Callable[[Any, str], Any]]:

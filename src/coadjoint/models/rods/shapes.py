@@ -9,14 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.groups import Power
+from coadjoint.groups import SE2, SE3, Power
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
-from coadjoint.models.quantities import number, vector
+from coadjoint.models.quantities import direction, number, vector
 from coadjoint.models.rods.strains import each_element, straight
 from coadjoint.spaces.numbers import float64
+
+OPEN = 1e-3
+"""How far the end of a ring may be from its beginning at the start, in lengths of an element, and in rad."""
 
 
 def start(
@@ -36,8 +39,8 @@ def start(
     position, rotation, euler_zxz, euler_zyx: the pose (R, x) of the first section, clamped or not, x (3,) in m; the rod
     begins along the first column of R. curvature: κ (3,) or (M, 3), rad/m, by default that at rest; not stretched.
     velocity, angular_velocity: v and ω in space of a rigid motion about the mean of the sections, (3,) each, m/s and
-    rad/s, or of every section, (N, 3). down: the direction of gravity, (3,). Clamped ends stay where they are.
-    Raises ArgumentError for other shapes.
+    rad/s, or of every section, (N, 3). down: the direction of gravity, a unit vector (3,). Clamped ends stay
+    where they are, and a ring must be closed. Raises ArgumentError for others, and where an element turns by π or more.
     """
     R, _ = orientation(rotation, euler_zxz, euler_zyx)
     return _start(rod, (R, vector(position, "position")), curvature, velocity, angular_velocity, down)
@@ -56,8 +59,8 @@ def planar_start(
     """The state of a rod of `planar`, as `start`.
 
     position: of the first section, (2,), m. angle: of its tangent, rad. curvature: one number or (M,), rad/m, that at
-    rest by default. velocity: (2,) or (N, 2), m/s. angular_velocity: one number or (N,), rad/s. down: (2,).
-    Raises ArgumentError for other shapes.
+    rest by default. velocity: (2,) or (N, 2), m/s. angular_velocity: one number or (N,), rad/s. down: a unit vector,
+    (2,). Raises ArgumentError as `start`.
     """
     theta = number(angle, "angle")
     turned = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
@@ -65,7 +68,16 @@ def planar_start(
 
 
 def centerline(state: State) -> np.ndarray:
-    """Where the sections of a state are, (N, 3) or (N, 2), or of records with leading axes, m; not the clamped ends."""
+    """Where the sections of a state are, (N, 3) or (N, 2), or of records with leading axes, m; not the clamped ends.
+
+    state: a state or records of a rod, as `run.final` and `run.records`. Raises ArgumentError for others.
+    """
+    group = state.places.group if isinstance(state, State) and state.places is not None else None
+    if not isinstance(group, Power) or not isinstance(group.factor, (SE2, SE3)):
+        raise ArgumentError(
+            "Argument `state` must be a state or records of a rod, as run.final and run.records, but is "
+            f"{shown(state)}."
+        )
     g: Any = state.g
     return np.asarray(g[1])
 
@@ -102,16 +114,43 @@ def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_veloc
         )
     strain = each_element(straight(size == 2), M)
     strain[:, :turning] = np.reshape(kappa, (-1, turning))
+    _require_turns(strain[:, :turning], p.length, "curvature")
+    _require_turns(np.reshape(p.rest_curvature, (M, turning)), p.length, "rest_curvature")
     poses = curve(rod, first, strain)
     pairs = rod_pairs(rod)
+    if pairs[-1][1] == 0:
+        _require_closed(poses, p.length)
     begin = int(pairs[0][0] < 0)
     R, x = (leaf[begin : begin + group.count] for leaf in poses)
     a0: dict[str, Any] = {"joint": _clamps(rod, pairs, poses)}
     if hasattr(p, "gravity"):
-        a0["down"] = [*vector(down, "down", size), 0.0]
+        a0["down"] = [*direction(down, "down", size), 0.0]
     if hasattr(p, "load"):
         a0["tip"] = None
     return rod.state(g=(R, x), xi=_velocities(R, x, velocity, angular_velocity), a0=a0)
+
+
+def _require_turns(kappa: np.ndarray, length: np.ndarray, name: str) -> None:
+    """Raise ArgumentError where an element turns by π or more, which its strain does not see."""
+    turns = np.linalg.norm(kappa, axis=1) * length
+    if np.max(turns) >= np.pi:
+        e = int(np.argmax(turns))
+        raise ArgumentError(
+            f"An element of a rod may turn by less than π, but of `{name}` element {e} turns by {turns[e]:.4g} rad: "
+            "take more elements."
+        )
+
+
+def _require_closed(poses: Any, length: np.ndarray) -> None:
+    """Raise ArgumentError where the last of the poses (M + 1, …) of a ring is not the first."""
+    R, x = poses
+    gap, turn = np.linalg.norm(x[-1] - x[0]), np.max(np.abs(R[-1] - R[0]))
+    if gap > OPEN * np.min(length) or turn > OPEN:
+        raise ArgumentError(
+            f"A ring must start closed, but in this shape its end is {gap:.3g} m away from its beginning: give "
+            f"`curvature`; that of a circle of its length is 2π/L = {2 * np.pi / np.sum(length):.6g} rad/m, about one "
+            "axis."
+        )
 
 
 def _clamps(rod: System, pairs: Any, poses: Any) -> Any:

@@ -10,18 +10,22 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import eigh
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Power
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.rods.shapes import curve, rod_pairs
 from coadjoint.models.rods.strains import logarithm
 
 LONGEST_STEP = 1.0
-"""rad or units of length, by which one section moves at most in an iteration."""
+"""rad or lengths of the rod, by which one section moves at most in an iteration."""
 MOST = 60
 """Iterations."""
+UNBALANCED = 1e-12
+"""Forces that no motion changes, beyond this fraction of the stiffness, leave no state of rest; round-off is 1e-19."""
+RESTING = 1e-4
+"""rad or lengths of the rod, from a state of rest up to which modes are taken."""
 LARGEST = 1500
 """Unknowns, of which a dense matrix is formed."""
 
@@ -33,22 +37,29 @@ def equilibrium(rod: System, state: State, tolerance: float = 1e-9) -> State:
     dense: of a chain with 100 sections on SE(3) one of 600 rows.
 
     rod: a rod or a chain of co.models.rods. state: of it, from which a and the shape are taken; velocities are not.
-    tolerance: by how much a section moves in the last iteration at most, rad or units of length.
-    Raises ArgumentError where the iteration does not end, or the matrix has more than 1500 rows.
+    tolerance: by how much a section moves in the last iteration at most, rad or lengths of the rod.
+    Raises ArgumentError where the iteration does not end, where what acts on a rod that nothing holds does not balance,
+    for a matrix of more than 1500 rows, and under jax.grad.
     """
-    group = _group(rod)
-    forces, couple = _forces(rod, state), _couple(rod, group)
+    group = _group(rod, state)
+    forces, couple, unit = _forces(rod, state), _couple(rod, group), _units(rod, group)
     a0 = evaluate(lambda g, a: rod.advected.act(group, g, a), state.g, state.a)
-    size = np.inf
+    size, left, unbalanced = np.inf, 0.0, 0
     for _ in range(MOST):
         residual, slope = forces(state.a)
-        step = np.linalg.lstsq(slope, couple - residual, rcond=1e-13)[0]
+        step, left = _solved(slope, couple - residual, unit)
         size = float(np.max(np.abs(step)))
-        if not np.isfinite(size):
+        unbalanced = unbalanced + 1 if left > UNBALANCED else 0
+        if not np.isfinite(size) or unbalanced == 3:
             break
-        state = _moved(rod, state, a0, step * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
-        if size <= tolerance:
+        state = _moved(rod, state, a0, unit * step * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
+        if size <= tolerance and not unbalanced:
             return state
+    if left > UNBALANCED:
+        raise ArgumentError(
+            "This rod has no state of rest: nothing holds it, and what acts on it does not balance; clamp an end, or "
+            "leave out gravity, loads and couples."
+        )
     raise ArgumentError(
         f"No state of rest was found in {MOST} iterations, the last of which moved a section by {size:.2g}: start from "
         "a shape that is nearer, as that of a smaller load."
@@ -60,12 +71,16 @@ def modes(rod: System, state: State) -> tuple[np.ndarray, np.ndarray]:
 
     rod: a rod or a chain of co.models.rods, without a couple at its end. state: at rest, as of `equilibrium`.
     Returns ω², 1/s², from the smallest on, (n,), negative where the state is unstable and 0 for rigid motions of free
-    rods, and the shapes, (n, N, dim G), with ηᵀMη = 1. Raises ArgumentError above 1500 unknowns or with a couple.
+    rods, and the shapes, (n, N, dim G), with ηᵀMη = 1. Raises ArgumentError above 1500 unknowns, with a couple, under
+    jax.grad, and for a state that is more than 1e-4 rad, or lengths of the rod, away from rest.
     """
-    group = _group(rod)
+    group = _group(rod, state)
     if np.any(_couple(rod, group)):
         raise ArgumentError("A rod with a couple at its end has no energy to take modes of: leave `moment` out.")
-    _, K = _forces(rod, state)(state.a)
+    residual, K = _forces(rod, state)(state.a)
+    step, left = _solved(K, -residual, _units(rod, group))
+    if left > UNBALANCED or not np.max(np.abs(step)) <= RESTING:
+        raise ArgumentError("Argument `state` must be a state of rest: take rods.equilibrium(rod, state).")
     nothing = np.zeros(rod.additional.ambient(group))
 
     def mass(a):
@@ -75,15 +90,38 @@ def modes(rod: System, state: State) -> tuple[np.ndarray, np.ndarray]:
     return squares, shapes.T.reshape(len(squares), group.count, -1)
 
 
-def _group(rod: System) -> Power:
+def _group(rod: System, state: State) -> Power:
+    """The group; raises ArgumentError for no rod or chain, a state that is none of its, and derivatives."""
     group = rod.group
     if not isinstance(group, Power) or rod.additional.ambient(group):
         raise ArgumentError(f"Argument `rod` must be a rod or a chain of co.models.rods, but is {rod.name!r}.")
+    if not isinstance(state, State) or state.places != rod.places:
+        raise ArgumentError(f"Argument `state` must be a state of this {rod.name}, but is {shown(state)}.")
+    if any(map(traced, jax.tree.leaves((rod.parameters, state.g, state.a)))):
+        raise ArgumentError(
+            "A state of rest and its modes have no derivatives by JAX: take differences of their numbers."
+        )
     if group.dim > LARGEST:
         raise ArgumentError(
             f"A state of rest is found by a dense matrix of at most {LARGEST} unknowns, but this has {group.dim}."
         )
     return group
+
+
+def _units(rod: System, group: Power) -> np.ndarray:
+    """1 rad and the length of the rod, of each unknown, (n,)."""
+    p: Any = rod.parameters
+    turning = {3: 1, 6: 3}[group.factor.dim] if hasattr(p, "rest_curvature") else group.factor.dim
+    one = np.full(group.factor.dim, float(np.sum(p.length)))
+    one[:turning] = 1.0
+    return np.tile(one, group.count)
+
+
+def _solved(slope: np.ndarray, right: np.ndarray, unit: np.ndarray) -> tuple[np.ndarray, float]:
+    """η in `unit` with K η = right, and how much of the right side no η balances, relative to K."""
+    K, right = slope * unit * unit[:, None], right * unit
+    eta = np.linalg.lstsq(K, right, rcond=1e-13)[0]
+    return eta, float(np.max(np.abs(right - K @ eta)) / np.max(np.abs(K)))
 
 
 def _couple(rod: System, group: Power) -> np.ndarray:
