@@ -52,6 +52,28 @@ def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: P
         assert data.latitude.attrs["standard_name"] == "latitude" and data.latitude.attrs["units"] == "degrees_north"
 
 
+def test_fields_of_files_are_those_of_the_run_and_latitudes_are_found_by_their_number(ran, tmp_path: Path):
+    fluid, run = ran
+    run.save(tmp_path / "run.nc")
+    data = fluids.fields(fluid, run, 31, 60)
+    xarray.testing.assert_allclose(fluids.fields(fluid, co.load(tmp_path / "run.nc"), 31, 60), data, rtol=1e-14)
+    assert data.vorticity.sel(latitude=30, longitude=84).shape == (5,) and "carried" not in data
+
+
+@pytest.mark.parametrize(("model", "units"), [(fluids.magnetohydrodynamics, "s-1"), (fluids.boussinesq, "s-2")])
+def test_fields_hold_what_the_flow_carries(model, units):
+    fluid, carried = model(4, rotation=0.7), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)
+    start = fluids.carrying_start(fluid, 0.1 * carried, carried)
+    run = co.simulate(fluid, start, dt=0.1, steps=2, method=co.IsospectralMidpoint(), accuracy=False)
+    data = fluids.fields(fluid, run, 7, 12)
+    north, east = np.radians(data.latitude.values)[:, None], np.radians(data.longitude.values)
+    wave = -np.sqrt(15 / (8 * np.pi)) * np.sin(north) * np.cos(north) * np.cos(east)
+    np.testing.assert_allclose(data.carried.values[0], 2 * SPIN * np.sin(north) + wave, atol=1e-14)
+    np.testing.assert_allclose(data.vorticity.values[0], 0.1 * data.carried.values[0], atol=1e-14)
+    assert data.carried.attrs["units"] == units
+    sphere.vorticity_map(data, variable="carried")
+
+
 def test_maps_have_the_values_of_the_field_at_their_places(ran, tmp_path: Path):
     data = gridded(ran)
     for projection in ("mollweide", "hammer"):
@@ -86,8 +108,12 @@ def test_spectra_are_drawn_from_degree_1(ran):
 def test_what_cannot_be_drawn_is_refused(ran, tmp_path: Path):
     data = gridded(ran)
     for call, sentence in (
-        (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, but is 3"),
+        (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, or of co.load, but is 3"),
         (lambda: fluids.fields(ran[0], ran[1], latitudes=1), "`latitudes` must be a whole number from 2"),
+        (lambda: fluids.fields(fluids.euler(5), ran[1]), "be the one that ran, but has N = 5, and the run N = 4"),
+        (lambda: fluids.fields(fluids.euler(4), ran[1]), "energy .* is not that of the run: rotation = 0 rad/s is ano"),
+        (lambda: sphere.vorticity_map(data, time=100), "`time` must be within these fields, from 0 s to 0.4 s, but is"),
+        (lambda: sphere.spectra(data, times=[0, -1]), "`times` must be within these fields, .* but is -1"),
         (lambda: sphere.vorticity_map(ran[1]), "`fields` must be a dataset of co.models.fluids.fields"),
         (lambda: sphere.vorticity_map(data, projection="polar"), '`projection` must be "mollweide" or "hammer"'),  # pyright: ignore
         (lambda: sphere.vorticity_map(data, time=np.nan), "`time` must be finite, in s, but is nan"),

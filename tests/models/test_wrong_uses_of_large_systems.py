@@ -80,6 +80,7 @@ CHAINS = {
         lambda: chain().state(a0=np.tile(2 * np.eye(3), (2, 1, 1))),
         r"The pose of the pair \(0, 1\) in `a0` must be an element of SO3\(\), but is off by",
     ),
+    "no pairs": (lambda: co.RelativePoses([]), r"must be pairs of links such as .*, but is \[\]"),
     "no number of links": (lambda: co.Power(co.SO3(), other), "`count` of Power must be a whole number of links"),
     "no group": (lambda: co.Power(co.SO3, 2), "`factor` of Power must be a Lie group such as SO3()"),
     "a power of a power": (lambda: co.Power(power(), 2), "must not be a power itself"),
@@ -158,7 +159,39 @@ FLUIDS = {
         r"must be 0 where m > l, but c\[0, 1\] is 1\+0j: its first index is l",
     ),
     "a mean": (lambda: fluids.start(fluid(), np.diag([1.0, 0.0])), "must have mean 0, but c_00 is 1"),
-    "another system": (lambda: fluids.vorticity(chain(), None), "must be a fluid of co.models.fluids"),
+    "another system": (lambda: fluids.vorticity(chain(), other), "must be a fluid of co.models.fluids"),
+    "a run instead of records": (
+        lambda: fluids.vorticity(fluid(), chain()),
+        "`records` must be a state of this fluid, or states with leading axes, as run.final and run.records, but is",
+    ),
+    "records of another size": (
+        lambda: fluids.vorticity(fluid(), fluids.start(fluids.euler(3), np.zeros((2, 2)))),
+        r"as run.final and run.records, μ with 16 numbers, but μ has shape \(9,\)",
+    ),
+    "what another fluid carries": (
+        lambda: fluids.carried(fluids.boussinesq(4), fluids.start(fluids.euler(3), np.zeros((2, 2)))),
+        r"μ with 16 numbers, but μ has shape \(9,\)",
+    ),
+    "a start without what is carried": (
+        lambda: fluids.start(fluids.boussinesq(4), np.zeros((2, 2))),
+        r"A buoyant fluid on a sphere carries a function: start it by fluids.carrying_start\(",
+    ),
+    "no method": (
+        lambda: co.simulate(fluid(), fluids.start(fluid(), np.zeros((2, 2))), dt=0.1, steps=1),
+        "must be regular, .* along one of 16 numbers, .* or with co.IsospectralMidpoint.. for fluids",
+    ),
+    "vortices that degrees do not hold": (
+        lambda: fluids.vortices(20, [(0, 0)], [1.0], 1e-3),
+        "need degrees up to some 4/r = 4e.03, but those up to 20 hold 0.00022 of them",
+    ),
+    "vortices by degrees": (
+        lambda: fluids.vortices(20, [(0, 180)], [1.0], 0.5),
+        "longitudes from −2π to 2π, rad",
+    ),
+    "vortices larger than the sphere": (
+        lambda: fluids.vortices(20, [(0, 0)], [1.0], 1e200),
+        r"`radius` must be up to π, rad, but is 1e\+200",
+    ),
     "a system instead of a run": (lambda: fluids.fields(fluid(), chain()), "`run` must be one run of co.simulate"),
 }
 VORTICES = {

@@ -53,6 +53,17 @@ def test_members_with_different_directions_of_gravity_each_conserve_their_own_mo
     assert np.max(fleet.relative_changes("kelvin_noether")) < 1e-11, "whatever the unit of a0"
 
 
+def test_changes_of_members_that_begin_at_round_off_of_zero_energy_are_absolute():
+    top = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ (xi * jnp.arange(1.0, 4.0)) - a[2], advected=co.Defining())
+    begun = np.array([[1.0, 0.0, 1e-25], [0.0, 0.6, 0.8]])
+    fleet = co.simulate(top, top.state(xi=np.zeros(3), a0=co.each(begun)), dt=0.1, steps=50, accuracy=False)
+    for index, a0 in enumerate(begun):
+        alone = co.simulate(top, top.state(xi=np.zeros(3), a0=a0), dt=0.1, steps=50, accuracy=False)
+        assert fleet.relative_changes("energy")[index] == pytest.approx(alone.relative_change("energy"), rel=1e-12)
+    assert 1e-6 < np.max(fleet.relative_changes("energy")) < 1e-1
+    assert "largest relative change of 1 of 2" in str(fleet) and "largest absolute change of 1 of 2" in str(fleet)
+
+
 def test_a_member_that_fails_is_reported_and_masked_and_the_others_finish():
     parameters = co.Parameters(**{**PARAMETERS.asdict(), "until": 1.0})
     vehicle = system(

@@ -244,14 +244,22 @@ def require_regular_hamiltonian(system: System, state: State) -> None:
     if empty or abs(eigenvalues).min() <= SINGULAR:
         raise LagrangianError(
             "The Legendre transform of the Hamiltonian must be regular, but ∂²ℋ/∂(μ, π)² is singular: the velocities "
-            f"do not change with the momentum (μ, π) along {np.round(direction, 3).tolist()}; give it a mass, leave "
-            "that direction out, or start from momenta, system.state(mu=…), with method=co.HamiltonianMidpoint()."
+            f"do not change with the momentum (μ, π) along {_listed(direction)}; give it a mass, leave that direction "
+            "out, or start from momenta, system.state(mu=…), with method=co.HamiltonianMidpoint(), or with "
+            "co.IsospectralMidpoint() for fluids and other Lie–Poisson systems."
         )
     if not solved:
         raise LagrangianError(
             f"The Hamiltonian must have momenta with ∂ℋ/∂(μ, π) = (ξ, ν) = {np.round(z, 6).tolist()}, but none were "
             "found from zero: look for a velocity that it does not allow."
         )
+
+
+def _listed(direction: np.ndarray) -> str:
+    """A direction in words."""
+    if len(direction) <= 12:
+        return str(np.round(direction, 3).tolist())
+    return f"one of {len(direction)} numbers, the largest of which is number {int(np.argmax(np.abs(direction)))}"
 
 
 def _weakest(hessian: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:

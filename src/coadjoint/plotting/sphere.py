@@ -19,6 +19,9 @@ __all__ = ["animation", "spectra", "vorticity_map"]
 PER_SECOND = 15
 """Pictures of an animation."""
 
+SLACK = 1e-9
+"""How far a time may be outside the fields, of their length: round-off."""
+
 Projection = Literal["mollweide", "hammer"]
 Target = str | os.PathLike[str]
 
@@ -33,12 +36,12 @@ def vorticity_map(
     """A map of the whole sphere, north up, longitude 0 in the middle; colours are symmetric about 0.
 
     fields: a dataset of `co.models.fluids.fields`, over (time, latitude, longitude). time: s, of which the nearest node
-    is drawn, by default the last one. projection: "mollweide" or "hammer", both of equal areas. variable: by default
-    "vorticity", or "stream_function". path: of the file, .png, .pdf or .svg, by default none.
-    Returns a matplotlib Figure. Raises ArgumentError for others.
+    is drawn, within those of the fields, by default the last one. projection: "mollweide" or "hammer", both of equal
+    areas. variable: by default "vorticity"; "stream_function", or "carried" where there is one. path: of the file,
+    .png, .pdf or .svg, by default none. Returns a matplotlib Figure. Raises ArgumentError for others.
     """
     _require(fields, variable, projection)
-    at = -1 if time is None else int(np.argmin(np.abs(fields["time"].values - _finite("time", time))))
+    at = -1 if time is None else _node(fields, "time", time)
     with style():
         figure = canvas(PAGE * 0.7, PAGE * 0.42)
         axes = figure.add_subplot(projection=projection)
@@ -97,8 +100,8 @@ def spectra(fields: Any, times: Any = None, variable: str = "energy_spectrum", p
     """
     _require(fields, variable)
     t = fields["time"].values
-    wanted = t[[0, -1]] if times is None else [_finite("times", one) for one in np.atleast_1d(times)]
-    nodes = list(dict.fromkeys(int(np.argmin(np.abs(t - one))) for one in wanted))
+    wanted = t[[0, -1]] if times is None else np.atleast_1d(times)
+    nodes = list(dict.fromkeys(_node(fields, "times", one) for one in wanted))
     with style():
         figure = canvas(COLUMN, 0.75 * COLUMN)
         axes = figure.subplots()
@@ -148,6 +151,17 @@ def _label(fields: Any, variable: str) -> str:
 
 def _largest(values: np.ndarray) -> float:
     return float(np.max(np.abs(values))) or 1.0
+
+
+def _node(fields: Any, name: str, time: Any) -> int:
+    """The node nearest to a time; raises ArgumentError for one before the first or after the last."""
+    t, wanted = fields["time"].values, _finite(name, time)
+    first, last = np.min(t), np.max(t)
+    if not first - SLACK * (last - first) <= wanted <= last + SLACK * (last - first):
+        raise ArgumentError(
+            f"Argument `{name}` must be within these fields, from {first:g} s to {last:g} s, but is {wanted:g}."
+        )
+    return int(np.argmin(np.abs(t - wanted)))
 
 
 def _finite(name: str, value: Any) -> float:

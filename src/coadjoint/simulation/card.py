@@ -162,10 +162,13 @@ def ensemble_card(ensemble: Ensemble) -> str:
     lines += [("failed", f"member {index}: {what}") for index, what in list(failed.items())[:5]]
     for name, title in (*changing(ensemble.system), *((one.name, one.title) for one in reversed(budgets()))):
         if name in ensemble.ends and name != "discrete_energy":
-            change = ensemble.relative_changes(name)[ensemble.codes == 0]
-            if len(change):
-                worst = f"median {np.median(change):.2e}, worst {np.max(change):.2e}"
-                lines.append((title, f"largest relative change: {worst}"))
+            good = ensemble.codes == 0
+            change, relative = ensemble.relative_changes(name)[good], ensemble.sizes(name)[good] > 0
+            for kind, some in (("relative", change[relative]), ("absolute", change[~relative])):
+                if len(some):
+                    worst = f"median {np.median(some):.2e}, worst {np.max(some):.2e}"
+                    count = "" if len(some) == len(change) else f" of {len(some):,} of {len(change):,}"
+                    lines.append((title, f"largest {kind} change{count}: {worst}"))
     for one in residuals():
         if one.name in ensemble.extrema:
             lines.append((one.title, f"{np.max(ensemble.extrema[one.name][1]):.1e}  worst of all members"))

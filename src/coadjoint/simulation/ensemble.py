@@ -26,7 +26,7 @@ from coadjoint.simulation.driver import Extrema, Memory, Plan
 from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.finished import Finished, Shown
 from coadjoint.simulation.monitors import kelvin_noether
-from coadjoint.simulation.run import stacked_records
+from coadjoint.simulation.run import sizes, stacked_records
 
 if TYPE_CHECKING:
     import xarray
@@ -245,11 +245,16 @@ class Ensemble(Finished):
 
         return statistics(self.dataset, variables, quantiles)
 
-    def relative_changes(self, name: str) -> np.ndarray:
-        """max_k |X_k − X₀| / |X₀| of each member over every good step, (members,); absolute where X₀ = 0."""
+    def sizes(self, name: str) -> np.ndarray:
+        """|X₀| of each member, (members,), to which changes are relative; 0 where it is round-off of what X becomes."""
         low, high, first = (x.reshape(self.members.count, -1) for x in (*self.extrema[name], self.ends[name][0]))
-        size = np.linalg.norm(first, axis=1)
+        return sizes(first, low, high)
+
+    def relative_changes(self, name: str) -> np.ndarray:
+        """max_k |X_k − X₀| / |X₀| of each member over every good step, (members,); absolute where `sizes` are 0."""
+        low, high, first = (x.reshape(self.members.count, -1) for x in (*self.extrema[name], self.ends[name][0]))
         change = np.linalg.norm(np.maximum(np.abs(high - first), np.abs(first - low)), axis=1)
+        size = self.sizes(name)
         return change / np.where(size > 0, size, 1.0)
 
     def __repr__(self) -> str:

@@ -136,9 +136,7 @@ class Run(Finished):
 
     def size(self, name: str) -> float:
         """|X₀| of a monitored X, to which its changes are relative; 0 where it is round-off of what X becomes."""
-        first, (low, high) = self.ends[name][0], self.extrema[name]
-        size = float(np.linalg.norm(first))
-        return size if size > 1e-9 * float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) else 0.0
+        return float(sizes(*(np.ravel(x) for x in (self.ends[name][0], *self.extrema[name]))))
 
     def relative_change(self, name: str) -> float:
         """max_k |X_k − X₀| / |X₀| over every step, for a monitored X; absolute where `size` is 0."""
@@ -157,6 +155,12 @@ class Run(Finished):
 
     def __repr__(self) -> str:
         return f"<Run of {self.title}: {self.good_steps} of {self.steps} steps; print it for the certificate>"
+
+
+def sizes(first: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """|X₀| along the last axis, (…,), of X₀ and of the bounds of X; 0 where it is round-off of what X becomes."""
+    size = np.linalg.norm(first, axis=-1)
+    return np.where(size > 1e-9 * np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=-1), size, 0.0)
 
 
 def stacked_records(states: list[State], like: State) -> State:

@@ -148,6 +148,8 @@ class RelativePoses(Space):
             return
         try:
             given = tuple((index(i), index(j)) for i, j in self.pairs)
+            if not given:
+                raise ValueError
         except (TypeError, ValueError):
             raise GroupError(
                 f"Argument `pairs` of RelativePoses must be pairs of links such as [(0, 1), (1, 2)], but is "

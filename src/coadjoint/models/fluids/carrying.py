@@ -13,7 +13,7 @@ from coadjoint.groups import Un
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.fluids.euler import absolute, axial, euler, hbar, size_of
+from coadjoint.models.fluids.euler import absolute, axial, euler, hbar, require_states, size_of
 from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet, laplacian
 from coadjoint.spaces import Coadjoint
@@ -101,9 +101,12 @@ def carrying_start(fluid: System, vorticity: Coefficients, carried: Coefficients
 def carried(fluid: System, records: Any) -> Coefficients:
     """c_lm (…, N, N), complex, of the carried function, θ in 1/s or b in 1/s², of a state or of records.
 
-    records: a state, or states with leading axes. Raises ArgumentError for a fluid that carries nothing.
+    records: a state, or states with leading axes, as `run.final` and `run.records`. Raises ArgumentError for a fluid
+    that carries nothing, and for what are no states of its size.
     """
-    return coefficients_of(_size(fluid), np.asarray(records.a))
+    size = _size(fluid)
+    require_states(fluid, records)
+    return coefficients_of(size, np.asarray(records.a))
 
 
 def _carrying(fluid: System, energy: Any, watched: dict[str, Any], units: dict[str, str], name: str) -> System:

@@ -79,9 +79,14 @@ def start(fluid: System, vorticity: Coefficients) -> State:
     """The state of a fluid with the relative vorticity ω = Σ c_lm Y_lm.
 
     vorticity: c (L, L) as `harmonics.from_coefficients` takes them, 1/s; c_00 must be 0.
-    Raises ArgumentError for others.
+    Raises ArgumentError for others, and for a fluid that carries a function, which starts by `carrying_start`.
     """
-    return fluid.state(mu=absolute(fluid, vorticity))
+    omega = absolute(fluid, vorticity)
+    if fluid.advected.ambient(fluid.group):
+        raise ArgumentError(
+            f"A {fluid.name} carries a function: start it by fluids.carrying_start(fluid, vorticity, carried)."
+        )
+    return fluid.state(mu=omega)
 
 
 def absolute(fluid: System, vorticity: Coefficients) -> np.ndarray:
@@ -98,9 +103,23 @@ def vorticity(fluid: System, records: Any) -> Coefficients:
     """c_lm (…, N, N), complex, 1/s, of the relative vorticity of a state or of records with leading axes.
 
     fluid: the system, with the rotation that the run has: of an ensemble in `rotation` each member with its own,
-    `fluid.replace(rotation=…)`. records: a state, or states with leading axes. Raises ArgumentError for no fluid.
+    `fluid.replace(rotation=…)`. records: a state, or states with leading axes, as `run.final` and `run.records`.
+    Raises ArgumentError for no fluid, and for what are no states of its size.
     """
+    require_states(fluid, records)
     return coefficients_of(size_of(fluid), np.asarray(records.mu) - planetary(fluid))
+
+
+def require_states(fluid: System, records: Any) -> None:
+    """Raise ArgumentError unless `records` are states of a fluid of this size."""
+    count = size_of(fluid) ** 2
+    expected = "a state of this fluid, or states with leading axes, as run.final and run.records"
+    if not isinstance(records, State):
+        raise ArgumentError(f"Argument `records` must be {expected}, but is {shown(records)}.")
+    if np.shape(records.mu)[-1:] != (count,):
+        raise ArgumentError(
+            f"Argument `records` must be {expected}, μ with {count} numbers, but μ has shape {np.shape(records.mu)}."
+        )
 
 
 def axial(size: int, amplitude: float) -> np.ndarray:

@@ -11,6 +11,9 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.models.fluids.harmonics import Coefficients, legendre, require_whole
 from coadjoint.spaces.numbers import float64
 
+LEFT_OUT = 0.1
+"""How much of the vorticity at the centre of a vortex its degrees may leave out."""
+
 
 def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectrum: Any = None) -> Coefficients:
     """Random c_lm for l = 1 … degree, (degree + 1, degree + 1), 1/s, with ½∫ω² = enstrophy on the unit sphere.
@@ -67,8 +70,9 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
     leave out is small where degree is some 4/r.
 
     degree: the highest l, from 1. places: latitudes and longitudes of the centres, (vortices, 2), rad. strengths: the
-    vorticities s_i at the centres, (vortices,), 1/s. radius: r, where ω is e^{−1/2} of that, rad, above 0.
-    Raises ArgumentError for others. Source: Abramowitz and Stegun, 10.2.36, with the addition theorem.
+    vorticities s_i at the centres, (vortices,), 1/s. radius: r, where ω is e^{−1/2} of that, rad, above 0 and up to π.
+    Raises ArgumentError for others, and where the degrees leave out over a tenth of a vortex, degree below some 2/r.
+    Source: Abramowitz and Stegun, 10.2.36, with the addition theorem.
     """
     require_whole("degree", degree, 1)
     at, s = (np.asarray(float64(x, f"Argument `{n}`")) for n, x in (("places", places), ("strengths", strengths)))
@@ -79,9 +83,19 @@ def vortices(degree: int, places: Any, strengths: Any, radius: float) -> Coeffic
         )
     if np.any(np.abs(at[:, 0]) > np.pi / 2):
         raise ArgumentError("Argument `places` must have latitudes from −π/2 to π/2, rad, as its first column.")
-    kappa = 1 / _number("radius", radius, above=0.0) ** 2
+    if np.any(np.abs(at[:, 1]) > 2 * np.pi):
+        raise ArgumentError("Argument `places` must have longitudes from −2π to 2π, rad, as its second column.")
+    if _number("radius", radius, above=0.0) > np.pi:
+        raise ArgumentError(f"Argument `radius` must be up to π, rad, but is {radius:g}.")
+    kappa = 1 / radius / radius
     l = np.arange(degree + 1)
     bessel = np.sqrt(np.pi / (2 * kappa)) * ive(l + 0.5, kappa)
+    left = float((2 * l + 1) @ bessel)  # ω at the centre of a vortex of strength 1: the sum over all degrees is 1
+    if not left > 1 - LEFT_OUT:
+        raise ArgumentError(
+            f"Vortices of the radius {radius:g} rad need degrees up to some 4/r = {4 / radius:.3g}, but those up to "
+            f"{degree} hold {left:.2g} of them: take a higher `degree`, or a larger `radius`."
+        )
     there = legendre(degree, np.sin(at[:, 0])) * np.exp(-1j * np.outer(l, at[:, 1]))
     c = 4 * np.pi * bessel[:, None] * (there @ s)
     c[0, 0] = 0
