@@ -82,6 +82,12 @@ def test_without_damping_it_is_the_isospectral_step_and_gradients_go_through():
     assert slope == pytest.approx(float(value(1e-5) - value(-1e-5)) / 2e-5, rel=1e-8)
 
 
+def test_numbers_of_numpy_are_numbers():
+    viscosity: Any = np.float32(0.5)
+    drag: Any = np.int64(1)
+    assert fluids.DampedMidpoint(viscosity=viscosity, drag=drag) == fluids.DampedMidpoint(viscosity=0.5, drag=1.0)
+
+
 def test_what_is_no_damping_is_refused(monkeypatch):
     monkeypatch.setattr("coadjoint.models.fluids.damping.LARGEST", 8 * 50**3)
     text: Any = "much"

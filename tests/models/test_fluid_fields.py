@@ -60,6 +60,27 @@ def test_fields_of_files_are_those_of_the_run_and_latitudes_are_found_by_their_n
     assert data.vorticity.sel(latitude=30, longitude=84).shape == (5,) and "carried" not in data
 
 
+def test_fields_of_a_member_of_an_ensemble():
+    fluid = fluids.euler(4)
+    starts = [fluids.start(fluid.replace(rotation=w), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)).mu for w in (0.0, 1.0)]
+    both = co.simulate(
+        fluid.replace(rotation=co.each([0.0, 1.0])),
+        fluid.state(mu=co.each(np.stack(starts))),
+        dt=0.1,
+        steps=2,
+        method=co.IsospectralMidpoint(),
+        accuracy=False,
+    )
+    first, second = (
+        fluids.fields(fluid.replace(rotation=w), both.dataset.isel(member=i), 7, 12) for i, w in ((0, 0.0), (1, 1.0))
+    )
+    np.testing.assert_allclose(first.vorticity[0], second.vorticity[0], atol=1e-14)
+    assert np.max(np.abs(first.vorticity[2] - second.vorticity[2])) > 1e-3
+    for run in (both, both.dataset):
+        with pytest.raises(ArgumentError, match=r"or the dataset of one, as ensemble.dataset.isel\(member=0\)"):
+            fluids.fields(fluid, run)
+
+
 @pytest.mark.parametrize(("model", "units"), [(fluids.magnetohydrodynamics, "s-1"), (fluids.boussinesq, "s-2")])
 def test_fields_hold_what_the_flow_carries(model, units):
     fluid, carried = model(4, rotation=0.7), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)
@@ -108,7 +129,7 @@ def test_spectra_are_drawn_from_degree_1(ran):
 def test_what_cannot_be_drawn_is_refused(ran, tmp_path: Path):
     data = gridded(ran)
     for call, sentence in (
-        (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, or of co.load, but is 3"),
+        (lambda: fluids.fields(ran[0], 3), "`run` must be one run of co.simulate, or of co.load, or .*, but is 3"),
         (lambda: fluids.fields(ran[0], ran[1], latitudes=1), "`latitudes` must be a whole number from 2"),
         (lambda: fluids.fields(fluids.euler(5), ran[1]), "be the one that ran, but has N = 5, and the run N = 4"),
         (lambda: fluids.fields(fluids.euler(4), ran[1]), "energy .* is not that of the run: rotation = 0 rad/s is ano"),

@@ -171,6 +171,18 @@ def test_a_turbulent_fluid_keeps_energy_and_enstrophy():
     assert np.max(np.abs(c[-1] - c[0])) > 0.1
 
 
+def test_a_fluid_goes_on_from_the_harmonics_of_its_end_and_any_scale_of_shares_is_the_same():
+    fluid = fluids.euler(6, rotation=0.5)
+    shares = np.array([0.0, 1.0, 2.0, 0.5])
+    c, small = (fluids.random_vorticity(3, 3, 1.0, scale * shares) for scale in (1.0, 1e-308))
+    np.testing.assert_allclose(small, c, rtol=1e-14)
+    start = fluids.start(fluid, c)
+    end = co.trajectory(fluid, start, dt=0.05, steps=20, method=co.IsospectralMidpoint()).final
+    found = fluids.vorticity(fluid, end)
+    assert found[0, 0] != 0
+    np.testing.assert_allclose(fluids.start(fluid, found).mu, end.mu, rtol=0, atol=1e-14)
+
+
 def test_datasets_have_units():
     size: Any = np.int64(3)
     fluid = fluids.euler(size)

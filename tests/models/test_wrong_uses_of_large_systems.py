@@ -184,6 +184,15 @@ FLUIDS = {
         lambda: fluids.vortices(20, [(0, 0)], [1.0], 1e-3),
         "need degrees up to some 4/r = 4e.03, but those up to 20 hold 0.00022 of them",
     ),
+    "a start of several rotations": (
+        lambda: fluids.start(fluid().replace(rotation=co.each([0.0, 1.0])), np.zeros((2, 2))),
+        "has several rotations: take one member",
+    ),
+    "a rotation that is no number": (
+        lambda: fluids.boussinesq(4).replace(rotation=np.ones(3)),
+        r"`rotation` must be one number, but has shape \(3,\)",
+    ),
+    "no stirring": (lambda: fluids.DampedMidpoint(stirring=1.0), "`stirring` must be finite numbers c_lm"),
     "vortices by degrees": (
         lambda: fluids.vortices(20, [(0, 180)], [1.0], 0.5),
         "longitudes from −2π to 2π, rad",

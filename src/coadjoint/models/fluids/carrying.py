@@ -123,6 +123,7 @@ def _carrying(fluid: System, energy: Any, watched: dict[str, Any], units: dict[s
         hamiltonian=hamiltonian,
         advected=Coadjoint(),
         parameters=fluid.parameters,
+        checks=fluid.checks,
         units={**dict.fromkeys(("mu", "xi"), "1/s"), **dict.fromkeys(("energy", "kinetic_energy"), "1/s^2"), **units},
         quantities={**of_fluid, **watched},
         name=name,

@@ -52,10 +52,12 @@ class DampedMidpoint(IsospectralMidpoint):
         super().__post_init__()
         for name in ("viscosity", "drag"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < np.inf:
+            number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+            if not number or not 0 <= value < np.inf:
                 raise ArgumentError(f"Argument `{name}` must be a finite number from 0, but is {shown(value)}.")
+            object.__setattr__(self, name, float(value))
         if self.stirring is not None:
-            c = checked(self.stirring)
+            c = checked(self.stirring, "stirring")
             if c.ndim != 2 or c[0, 0] != 0:
                 raise ArgumentError("Argument `stirring` must be c_lm, (L, L), with c_00 = 0.")
             object.__setattr__(self, "stirring", tuple(map(tuple, c.tolist())))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, cast
 
 import jax.numpy as jnp
@@ -9,11 +10,13 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
+from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.fluids.harmonics import Coefficients, coefficients_of, from_coefficients
+from coadjoint.models.fluids.harmonics import REAL, Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet
 from coadjoint.models.memory import ARRAYS, require_room
+from coadjoint.models.quantities import checked, number
 
 UNITS = {
     "mu": "1/s",
@@ -69,6 +72,7 @@ def euler(size: int, rotation: float = 0.0) -> System:
         Un(size),
         hamiltonian=hamiltonian,
         parameters={"rotation": float(rotation)},
+        checks=partial(checked, {"rotation": number}),
         units=UNITS,
         quantities={"kinetic_energy": kinetic_energy, "enstrophy": enstrophy},
         name="ideal fluid on a sphere" if not rotation else "ideal fluid on a rotating sphere",
@@ -91,11 +95,9 @@ def start(fluid: System, vorticity: Coefficients) -> State:
 
 def absolute(fluid: System, vorticity: Coefficients) -> np.ndarray:
     """The coordinates (N²,), 1/s, of ω + 2Ω cos θ of a relative vorticity; raises ArgumentError where c_00 is not 0."""
-    omega = from_coefficients(size_of(fluid), vorticity)
-    if np.asarray(vorticity)[0, 0] != 0:
-        raise ArgumentError(
-            f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {np.asarray(vorticity)[0, 0]}."
-        )
+    omega, c = from_coefficients(size_of(fluid), vorticity), np.asarray(vorticity)
+    if abs(c[0, 0]) > REAL * np.max(np.abs(c)):
+        raise ArgumentError(f"The vorticity of a fluid on a sphere must have mean 0, but c_00 is {c[0, 0]}.")
     return omega + planetary(fluid)
 
 
@@ -128,9 +130,14 @@ def axial(size: int, amplitude: float) -> np.ndarray:
 
 
 def planetary(fluid: System) -> np.ndarray:
-    """The coordinates (N²,) of 2Ω cos θ."""
-    parameters = cast(Any, fluid.parameters)
-    return axial(size_of(fluid), 2.0) * parameters.rotation
+    """The coordinates (N²,) of 2Ω cos θ; raises ArgumentError for an ensemble of rotations."""
+    size, parameters = size_of(fluid), cast(Any, fluid.parameters)
+    if isinstance(parameters.rotation, Each):
+        raise ArgumentError(
+            "This fluid has several rotations: take one member, fluid.replace(rotation=…), or give a start to each "
+            "by co.each of its μ."
+        )
+    return axial(size, 2.0) * parameters.rotation
 
 
 def size_of(fluid: System) -> int:

@@ -28,15 +28,18 @@ def fields(fluid: Any, run: Any, latitudes: int = 91, longitudes: int = 180) -> 
     (time, latitude, longitude), θ in 1/s or b in 1/s². Coordinates: time, s; latitude and longitude, in degrees north
     and east; degree. Attributes follow the CF conventions, version 1.11: `fields(…).to_netcdf("run.nc")`.
 
-    fluid: the system that ran. run: what `co.simulate` returned, or `co.load` of its file or folder. latitudes,
-    longitudes: of the grid, from 2, by default 91 and 180. Raises ArgumentError for others, for a fluid of another size
-    or rotation than that of the run, and for an ensemble, of which a member is `run.member(i)`.
+    fluid: the system that ran. run: what `co.simulate` returned, `co.load` of its file or folder, or its dataset; of an
+    ensemble that of a member, `ensemble.dataset.isel(member=0)`. latitudes, longitudes: of the grid, from 2, by default
+    91 and 180. Raises ArgumentError for others, and for a fluid of another size or rotation than that of the run.
     """
     import xarray
 
-    size, dataset = size_of(fluid), getattr(run, "dataset", None)
-    if dataset is None or "mu" not in dataset or dataset["mu"].dims != ("time", "algebra"):
-        raise ArgumentError(f"Argument `run` must be one run of co.simulate, or of co.load, but is {shown(run)}.")
+    size, dataset = size_of(fluid), getattr(run, "dataset", run)
+    if not isinstance(dataset, xarray.Dataset) or "mu" not in dataset or dataset["mu"].dims != ("time", "algebra"):
+        raise ArgumentError(
+            "Argument `run` must be one run of co.simulate, or of co.load, or the dataset of one, as "
+            f"ensemble.dataset.isel(member=0), but is {shown(run)}."
+        )
     if dataset.sizes["algebra"] != size**2:
         raise ArgumentError(
             f"Argument `fluid` must be the one that ran, but has N = {size}, and the run N = "

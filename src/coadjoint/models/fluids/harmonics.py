@@ -55,8 +55,8 @@ def _signs(diagonal: np.ndarray, off: np.ndarray, values: np.ndarray, vectors: n
     return signs * np.sign(vectors[first, columns])
 
 
-def checked(coefficients: Any) -> Coefficients:
-    """c_lm (…, L, L) as complex numbers.
+def checked(coefficients: Any, name: str = "coefficients") -> Coefficients:
+    """c_lm (…, L, L), the argument `name`, as complex numbers.
 
     Raises ArgumentError for other shapes, where a number is not finite, where c_l0 is not real, and where c_lm is not 0
     for an m above l.
@@ -66,16 +66,14 @@ def checked(coefficients: Any) -> Coefficients:
     except (TypeError, ValueError):
         c = np.zeros(0)
     if c.ndim < 2 or c.shape[-2] != c.shape[-1] or not np.all(np.isfinite(c)):
-        raise ArgumentError(
-            f"Argument `coefficients` must be finite numbers c_lm, (…, L, L), but is {shown(coefficients)}."
-        )
+        raise ArgumentError(f"Argument `{name}` must be finite numbers c_lm, (…, L, L), but is {shown(coefficients)}.")
     if np.any(np.abs(c[..., 0].imag) > REAL * np.max(np.abs(c), initial=0.0)):
-        raise ArgumentError("Argument `coefficients` must be real for m = 0, because the function is.")
+        raise ArgumentError(f"Argument `{name}` must be real for m = 0, because the function is.")
     if np.any(np.triu(c, 1) != 0):
         *_, l, m = (int(index[0]) for index in np.nonzero(np.triu(c, 1)))
         value = np.triu(c, 1)[np.triu(c, 1) != 0][0]
         raise ArgumentError(
-            f"Argument `coefficients` must be 0 where m > l, but c[{l}, {m}] is {value:.6g}: its first index is l."
+            f"Argument `{name}` must be 0 where m > l, but c[{l}, {m}] is {value:.6g}: its first index is l."
         )
     return c
 

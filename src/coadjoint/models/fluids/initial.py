@@ -37,6 +37,7 @@ def random_vorticity(seed: int, degree: int = 10, enstrophy: float = 1.0, spectr
                 f"Argument `spectrum` must hold {degree + 1} shares from 0, of the degrees 0 to {degree}, the first 0 "
                 f"and one above 0, but is {shown(spectrum)}."
             )
+        shares = shares / np.max(shares)
         c[1:] *= np.sqrt(shares[1:] / total[1:])[:, None]
         total = shares
     return c * np.sqrt(2 * wanted / np.sum(total))
