@@ -19,8 +19,9 @@ from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.timetable import SAME, Timetable, require_times, series
+from coadjoint.estimation.timetable import SAME, Timetable, require_readings, require_times, series
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
+from coadjoint.mechanics.reading import in_words
 
 
 class Innovation(NamedTuple):
@@ -72,6 +73,8 @@ class Filter:
         if not isinstance(process, Process):
             raise ArgumentError(f"Argument `process` must be one such as ModelProcess, but is {shown(process)}.")
         self.process, self.members = process, _members(members)
+        if not isinstance(measurements, Mapping):
+            raise ArgumentError(f"Argument `measurements` must be name → Measurement, but is {shown(measurements)}.")
         row = process.row(start)
         require_times(float(process.time(row)), "The filter begins")
         P = _first(process, row, deviations, covariance)
@@ -84,6 +87,7 @@ class Filter:
         self._sizes = {name: len(one.covariance) for name, one in self._prepared.items()}
         self._numbers = {name: i for i, name in enumerate(self._prepared)}
         self._past = Past(memory)
+        self._awaited = set(process.awaited)
         self._engine = FilterEngine(process, list(self._prepared.values()))
 
     @property
@@ -113,17 +117,19 @@ class Filter:
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
-        if not (isinstance(dt, (int, float, np.floating)) and 0.0 < dt < np.inf):
+        if not (isinstance(dt, (int, float, np.number)) and 0.0 < dt < np.inf):
             raise ArgumentError(f"Argument `dt` of a prediction must be a positive number of seconds, but is {dt!r}.")
-        if inputs:
-            self._require_inputs(inputs)
+        self._require_inputs(inputs)
         before, given = (self.t, self.rows, self.P), dict(inputs or {})
+        for name in self._awaited - set(given):
+            raise ArgumentError(f"There is no step without a reading of `{name}`: give inputs={{{name!r}: …}}.")
         self.rows = self.process.with_inputs(self.rows, given)
         try:
             self._follow([(PREDICT, 0, 0, 0)], np.full((1, 1), float(dt)), 0)
         except StepError:
             self.rows = before[1]
             raise
+        self._awaited -= set(given)
         self._past.predicted(*before, float(dt), given)
 
     def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
@@ -138,6 +144,10 @@ class Filter:
         Raises ArgumentError for names that are no measurements, for other shapes and for times that are not kept,
         StepError where the covariance does not stay finite.
         """
+        if not isinstance(measured, Mapping):
+            raise ArgumentError(f"Argument `measured` must be name → value, but is {shown(measured)}.")
+        if not isinstance(t, (int, float, np.number, type(None))):
+            raise ArgumentError(f"Argument `t` must be a number of seconds, but is {shown(t)}.")
         for name, value in measured.items():
             self._measurement(name)
             series(name, ([0.0], [value]), "measured", self._sizes, self.members)
@@ -202,19 +212,23 @@ class Filter:
         time. save_every: every how many nodes are kept, by default 1. covariances: whether P is kept, not only its
         diagonal.
         """
-        if not isinstance(save_every, int) or save_every < 1:
+        if not isinstance(save_every, (int, np.integer)) or save_every < 1:
             raise ArgumentError(f"Argument `save_every` must be a positive whole number, but is {shown(save_every)}.")
         seen = self._series(measured, "measured", self._sizes)
         known = {name: seen[name] for name in self.measurements if name in seen}
-        table = Timetable(self.t, dt, until, known, self._series(inputs, "inputs", self.process.input_sizes))
+        told = self._series(inputs, "inputs", self.process.input_sizes)
+        table = Timetable(self.t, dt, until, known, told)
+        for name in self.process.awaited:
+            require_readings(name, told.get(name), table.times, float(dt), name in self._awaited)
         numbers = [self._numbers[name] for name in known]
         sizes = self.process.input_sizes
         places = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
-        given = (len(self.process.example), self.process.width)
+        given = (len(self.process.example), self.process.width, len(self.rows))
         plan = table.orders(given, places, save_every, covariances, numbers)
         output = self._follow(plan.orders, plan.data, plan.size)
         self._past.forget()
-        return filtered(self.process, plan, output, covariances, self.members is None, save_every)
+        self._awaited -= set(told)
+        return filtered(self.process, plan, output, covariances, self.members is None, save_every, self._sizes)
 
     def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
         if given is not None and not isinstance(given, Mapping):
@@ -225,8 +239,10 @@ class Filter:
         if name not in self._sizes:
             raise ArgumentError(f"There is no measurement `{name}`: there are {', '.join(self._sizes) or 'none'}.")
 
-    def _require_inputs(self, inputs: Mapping[str, Any]) -> None:
-        for name in inputs:
+    def _require_inputs(self, inputs: Any) -> None:
+        if not isinstance(inputs, (Mapping, type(None))):
+            raise ArgumentError(f"Argument `inputs` must be name → value, but is {shown(inputs)}.")
+        for name in inputs or ():
             if name not in self.process.input_sizes:
                 known = ", ".join(self.process.input_sizes) or "none"
                 raise ArgumentError(f"The process has no input `{name}`: there are {known}.")
@@ -238,8 +254,9 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
         raise ArgumentError(
             f"`{name}` of `measurements` must be a co.estimation.Measurement, but is {shown(measurement)}."
         )
-    function = process.measurement(measurement.function, measurement.of_state)
-    seen, _ = function(np.zeros((1, process.width)), process.example[None])
+    with in_words(f"The function of the measurement `{name}`"):
+        function = process.measurement(measurement.function, measurement.of_state)
+        seen, _ = function(np.zeros((1, process.width)), process.example[None])
     if not np.all(np.isfinite(seen)):
         raise ArgumentError(f"The function of the measurement `{name}` is not finite at the start of the process.")
     size = seen.shape[1]
@@ -248,8 +265,10 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
 
 
 def _members(members: Any) -> int | None:
-    if members is None or (isinstance(members, int) and not isinstance(members, bool) and members > 0):
-        return members
+    if members is None:
+        return None
+    if isinstance(members, (int, np.integer)) and not isinstance(members, bool) and members > 0:
+        return int(members)
     raise ArgumentError(f"Argument `members` must be a positive whole number or None, but is {shown(members)}.")
 
 

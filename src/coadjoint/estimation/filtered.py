@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -9,6 +10,9 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.estimation.process import Process
+
+FAR = 10.0
+"""How many times what is expected a mean NIS may be before the printed line says so."""
 
 
 class Consistency(NamedTuple):
@@ -22,9 +26,9 @@ class Consistency(NamedTuple):
     used: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Filtered:
-    """What a filter estimated at the nodes of a log.
+    """What a filter estimated at the nodes of a log; `print` it for what was used and the mean NIS of measurements.
 
     t: (K,) s. rows: (K, size), the states as rows of the process, after the measurements at each node. deviations:
     (K, n), by `names`. covariances: P, (K, n, n), or None. nis: name of a measurement → `Consistency`.
@@ -40,6 +44,24 @@ class Filtered:
     _process: Process = field(repr=False)
     every: int = 1
     """Every how many nodes were kept."""
+    _sizes: Mapping[str, int] = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"<Filtered: {len(self.t):,} nodes to {self.t[-1]:.6g} s; print it for the NIS of its measurements>"
+
+    def __str__(self) -> str:
+        """What was used of every measurement, and its mean NIS beside what is expected, the count of its numbers."""
+        lines = [("nodes", f"{len(self.t):,} from {self.t[0]:.6g} s to {self.t[-1]:.6g} s, every {self.every}")]
+        for name, one in self.nis.items():
+            nis, m = one.nis[np.isfinite(one.nis)], self._sizes.get(name, 1)
+            text = f"{np.count_nonzero(one.used):,} of {np.size(one.used):,} used"
+            if len(nis):
+                text += f", mean NIS {np.mean(nis):.3g}, of a consistent filter {m}"
+            if len(nis) and np.mean(nis) > FAR * m:
+                text += ": what it reads is not what the model expects; see to units, axes, signs, gravity and noise"
+            lines.append((name, text))
+        width = max(len(name) for name, _ in lines)
+        return "\n".join(f"{name:<{width}}  {text}" for name, text in lines)
 
     def replaced(self, rows: np.ndarray, deviations: np.ndarray, covariances: np.ndarray) -> Filtered:
         """A copy with other estimates of the same shapes."""
@@ -75,8 +97,10 @@ class Filtered:
         return np.einsum("...i,...i->...", e, weighted), len(free)
 
 
-def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool, every: int) -> Filtered:
-    """From an output (members, …) of orders; one: whether there is no axis of members."""
+def filtered(
+    process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool, every: int, of: Mapping[str, int]
+) -> Filtered:
+    """From an output (members, …) of orders; one: whether there is no axis of members. of: numbers of measurements."""
     count, members = len(plan.times), len(output)
     size, n = len(process.example), process.width
 
@@ -93,5 +117,5 @@ def filtered(process: Any, plan: Any, output: np.ndarray, whole: bool, one: bool
         nis[name] = Consistency(times, told[..., 0], told[..., 1] > 0)
     return Filtered(
         plan.times, rows(plan.rows, count, size), np.sqrt(np.maximum(variances, 0.0)), covariances, nis, process.names,
-        process, every,
+        process, every, of,
     )  # fmt: skip

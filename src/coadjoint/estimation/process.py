@@ -32,6 +32,8 @@ def arguments_of(function: Callable[..., Any]) -> int | None:
 def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
     """Standard deviations by names as numbers (n,), 0 of what is not named; raises ArgumentError."""
     found = []
+    if not isinstance(deviations, Mapping):
+        raise ArgumentError(f"`deviations` must be name → number, but is {shown(deviations)}.")
     for name in deviations:
         if name not in sizes:
             raise ArgumentError(f"There is no error `{name}` to give a deviation of: there are {', '.join(sizes)}.")
@@ -115,6 +117,8 @@ class Process(ABC):
     def time(self, rows: np.ndarray) -> np.ndarray:
         """t of rows (…, size), s."""
 
+    awaited: tuple[str, ...] = ()
+    """The inputs without which there is no step: those that an instrument reads."""
     unknowns: int = 0
     """m, of how many equations z are the unknowns in a step."""
     densities: np.ndarray

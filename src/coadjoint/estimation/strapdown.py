@@ -73,8 +73,9 @@ class StrapdownProcess(Process):
     and χ = exp(η, ξ_v, ξ_q) χ̂ with error="right", in those of space, χ = (R, v, q). Without biases the error goes on by
     a linear map that does not depend on the estimate, however large it is (Barrau and Bonnabel 2017, theorem 7).
 
-    Its input is `imu`, y = (y_g, y_a), (6,): a reading, held over the next step. Readings at both ends of a step give
-    second order by their mean. What sensors read is that of the body origin O, with ν and ω from the last reading.
+    Its input is `imu`, y = (y_g, y_a), (6,): a reading, held over the next step; there is no step before the first
+    one. Readings at both ends of a step give second order by their mean. What sensors read is that of the body origin
+    O, with ν and ω from the last reading.
 
     Arguments:
         gravity: g, m/s², one number, by default 9.81.
@@ -102,12 +103,19 @@ class StrapdownProcess(Process):
         if error not in ("left", "right"):
             raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
         self.error, self.gravity = error, float(_vector(gravity, "gravity", ()))
-        self._lever, self._mount = _vector(position, "position"), attitude.zyx(*_vector(euler_zyx, "euler_zyx"))
+        if self.gravity < 0:
+            raise ArgumentError(
+                f"`gravity` of {WHOSE} must not be negative, but is {gravity:g}: its third axis is down."
+            )
+        angles = _vector(euler_zyx, "euler_zyx")
+        if np.any(np.abs(angles) > 2 * np.pi):
+            raise ArgumentError(f"`euler_zyx` of {WHOSE} must be angles in rad, up to 2π, but is {shown(euler_zyx)}.")
+        self._lever, self._mount = _vector(position, "position"), attitude.zyx(*angles)
         drifts = _drifts(drifting)
         self._drifts = Drifting(dict.fromkeys(drifts, 3), drifts)
         self.densities = _noise(noise)
         self.error_sizes = dict.fromkeys(("attitude", "velocity", "position", *drifts), 3)
-        self.input_sizes, self.drifting = {"imu": 6}, self._drifts.count
+        self.input_sizes, self.drifting, self.awaited = {"imu": 6}, self._drifts.count, ("imu",)
         self.commanded = np.arange(16, 22)
         self._first = self.row(InertialState())
 
@@ -282,6 +290,7 @@ def _vector(value: Any, name: str, shape: tuple[int, ...] = (3,)) -> np.ndarray:
 
 
 def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
+    _require_names(given, "drifting", "drift")
     found = {**dict.fromkeys(BIASES, RandomWalk()), **dict(given or {})}
     for name, drift in found.items():
         if name not in DRIFTING:
@@ -293,7 +302,13 @@ def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
     return {name: found[name] for name in DRIFTING if name in found}
 
 
+def _require_names(given: Any, argument: str, of: str) -> None:
+    if given is not None and not isinstance(given, Mapping):
+        raise ArgumentError(f"`{argument}` of {WHOSE} must be name → {of}, but is {shown(given)}.")
+
+
 def _noise(given: Mapping[str, Any] | None) -> np.ndarray:
+    _require_names(given, "noise", "number")
     given, found = dict(given or {}), []
     for name in ("gyroscope", "accelerometer"):
         value = not_negative(given.pop(name, 0.0), name, "`noise`")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -12,6 +13,12 @@ from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 
 SAME = 1e-9
 """Times that differ by less, s, are one."""
+GAP = 5.0
+"""How much longer than usual a reading may be held without a warning."""
+LARGEST = 8e9
+"""Bytes that a log may take, with what is kept of it."""
+OF_A_NODE = 300.0
+"""Bytes that the orders at a node take."""
 LATEST = 1e6
 """s; up to here float64 tells times that differ by `SAME`."""
 
@@ -22,6 +29,35 @@ def require_times(t: float, what: str) -> None:
         raise ArgumentError(
             f"{what} at t = {t:.10g} s, but a filter counts from a time near 0, at most {LATEST:g} s away, where "
             "numbers tell short steps: subtract the time at which the log begins."
+        )
+
+
+def require_room(needed: float, what: str, remedy: str) -> None:
+    """Raise ArgumentError where a log would take more than `LARGEST` bytes of memory."""
+    if not needed <= LARGEST:
+        raise ArgumentError(f"A log of {what} would take {needed / 1e9:.3g} GB of memory: {remedy}.")
+
+
+def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float, first: bool) -> None:
+    """Raise ArgumentError where steps have no reading of an input that they await, and warn of gaps.
+
+    nodes: the times of the log, (K,) s. first: whether there was no reading before.
+    """
+    times = np.zeros(0) if one is None else one.times[one.times < nodes[-1]]
+    if first and not (len(times) and times[0] <= nodes[0] + SAME):
+        later = f"begin at {times[0]:g} s" if len(times) else "are missing"
+        raise ArgumentError(
+            f"There is no step without a reading of `{name}`, but those of `inputs` {later}, and the filter stands at "
+            f"t = {nodes[0]:g} s: begin it where they do."
+        )
+    times = np.concatenate([nodes[:1], times[times > nodes[0]], nodes[-1:]])
+    held = np.diff(times)
+    if np.max(held) > GAP * max(dt, float(np.median(held[:-1])) if len(held) > 1 else 0.0):
+        k = int(np.argmax(held))
+        warnings.warn(
+            f"There is no reading of `{name}` from {times[k]:.6g} s to {times[k + 1]:.6g} s: the one before is held, "
+            "and the deviations do not tell what that costs.",
+            stacklevel=3,
         )
 
 
@@ -46,6 +82,12 @@ def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], membe
         raise ArgumentError(
             f"`{name}` of `{argument}` must be finite times (K,) and as many values, but their shapes are "
             f"{times.shape} and {values.shape}."
+        )
+    if argument == "inputs" and not np.all(np.isfinite(values)):
+        at = times[int(np.argmin(np.all(np.isfinite(values.reshape(count, -1)), axis=1)))]
+        raise ArgumentError(
+            f"`{name}` of `inputs` must be finite numbers, but not all are at t = {at:g} s: leave such readings out, "
+            "and the one before is held."
         )
     if np.any(np.diff(times) < 0):
         raise ArgumentError(f"The times of `{name}` of `{argument}` must not go back: sort them.")
@@ -79,6 +121,8 @@ class Timetable:
         ends = [one.times[-1] for one in measured.values() if len(one.times)]
         if until is None and not ends:
             raise ArgumentError("Without measurements a run needs `until`, the time at which it ends.")
+        if not isinstance(until, (int, float, np.number, type(None))):
+            raise ArgumentError(f"Argument `until` must be a number of seconds, but is {shown(until)}.")
         end = float(max(ends) if until is None else until)
         require_times(end, "The log ends")
         if not end > begin - SAME:
@@ -89,6 +133,8 @@ class Timetable:
                     f"`{name}` begins at {one.times[0]:g} s, before the filter, which stands at t = {begin:g} s: leave "
                     "out what is earlier, or begin the filter there."
                 )
+        count = (end - begin) / float(dt)
+        require_room(OF_A_NODE * count, f"{count:.3g} steps of {dt:g} s", "take a longer dt")
         grid = begin + float(dt) * np.arange(int(np.ceil((end - begin) / dt - SAME)) + 1)
         others = [one.times for one in (*measured.values(), *inputs.values())]
         times = np.unique(np.concatenate([grid, [end], *others]))
@@ -98,19 +144,25 @@ class Timetable:
         self._measured, self._inputs, self._end = measured, inputs, end
 
     def orders(
-        self, sizes: tuple[int, int], places: Mapping[str, int], every: int, whole: bool, numbers: list[int]
+        self,
+        sizes: tuple[int, int, int],
+        places: Mapping[str, int],
+        every: int,
+        whole: bool,
+        numbers: list[int],
     ) -> Orders:
         """What to do in its order.
 
-        sizes: of a row and of e. places: name of an input → its first number among all. every: every how many nodes
-        are kept. whole: whether P is. numbers: of the measurements.
+        sizes: of a row and of e, and how many members. places: name of an input → its first number among all. every:
+        every how many nodes are kept. whole: whether P is. numbers: of the measurements.
         """
-        size, n = sizes
+        size, n, members = sizes
         nodes, columns = len(self.times), _Columns()
         steps = columns.add(np.diff(self.times)[:, None])
         found = [_rows(np.arange(1, nodes), 0, PREDICT, steps + np.arange(nodes - 1), 0, 0)]
         kept, width = np.arange(0, nodes, every), n * n if whole else n
         rows, P = 0, len(kept) * size
+        require_room(8.0 * len(kept) * (size + width) * members, f"{len(kept):,} nodes", "raise save_every")
         at = np.arange(len(kept))
         found.append(_rows(kept, 2, SAVE, rows + at * size, P + at * width, int(whole)))
         output, nis = P + len(kept) * width, {}

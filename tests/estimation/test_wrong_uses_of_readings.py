@@ -1,0 +1,114 @@
+"""Each wrong use of an inertial unit's readings in a filter is told in a sentence, and so are gaps."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import estimation
+
+Strapdown: Any = estimation.StrapdownProcess
+TIMES = np.arange(0.0, 2.0, 0.02)
+REST = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, -9.81], (len(TIMES), 1))
+PLACES = (np.arange(0.0, 2.0, 0.5), np.zeros((4, 3)))
+
+
+@cache
+def process():
+    return Strapdown(noise={"gyroscope": 1e-3, "accelerometer": 1e-2})
+
+
+def filter(**given: Any) -> Any:
+    arguments: dict[str, Any] = {
+        "measurements": {"place": estimation.Measurement(lambda motion: motion.q, 0.25)},
+        "deviations": {"attitude": 0.1, "velocity": 0.1, "position": 1.0},
+        **given,
+    }
+    return estimation.Filter(process(), estimation.InertialState(), **arguments)
+
+
+def run(imu: Any = None, **given: Any) -> Any:
+    inputs = {} if imu is None else {"imu": imu}
+    return filter().run(given.pop("measured", {"place": PLACES}), inputs=inputs, **{"dt": 0.02, **given})
+
+
+def with_hole():
+    y = REST.copy()
+    y[5, 2] = np.nan
+    return TIMES, y
+
+
+def seen(function):
+    return filter(measurements={"place": estimation.Measurement(function, 1.0)})
+
+
+WRONG = {
+    "a number as noise": (lambda: Strapdown(noise=1e-3), "`noise` of .*StrapdownProcess must be name → number, but is"),
+    "a number as drift": (lambda: Strapdown(drifting=1.0), "`drifting` of .* must be name → drift, but is 1.0"),
+    "gravity up": (lambda: Strapdown(gravity=-9.81), "`gravity` of .* must not be negative, but is -9.81"),
+    "mounting in degrees": (lambda: Strapdown(euler_zyx=(180, 0, 0)), "must be angles in rad, up to 2π"),
+    "no reading": (lambda: run(), "no step without a reading of `imu`, but those of `inputs` are missing"),
+    "a prediction without one": (
+        lambda: filter().predict(0.1),
+        "no step without a reading of `imu`: give inputs={'imu'",
+    ),
+    "readings that begin late": (lambda: run((TIMES + 0.7, REST)), "begin at 0.7 s, and the filter stands at t = 0 s"),
+    "a reading that is NaN": (lambda: run(with_hole()), "must be finite numbers, but not all are at t = 0.1 s: leave"),
+    "far too many steps": (lambda: run((TIMES, REST), dt=1e-9), "1.5e.09 steps of 1e-09 s would take 450 GB"),
+    "an end that is no time": (lambda: run((TIMES, REST), until="x"), "`until` must be a number of seconds, but is"),
+    "measurements without names": (lambda: filter(measurements=[1]), "`measurements` must be name → Measurement"),
+    "deviations without names": (lambda: filter(deviations=1.0), "`deviations` must be name → number, but is 1.0"),
+    "values without names": (lambda: filter().update([1]), "`measured` must be name → value, but is"),
+    "a time that is no number": (lambda: filter().update({}, t="x"), "`t` must be a number of seconds, but is 'x'"),
+    "inputs without names": (lambda: filter().predict(0.1, [1]), "`inputs` must be name → value, but is"),
+    "a function of NumPy": (
+        lambda: seen(lambda m: np.sin(m.q)),
+        "`place` cannot be differentiated by JAX .* jax.numpy",
+    ),
+    "a function with if": (lambda: seen(lambda m: m.q if m.q[0] > 0 else -m.q), "jax.numpy, without `if` on values"),
+    "a function that fails": (lambda: seen(lambda m: m.depth), "measurement `place` raised .* no `depth`"),
+}
+
+
+@pytest.mark.budget(10)
+@pytest.mark.parametrize(("call", "says"), WRONG.values(), ids=WRONG)
+def test_a_wrong_use_of_readings_is_told(call, says):
+    with pytest.raises(co.CoadjointError, match=says) as caught:
+        call()
+    assert len(str(caught.value)) < 400 and "\n" not in str(caught.value)
+
+
+def test_a_log_that_is_too_large_to_keep_is_refused(monkeypatch):
+    monkeypatch.setattr("coadjoint.estimation.timetable.LARGEST", 2e6)
+    with pytest.raises(co.ArgumentError, match=r"A log of 1,501 nodes would take .* GB of memory: raise save_every"):
+        run((np.arange(0.0, 2.0, 0.001), np.tile(REST[0], (2000, 1))), dt=0.001, covariances=True)
+    run((TIMES, REST), covariances=True)
+
+
+@pytest.mark.parametrize(("hole", "told"), [(slice(30, 60), "from 0.58 s to 1.2 s"), (slice(50, None), "from 0.98 s")])
+def test_a_gap_between_readings_is_told(hole: slice, told: str):
+    with pytest.warns(UserWarning, match=f"no reading of `imu` {told}"):
+        run((np.delete(TIMES, hole), np.delete(REST, hole, axis=0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run((TIMES, REST))
+        again = filter()
+        again.predict(0.02, {"imu": REST[0]})
+        again.predict(0.02)
+
+
+def test_what_is_printed_tells_of_readings_in_other_units():
+    right, wrong = run((TIMES, REST)), run((TIMES, REST / 9.81))
+    assert "place  4 of 4 used, mean NIS" in str(right) and "of a consistent filter 3" in str(right)
+    assert "not what the model expects" not in str(right) and "not what the model expects; see to units" in str(wrong)
+    assert repr(right) == "<Filtered: 76 nodes to 1.5 s; print it for the NIS of its measurements>"
+
+
+def test_whole_numbers_of_numpy_are_whole_numbers():
+    two: Any = np.int64(2)
+    assert filter(members=two).rows.shape[0] == 2 and len(run((TIMES, REST), save_every=two).t) == 38
