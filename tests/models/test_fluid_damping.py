@@ -82,6 +82,18 @@ def test_without_damping_it_is_the_isospectral_step_and_gradients_go_through():
     assert slope == pytest.approx(float(value(1e-5) - value(-1e-5)) / 2e-5, rel=1e-8)
 
 
+@pytest.mark.parametrize("stirred", [False, True])
+def test_a_solid_rotation_of_a_sphere_that_turns_decays_by_drag_alone(stirred):
+    """ω = 2α cos ϑ on a sphere that turns with Ω feels drag, not Ω: α(t) = α(0) e^{−αt}; with stirring of 0 as well."""
+    fluid, c = fluids.euler(5, rotation=OMEGA), np.zeros((2, 2))
+    c[1, 0] = 0.4
+    method = fluids.DampedMidpoint(drag=ALPHA, stirring=np.zeros((2, 2)) if stirred else None)
+    found = fluids.vorticity(fluid, path(fluid, fluids.start(fluid, c), 3, method, 2.0))
+    assert found[1, 0] == pytest.approx(0.4 * np.exp(-2 * ALPHA), rel=1e-14)
+    assert not method.claims.symplectic and not method.claims.momentum
+    assert co.IsospectralMidpoint().claims.symplectic and co.IsospectralMidpoint().claims.momentum
+
+
 def test_numbers_of_numpy_are_numbers():
     viscosity: Any = np.float32(0.5)
     drag: Any = np.int64(1)

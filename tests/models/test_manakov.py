@@ -114,6 +114,9 @@ def test_fifty_dimensions_step():
     np.testing.assert_allclose(spectra[1], spectra[0], atol=1e-13 * np.max(np.abs(spectra[0])))
 
 
+BODY = manakov.body(moments=[1.0, 2.0, 3.0])
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
@@ -125,6 +128,16 @@ def test_fifty_dimensions_step():
             lambda: manakov.lax_pair(catalogue["free_rigid_body"].make(), np.zeros(3), 0.0),
             "a body of co.models.manakov",
         ),
+        (
+            lambda: manakov.start(
+                co.models.pseudo_rigid.elastic(moments=[1, 2, 3], shear=1, lame=1), angular_velocity=np.zeros(9)
+            ),
+            "a body of co.models.manakov",
+        ),
+        (lambda: manakov.integrals(BODY, np.zeros(6)), r"`mu` must have shape \(…, 3\), but has shape \(6,\)"),
+        (lambda: manakov.integrals(BODY, [0.0, np.nan, 0.0]), "`mu` must be finite"),
+        (lambda: manakov.lax_pair(BODY, np.zeros(3), np.array([1.0, 2.0])), "`z` must be a finite number"),
+        (lambda: manakov.spectral_polynomial(BODY, np.zeros((2, 3)), 1.0), r"of one momentum, but has shape \(2, 3\)"),
     ],
 )
 def test_what_is_no_body_is_told_in_a_sentence(call, says):

@@ -115,6 +115,16 @@ def test_two_vortices_on_a_sphere_turn_about_their_moment():
             ),
             r"sphere of radius 2 m, but \|x_2\| is 1 m",
         ),
+        (
+            lambda: point_vortices.sphere_start(point_vortices.plane(circulations=[1, 2]), positions=np.eye(3)[:2]),
+            "must be a system of co.models.point_vortices.sphere",
+        ),
+        (
+            lambda: point_vortices.plane_start(co.System(co.SO3(), lambda xi: xi @ xi), positions=np.eye(2)),
+            "must be a system of co.models.point_vortices.plane",
+        ),
+        (lambda: sphere_positions(np.zeros(7), [1.0, 2.0], 1.0), r"must have shape \(…, 6\), but have \(7,\)"),
+        (lambda: plane_positions([0.0] * 6, [1.0, 2.0]), r"must have shape \(…, 5\), but have \(6,\)"),
     ],
 )
 def test_wrong_vortices_are_refused_in_a_sentence(call, says):

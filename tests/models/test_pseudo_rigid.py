@@ -166,6 +166,10 @@ def test_circulation_is_kept_by_the_symmetry_within_and_angular_momentum_by_that
         (lambda: pseudo_rigid.start(rubber(), deformation=np.diag([1.0, 1.0, -1.0])), "a positive determinant"),
         (lambda: pseudo_rigid.start(fluid(), deformation=2 * np.eye(3)), "`g` must lie in SLn"),
         (lambda: pseudo_rigid.start(fluid(), velocity=np.eye(3)), "must keep its volume, tr F⁻¹Ḟ = 0, but .* 3/s"),
+        (
+            lambda: pseudo_rigid.start(fluid(), deformation=np.diag([10.0, 10.0, 0.01])),
+            "one axis of which is 0.001 of another, but its gravity is right from 0.05 on",
+        ),
         (lambda: co.simulate(fluid(), pseudo_rigid.start(fluid()), dt=0.1, steps=1), "Cayley"),
         (lambda: pseudo_rigid.start(co.System(co.SO3(), lambda xi: xi @ xi)), "a body of co.models.pseudo_rigid"),
     ],

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SOn
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -85,10 +85,13 @@ def start(manakov: System, *, angular_velocity: Any) -> State:
 def lax_pair(manakov: System, mu: Array, z: float) -> tuple[Array, Array]:
     """L = M + zJ² and B = Ω + zJ, (…, n, n) each, of momenta μ (…, n(n − 1)/2), with L̇ = [L, B] at every z.
 
-    Units of L are kg m²/s, so that z is in 1/(kg m² s) and those of B are rad/s.
+    z: one number. Units of L are kg m²/s, so that z is in 1/(kg m² s) and those of B are rad/s.
+    Raises ArgumentError for others.
     """
     moments = _lambdas(manakov)
-    M = _matrix(np.asarray(mu), moments)
+    if not isinstance(z, (int, float, complex, np.number)) or not np.isfinite(z):
+        raise ArgumentError(f"Argument `z` must be a finite number, but is {shown(z)}.")
+    M = _matrix(_momenta(manakov, mu), moments)
     Omega = M / (moments[:, None] + moments + (2 * np.abs(moments) + 1) * np.eye(len(moments)))  # M_ii = 0
     return M + z * np.diag(moments**2), Omega + z * np.diag(moments)
 
@@ -96,18 +99,20 @@ def lax_pair(manakov: System, mu: Array, z: float) -> tuple[Array, Array]:
 def spectral_polynomial(manakov: System, mu: Array, z: float) -> np.ndarray:
     """The coefficients (n + 1,) of det(w − L(z)) in w, from wⁿ on, of a momentum μ (n(n − 1)/2,).
 
-    Where it is 0 is the spectral curve, which the motion does not change.
+    Where it is 0 is the spectral curve, which the motion does not change. Raises ArgumentError as `lax_pair`.
     """
+    if np.ndim(mu) > 1:
+        raise ArgumentError(f"Argument `mu` must be that of one momentum, but has shape {np.shape(mu)}.")
     return np.poly(lax_pair(manakov, mu, z)[0]).real
 
 
 def integrals(manakov: System, mu: Array) -> dict[tuple[int, int], np.ndarray]:
     """The coefficients of zʲ in tr(M + zJ²)ᵏ by (k, j), k up to n and k − j even, (…,) each, of μ (…, n(n − 1)/2).
 
-    Those with k − j odd are 0, and those of J alone are left out.
+    Those with k − j odd are 0, and those of J alone are left out. Raises ArgumentError for others.
     """
     moments = _lambdas(manakov)
-    M = _matrix(np.asarray(mu), moments)
+    M = _matrix(_momenta(manakov, mu), moments)
     rows = {k: _traces(M, moments, k) for k in range(2, len(moments) + 1)}
     return {(k, j): row[j] for k, row in rows.items() for j in range(k - 1) if (k - j) % 2 == 0}
 
@@ -160,8 +165,16 @@ def _lambdas(manakov: System) -> np.ndarray:
     return np.asarray(manakov.parameters.moments)  # pyright: ignore[reportOptionalMemberAccess]
 
 
+def _momenta(manakov: System, mu: Any) -> np.ndarray:
+    """μ, (…, n(n − 1)/2), finite."""
+    found, count = np.asarray(float64(mu, "Argument `mu`")), manakov.group.dim
+    if found.shape[-1:] != (count,):
+        raise ArgumentError(f"Argument `mu` must have shape (…, {count}), but has shape {found.shape}.")
+    return found
+
+
 def _size(manakov: System) -> int:
     """n of a body; raises ArgumentError for another system."""
-    if not isinstance(manakov, System) or not hasattr(manakov.parameters, "moments"):
+    if not isinstance(manakov, System) or manakov.hamiltonian is not energy:
         raise ArgumentError(f"Argument `manakov` must be a body of co.models.manakov, but is {manakov!r:.80}.")
     return manakov.group.matrix_size

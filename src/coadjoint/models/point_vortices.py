@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SO3, DirectProduct, Heisenberg
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
@@ -58,16 +58,19 @@ def plane_energy(mu, p):
 
 
 def plane_positions(mu: Array, circulations: Array) -> Array:
-    """r_i, (…, N, 2), m, of momenta (…, 2N + 1): `plane_positions(run.dataset.mu.values, circulations)`."""
-    xp, N = _arrays(mu, circulations), mu.shape[-1] // 2
-    gamma = xp.asarray(circulations)
+    """r_i, (…, N, 2), m, of momenta (…, 2N + 1): `plane_positions(run.dataset.mu.values, circulations)`.
+
+    Raises ArgumentError for other shapes.
+    """
+    mu, gamma = _momenta(mu, circulations, 2, 1)
+    xp, N = _arrays(mu, gamma), gamma.shape[0]
     root = xp.sqrt(xp.abs(gamma))
     return xp.stack([mu[..., :N] / root, mu[..., N:-1] / (xp.sign(gamma) * root)], axis=-1)
 
 
 def plane_start(vortices: System, *, positions: Any) -> State:
     """The state with the vortices at r_i. positions: (N, 2), m, all different; raises ArgumentError for others."""
-    gamma = _of(vortices)
+    gamma = _of(vortices, plane_energy, "plane")
     r = _positions(positions, len(gamma), 2)
     root = np.sqrt(np.abs(gamma))
     return vortices.state(mu=np.concatenate([root * r[:, 0], np.sign(gamma) * root * r[:, 1], [1.0]]))
@@ -115,14 +118,16 @@ def sphere_energy(mu, p):
 
 
 def sphere_positions(mu: Array, circulations: Array, radius: Any) -> Array:
-    """x_i, (…, N, 3), m, of momenta (…, 3N)."""
-    xp = _arrays(mu, circulations)
-    return xp.reshape(mu, (*mu.shape[:-1], -1, 3)) / (radius * xp.asarray(circulations)[:, None])
+    """x_i, (…, N, 3), m, of momenta (…, 3N), m⁴/s, circulations (N,), m²/s, and R, m; else ArgumentError."""
+    mu, gamma = _momenta(mu, circulations, 3, 0)
+    xp = _arrays(mu, gamma)
+    return xp.reshape(mu, (*mu.shape[:-1], -1, 3)) / (radius * gamma[:, None])
 
 
 def sphere_start(vortices: System, *, positions: Any) -> State:
     """The state with the vortices at x_i. positions: (N, 3), m, |x_i| = R, all different; else ArgumentError."""
-    gamma, radius = _of(vortices), float(vortices.parameters.radius)  # pyright: ignore[reportOptionalMemberAccess]
+    gamma = _of(vortices, sphere_energy, "sphere")
+    radius = float(vortices.parameters.radius)  # pyright: ignore[reportOptionalMemberAccess]
     x = _positions(positions, len(gamma), 3)
     off = np.abs(np.linalg.norm(x, axis=1) - radius)
     if np.max(off) > ON_SPHERE * radius:
@@ -165,12 +170,30 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
     return found
 
 
+def _momenta(mu: Any, circulations: Any, each: int, more: int) -> tuple[Any, Any]:
+    """μ, (…, each · N + more), and Γ, (N,), as arrays; raises ArgumentError for others."""
+    xp = _arrays(mu, circulations)
+    mu, gamma = xp.asarray(mu), xp.asarray(circulations)
+    count = each * gamma.size + more
+    if gamma.ndim != 1 or mu.shape[-1:] != (count,):
+        raise ArgumentError(
+            f"Momenta `mu` of vortices with `circulations` of shape {gamma.shape} must have shape (…, {count}), but "
+            f"have {mu.shape}."
+        )
+    return mu, gamma
+
+
 def _arrays(*values: Any) -> Any:
     """NumPy, or where JAX traces jax.numpy."""
     return jnp if traced(*values) else np
 
 
-def _of(vortices: System) -> np.ndarray:
+def _of(vortices: System, energy: Any, model: str) -> np.ndarray:
+    """Γ_i, (N,), of vortices with this energy; raises ArgumentError for others."""
+    if not isinstance(vortices, System) or vortices.hamiltonian is not energy:
+        raise ArgumentError(
+            f"Argument `vortices` must be a system of co.models.point_vortices.{model}, but is {shown(vortices)}."
+        )
     return np.asarray(vortices.parameters.circulations)  # pyright: ignore[reportOptionalMemberAccess]
 
 

@@ -26,6 +26,8 @@ UNITS = {
     **dict.fromkeys(("energy", "discrete_energy"), "J"),
     **dict.fromkeys(("g", "a"), "1"),
 }
+FLATTEST = 0.05
+"""The smallest axis of an ellipsoid at the start, of the largest, by which its energy is right to 1e-5."""
 TRACELESS = 1e-9
 """What the trace of the velocity of an incompressible body may be, relative to its size: round-off."""
 
@@ -87,7 +89,7 @@ def gravitating(*, mass: Any, radius: Any, gravitational_constant: Any = 6.6743e
     circulation. Steady motions F = R(t)AQ(t)ᵀ are the ellipsoids of Maclaurin, Jacobi, Dedekind and Riemann.
     The group needs a map that keeps volumes: co.Midpoint(co.Exponential()). The integral is that of 24 points of
     Gauss and Legendre in √(r²/(r² + u)), good to 1e-13 where no axis is below a quarter of another, to 1e-8 at a tenth;
-    it is not for flatter bodies.
+    it is not for flatter bodies, and `start` refuses those below a twentieth.
 
     mass: m, kg. radius: r, m. gravitational_constant: G, by default 6.6743e-11 m³/(kg s²). Raises ArgumentError for
     others. Source: Chandrasekhar, Ellipsoidal Figures of Equilibrium (Yale 1969), chapters 4, 5, 7.
@@ -136,6 +138,12 @@ def start(body: System, *, deformation: Any = None, velocity: Any = None) -> Sta
         )
     U = np.linalg.solve(F, F_dot)
     fluid = isinstance(body.group, SLn)
+    axes = np.linalg.svd(F, compute_uv=False)
+    if fluid and axes[-1] < FLATTEST * axes[0]:
+        raise ArgumentError(
+            f"Argument `deformation` makes an ellipsoid one axis of which is {axes[-1] / axes[0]:.2g} of another, but "
+            f"its gravity is right from {FLATTEST:g} on only."
+        )
     if fluid and abs(np.trace(U)) > TRACELESS * np.max(np.abs(U)):
         raise ArgumentError(
             f"Argument `velocity` of a fluid must keep its volume, tr F⁻¹Ḟ = 0, but the trace is {np.trace(U):.3g}/s."
