@@ -32,10 +32,13 @@ def diagonals(M):
     return found
 
 
-def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations():
-    """P = Δ⁻¹W, B = ΔΘ, ε = h/(2ħ); W̃ and Θ̃ by iteration and W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]), in NumPy."""
+@pytest.mark.parametrize("rotation", [0.0, 0.7])
+def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations(rotation):
+    """P = Δ⁻¹(W − F), B = ΔΘ, ε = h/(2ħ); W̃ and Θ̃ by iteration, W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]), in NumPy."""
     N, h = 5, 0.05
-    fluid = fluids.magnetohydrodynamics(N)
+    fluid = fluids.magnetohydrodynamics(N, rotation)
+    nothing = np.zeros((2, 2))
+    F, _ = parts(fluid, fluids.carrying_start(fluid, nothing, nothing))
     start = fluids.carrying_start(fluid, fluids.random_vorticity(1, 4), fluids.random_vorticity(2, 3))
     end = co.trajectory(fluid, start, dt=h, steps=1, method=co.IsospectralMidpoint()).final
     W, Theta = parts(fluid, start)
@@ -44,12 +47,26 @@ def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations():
     c = lambda X, Y: X @ Y - Y @ X  # noqa: E731
     w, theta, P, B = W, Theta, W, Theta
     for _ in range(80):
-        P, B = ((D @ X.ravel()).reshape(N, N) for D, X in ((inverse, w), (Delta, theta)))
+        P, B = ((D @ X.ravel()).reshape(N, N) for D, X in ((inverse, w - F), (Delta, theta)))
         of_w = epsilon * (c(P, w) + c(B, theta)) + epsilon**2 * (P @ w @ P + B @ theta @ P + P @ theta @ B)
         w, theta = W + of_w, Theta + epsilon * c(P, theta) + epsilon**2 * P @ theta @ P
     expected = W + 2 * epsilon * (c(P, w) + c(B, theta)), Theta + 2 * epsilon * c(P, theta)
     for found, wanted in zip(parts(fluid, end), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("model", [fluids.magnetohydrodynamics, fluids.boussinesq])
+def test_what_carries_nothing_moves_as_a_fluid_on_a_sphere_that_turns(model):
+    """θ = 0 or b = 0: Euler's equations with the same Ω, whose waves turn at the rate of Rossby and Haurwitz."""
+    c, ends = fluids.random_vorticity(1, 4), []
+    for fluid, start in (
+        (fluids.euler(6, rotation=0.7), fluids.start),
+        (model(6, rotation=0.7), lambda fluid, c: fluids.carrying_start(fluid, c, np.zeros((2, 2)))),
+    ):
+        path = co.trajectory(fluid, start(fluid, c), dt=0.1, steps=10, method=co.IsospectralMidpoint())
+        ends.append(fluids.vorticity(fluid, path.final))
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-13)
+    assert np.max(np.abs(ends[0][:5, :5] - c)) > 0.1
 
 
 def wave(fluid, degree, order, background, frequency):
@@ -105,6 +122,10 @@ def test_a_magnetic_fluid_keeps_its_casimirs_and_exchanges_energy():
     assert run.dataset.kinetic_energy.values[0] == pytest.approx(0.5 * np.sum(of(vorticity) / (l * (l + 1))))
     assert run.dataset.magnetic_energy.values[0] == pytest.approx(0.5 * np.sum(of(theta) * l * (l + 1)))
     assert run.dataset.mean_square_potential.values[0] == pytest.approx(0.5 * np.sum(of(theta)))
+    absolute = vorticity.copy()
+    absolute[1, 0] += 2 * 0.4 * np.sqrt(4 * np.pi / 3)  # of 2Ω cos ϑ
+    both = np.sum((absolute * theta.conj()).real * np.array([1, 2, 2, 2, 2]))  # ∫(ω + 2Ω cos ϑ)θ
+    assert run.dataset.cross_helicity.values[0] == pytest.approx(-both) and abs(both) > 0.05
     total = run.dataset.kinetic_energy.values + run.dataset.magnetic_energy.values
     assert np.ptp(run.dataset.kinetic_energy.values) > 0.1 * total[0] and np.ptp(total) < 1e-3 * total[0]
     for name in ("cross_helicity", "mean_square_potential"):

@@ -12,6 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.run import xla
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import rods
@@ -82,6 +83,56 @@ def test_an_end_that_is_driven_slowly_takes_the_rod_along():
     run = co.trajectory(rod, rods.planar_start(rod), dt=0.01, steps=600)
     expected = 0.1 * (6 - np.sin(6.0))
     assert np.max(np.abs(rods.centerline(run.final)[:, 1] - expected)) < 0.02 * expected
+
+
+def test_an_end_that_is_turned_slowly_turns_the_rod_about_where_it_began():
+    """The clamp at g₀(A, y)(t), so sections near g₀(A, y)g₀⁻¹g_i(0)."""
+
+    def motion(t):
+        angle = 0.1 * (t - jnp.sin(t))
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        return jnp.stack([jnp.stack([c, -s]), jnp.stack([s, c])]), jnp.stack([0.5 * angle, -0.3 * angle])
+
+    rod = rods.planar(**{**PLANE, "EI": 20.0}, elements=2, ends="clamped", motion=motion)
+    start = rods.planar_start(rod, position=(1.0, 2.0), angle=0.7, curvature=0.0)
+    end = co.trajectory(rod, start, dt=0.01, steps=600).final
+    (A, y), R = map(np.asarray, motion(6.0)), np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    along = (rods.centerline(start) - [1.0, 2.0]) @ R  # from the clamp, in its axes
+    expected = np.array([1.0, 2.0]) + (along @ A.T + y) @ R.T
+    assert np.max(np.abs(rods.centerline(end) - expected)) < 0.01 and np.max(np.abs(A - np.eye(2))) > 0.3
+
+
+def test_a_rigid_motion_has_the_velocities_momenta_and_energy_of_its_sections():
+    """ẋ_i = v + ω × (x_i − x̄), R_iω_i = ω; ½ Σ s_i(m|ẋ_i|² + ω·R_iJR_iᵀω), s = L/8, L/4, …, L/8 of four elements."""
+    rod = rods.cosserat(**SOFT, elements=4)
+    v, omega = np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0])
+    start = rods.start(rod, euler_zyx=(0.4, 0.3, 0.2), curvature=(0.5, 1.0, -0.7), velocity=v, angular_velocity=omega)
+    R, x = map(np.asarray, start.g)
+    xi = np.reshape(start.xi, (5, 6))
+    moving = v + np.cross(omega, x - x.mean(axis=0))
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, xi[:, 3:]), moving, atol=1e-14)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, xi[:, :3]), np.tile(omega, (5, 1)), atol=1e-14)
+    share, J = np.array([0.5, 1, 1, 1, 0.5]) / 4, np.array(SOFT["inertia"])
+    turning = np.einsum("nij,i->nj", R, omega)
+    kinetic = 0.5 * share @ (np.sum(moving**2, axis=1) + turning**2 @ J)
+    assert 0.5 * start.mu @ start.xi == pytest.approx(kinetic, rel=1e-12)
+    none = np.zeros(0)
+    found = evaluate(lambda xi, a: rod.reduced_lagrangian(xi, none, none, a, 0.0), start.xi, start.a)
+    bent = 0.5 * (0.8 * 0.5**2 + 1.0**2 + 0.7**2)  # ½(GJκ₁² + EI(κ₂² + κ₃²))
+    assert float(found) == pytest.approx(kinetic - bent, rel=1e-12)
+    np.testing.assert_allclose(np.reshape(start.mu, (5, 6))[:, :3], share[:, None] * J * turning, atol=1e-14)
+
+
+def test_a_couple_at_the_end_turns_the_last_section_first():
+    """From rest, μ_N = T t at first, in space and in the plane."""
+    couple = np.array([0.1, -0.2, 0.3])
+    rod = rods.cosserat(**SOFT, elements=2, ends="clamped", moment=couple)
+    mu = np.reshape(co.trajectory(rod, rods.start(rod), dt=1e-5, steps=10).final.mu, (2, 6))
+    np.testing.assert_allclose(mu[1, :3], 1e-4 * couple, rtol=1e-2)
+    assert np.max(np.abs(mu[0])) < 1e-2 * np.max(np.abs(mu[1]))
+    rod = rods.planar(**PLANE, elements=2, ends="clamped", moment=0.3)
+    mu = np.reshape(co.trajectory(rod, rods.planar_start(rod), dt=1e-5, steps=10).final.mu, (2, 3))
+    assert mu[1, 0] == pytest.approx(0.3e-4, rel=1e-2) and np.max(np.abs(mu[0])) < 1e-2 * mu[1, 0]
 
 
 def test_the_energy_of_a_short_rod_stays_in_its_band():
