@@ -150,6 +150,34 @@ def test_a_chain_of_pendulums_swings_at_the_frequencies_of_its_matrices():
     assert np.max(np.abs(squares[:N])) < 1e-10  # turns of the links about themselves
 
 
+def test_bodies_with_springs_and_mass_centres_anywhere_swing_and_twist_at_their_frequencies():
+    """Two links: about the second and third axis K = k(2, −1; −1, 1) + gravity, about the first springs alone."""
+    l, c, m, k, g = np.array([0.5, 0.4]), np.array([0.2, 0.3]), np.array([1.0, 0.7]), 3.0, 9.8
+    J = np.array([[0.02, 0.03, 0.05], [0.01, 0.04, 0.02]])
+    chain = rods.pendulums(links=2, length=l, mass=m, inertia=J, center=c, stiffness=k, gravity=g)
+    squares, _ = rods.modes(chain, rods.pendulums_start(chain))
+    springs, expected = k * np.array([[2.0, -1.0], [-1.0, 1.0]]), []
+    for axis in range(3):
+        M, K = np.diag(J[:, axis]), springs
+        if axis:
+            of_masses = m[0] * np.outer([c[0], 0], [c[0], 0]) + m[1] * np.outer([l[0], c[1]], [l[0], c[1]])
+            M, K = M + of_masses, K + g * np.diag([m[0] * c[0] + m[1] * l[0], m[1] * c[1]])
+        expected.extend(np.linalg.eigvals(np.linalg.solve(M, K)))
+    np.testing.assert_allclose(squares, np.sort(expected), rtol=1e-10)
+
+
+def test_round_sections_have_the_integrals_of_a_disc():
+    """EA, EI, GJ, ρJ, … by sums over rings, and 0.9 of A for shear."""
+    r, rho, E, G = 0.03, 1100.0, 5e6, 2e6
+    found = rods.round_section(radius=r, density=rho, young=E, shear=G)
+    rings = (np.arange(2000) + 0.5) * r / 2000
+    area, polar = (np.sum(2 * np.pi * rings**power) * r / 2000 for power in (1, 3))
+    expected = {"EA": E * area, "GA": 0.9 * G * area, "GJ": G * polar, "EI": E * polar / 2, "mass": rho * area}
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=1e-6), name
+    np.testing.assert_allclose(found["inertia"], rho * polar * np.array([1, 0.5, 0.5]), rtol=1e-6)
+
+
 def test_a_chain_of_many_pendulums_is_the_hanging_chain_of_bernoulli():
     errors = []
     for N in (6, 12):
