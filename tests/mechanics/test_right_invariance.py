@@ -210,6 +210,9 @@ def test_printed_equations_hold_along_a_right_invariant_run(system):
     run = co.simulate(free, free.state(xi=[0.5, -1.0, 0.2], a0=[1, 0, 0]), dt=0.02, steps=5, accuracy=False)
     found = theory.printed_equations(run)
     assert found.worst.largest < 1e-12, found
+    assert str(found).startswith("right-invariant: products are those of the opposite group, g·h = hg")
+    g, a = run.records.g, run.records.a
+    np.testing.assert_allclose(a, np.einsum("kij,j->ki", g, a[0]), atol=1e-13)  # as it says, g_k a₀ from g = 1
 
 
 def test_what_is_no_side_and_a_group_that_is_opposite_already_are_refused():

@@ -17,6 +17,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.invariance import is_right
 from coadjoint.mechanics.noether import KelvinNoether
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -37,6 +38,11 @@ from coadjoint.theory.slopes import Slopes, legendre_transforms, slopes_of, triv
 from coadjoint.theory.unreduced import Configuration, UnreducedLagrangian, discrete_euler_lagrange, has_points, link_of
 
 RULES = (*NODES, Variational, Galerkin)
+
+OPPOSITE = (
+    "right-invariant: products are those of the opposite group, g·h = hg, so that F_k = g_{k+1}g_k⁻¹, a_k = g_k a₀"
+)
+"""What a table of a right-invariant system begins with."""
 
 
 class Residual(NamedTuple):
@@ -62,6 +68,8 @@ class Equations:
     """The residuals of all equations that a trajectory can be asked for; print it for a table."""
 
     rows: tuple[Residual, ...]
+    right: bool = False
+    """Whether the system is right-invariant, so that products are those of the opposite group."""
 
     def __iter__(self) -> Iterator[Residual]:
         return iter(self.rows)
@@ -75,7 +83,8 @@ class Equations:
         return max(self.rows, key=lambda row: row.largest)
 
     def __str__(self) -> str:
-        return "\n".join(f"{row.equation:<8}{row.largest:9.1e}  {row.statement}" for row in self.rows)
+        rows = [f"{row.equation:<8}{row.largest:9.1e}  {row.statement}" for row in self.rows]
+        return "\n".join([OPPOSITE, *rows] if self.right else rows)
 
 
 def printed_equations(
@@ -134,7 +143,7 @@ def equations_of(
         rows += _of_semidirect(system, slopes, h) + _of_poisson(system, records, slopes, h, noether)
     elif not isinstance(method, Galerkin):
         rows.append(_of_variations(system, step, records, h))
-    return Equations(tuple(rows))
+    return Equations(tuple(rows), is_right(system.places))
 
 
 def _largest(values: Any) -> float:

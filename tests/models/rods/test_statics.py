@@ -81,6 +81,18 @@ def test_rods_of_any_size_hang_alike(L: float):
     assert np.max(np.abs(hanging(L, 3.0 * L**3) - hanging(1.0, 3.0))) < 1e-9  # of one mgL³/EI
 
 
+def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
+    """mgL⁴/8EI and FL³/3EI, small, in the plane and in space about both axes, each with its EI."""
+    weight, force = 2 * 1e-3 / 8, 1e-3 / 3
+    plane = {**SLENDER, "elements": 6, "gravity": 2.0, "mass": 1e-3}
+    rod = rods.planar(**plane, load=(0.0, 2e-3))
+    tip = rods.centerline(rods.equilibrium(rod, rods.planar_start(rod)))[-1]
+    assert tip[1] == pytest.approx(2 * force - weight, rel=2e-2)
+    rod = rods.cosserat(**{**plane, "inertia": (1e-8,) * 3, "EI": (1.0, 3.0), "GJ": 1.0}, load=(0.0, 1e-3, 0.0))
+    tip = rods.centerline(rods.equilibrium(rod, rods.start(rod, down=(0.0, 0.0, 1.0))))[-1]
+    np.testing.assert_allclose(tip[1:], [force / 3, weight], rtol=2e-2)  # towards the third axis about the second
+
+
 def test_a_column_buckles_at_the_load_of_euler():
     def smallest(load: float, elements: int) -> float:
         rod = rods.planar(**SLENDER, elements=elements, load=(-load, 0.0))
