@@ -93,6 +93,18 @@ def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
     np.testing.assert_allclose(tip[1:], [force / 3, weight], rtol=2e-2)  # towards the third axis about the second
 
 
+def test_a_rod_that_is_curved_at_rest_comes_back_to_its_circle():
+    """From straight, and with a couple EIκ against it from its circle to straight."""
+    curved = {**SLENDER, "elements": 3, "rest_curvature": 1.2}
+    rod = rods.planar(**curved)
+    found = rods.centerline(rods.equilibrium(rod, rods.planar_start(rod, curvature=0.0)))
+    arcs = 1.2 * np.arange(1, 4) / 3
+    assert np.max(np.abs(found - np.stack([np.sin(arcs), 1 - np.cos(arcs)], axis=1) / 1.2)) < 1e-9
+    against = rods.planar(**curved, moment=-1.2)
+    found = rods.centerline(rods.equilibrium(against, rods.planar_start(against)))
+    assert np.max(np.abs(found - np.stack([np.arange(1, 4) / 3, np.zeros(3)], axis=1))) < 1e-9
+
+
 def test_a_column_buckles_at_the_load_of_euler():
     def smallest(load: float, elements: int) -> float:
         rod = rods.planar(**SLENDER, elements=elements, load=(-load, 0.0))
