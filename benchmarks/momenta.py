@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
+from types import ModuleType
 from typing import Any
 
 import jax
@@ -124,9 +125,13 @@ def spectrum(W: np.ndarray) -> np.ndarray:
 
 
 def by_quflow(W: np.ndarray, h: float, steps: int) -> tuple[float, float] | None:
-    """Seconds a step of quflow and the largest change of an eigenvalue; None where it is not installed."""
+    """Seconds a step of quflow and the largest change of an eigenvalue; None where it is not installed.
+
+    It may be installed without ducc0, which its harmonics need and its steps do not.
+    """
     if find_spec("quflow") is None:
         return None
+    sys.modules.setdefault("ducc0", ModuleType("ducc0"))
     integrate = importlib.import_module("quflow.integrators.isospectral").isomp_fixedpoint
     tolerance = 1e-14 * 0.079 * float(np.linalg.norm(W, np.inf))  # its residual is of what a step adds to W
 

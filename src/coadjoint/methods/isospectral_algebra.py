@@ -51,20 +51,16 @@ class Algebra(abc.ABC):
         """The coordinates (unknowns,) of ε[P, W] + ε² PWP, of P and W (n, n)."""
 
     @abc.abstractmethod
+    def bracket(self, P: Any, W: Any) -> Array:
+        """The coordinates (unknowns,) of [P, W], of P and W (n, n)."""
+
+    @abc.abstractmethod
     def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
         """The coordinates (unknowns,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
 
     @abc.abstractmethod
-    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of [K, Θ], K = 2ε(1 − εP)⁻¹B(1 + εP)⁻¹ with (1 − εP)⁻¹ = 1 + ½D, of b, a (dim,)."""
-
-    @abc.abstractmethod
     def turn(self, xi: Array, epsilon: Array) -> Any:
         """D = C − 1 = (1 − εξ̂)⁻¹ 2εξ̂, (n, n), of C = (1 − εξ̂)⁻¹(1 + εξ̂) and ξ (dim,)."""
-
-    @abc.abstractmethod
-    def turned(self, D: Any, mu: Array) -> Array:
-        """The coordinates of CWC†, (dim,), of those of W: what D adds has no part in the round-off of W."""
 
     @abc.abstractmethod
     def element(self, D: Any) -> Element:
@@ -99,19 +95,16 @@ class Orthogonal(Algebra):
         """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P), of P and W (n, n)."""
         return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
 
+    def bracket(self, P: Array, W: Array) -> Array:
+        """The coordinates (dim,) of [P, W] = PW − (PW)ᵀ, of P and W (n, n)."""
+        return 2 * self.group.vee(P @ W)
+
     def forced(self, B: Array, Theta: Array, P: Array, epsilon: Array) -> Array:
         return self.group.vee((B @ Theta) @ (2 * epsilon * np.eye(len(P)) + 2 * epsilon**2 * P))
-
-    def kicked(self, D: Array, b: Array, a: Array, epsilon: Array) -> Array:
-        R = np.eye(len(D)) + 0.5 * D
-        return self.group.vee((R @ self.matrix(b) @ R.T) @ (4 * epsilon * self.matrix(a)))
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
         X = epsilon * self.matrix(xi)
         return jnp.linalg.solve(np.eye(len(X)) - X, 2 * X)
-
-    def turned(self, D: Array, mu: Array) -> Array:
-        return mu + self.group.vee((D @ self.matrix(mu)) @ (2 * np.eye(len(D)) + D.T))
 
     def element(self, D: Array) -> Element:
         return np.eye(len(D)) + D.T
@@ -146,25 +139,19 @@ class Unitary(Algebra):
         one = ComplexMatrix(2 * epsilon * np.eye(self.hull.size) + epsilon**2 * P.real, epsilon**2 * P.imaginary)
         return self.hull.coordinates(product(product(P, W), one))
 
+    def bracket(self, P: ComplexMatrix, W: ComplexMatrix) -> Array:
+        """The coordinates (unknowns,) of [P, W] = PW − (PW)†, of P and W (n, n)."""
+        return 2 * self.hull.coordinates(product(P, W))
+
     def forced(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix, epsilon: Array) -> Array:
         real = 2 * epsilon * np.eye(self.hull.size) + 2 * epsilon**2 * P.real
         return self.hull.coordinates(product(product(B, Theta), ComplexMatrix(real, 2 * epsilon**2 * P.imaginary)))
-
-    def kicked(self, D: ComplexMatrix, b: Array, a: Array, epsilon: Array) -> Array:
-        R = ComplexMatrix(np.eye(self.hull.size) + 0.5 * D.real, 0.5 * D.imaginary)
-        K = product(product(R, self.matrix(b)), R.adjoint)
-        return 4 * epsilon * self.group.coordinates(product(K, self.matrix(a)))
 
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
         A, B = self.matrix(xi)
         X = epsilon * (A + 1j * B)
         D = jnp.linalg.solve(np.eye(self.hull.size) - X, 2 * X)
         return ComplexMatrix(D.real, D.imag)
-
-    def turned(self, D: ComplexMatrix, mu: Array) -> Array:
-        back = D.adjoint
-        both = ComplexMatrix(2 * np.eye(self.hull.size) + back.real, back.imaginary)
-        return mu + self.group.coordinates(product(product(D, self.matrix(mu)), both))
 
     def element(self, D: ComplexMatrix) -> Element:
         back = D.adjoint
@@ -203,17 +190,14 @@ class Copies(Algebra):
     def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
         return self._each(lambda P, W: self.inner.moved(P, W, epsilon), P, W)
 
+    def bracket(self, P: Any, W: Any) -> Array:
+        return self._each(self.inner.bracket, P, W)
+
     def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
         return self._each(lambda B, T, P: self.inner.forced(B, T, P, epsilon), B, Theta, P)
 
-    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
-        return self._each(lambda D, b, a: self.inner.kicked(D, b, a, epsilon), D, self._rows(b), self._rows(a))
-
     def turn(self, xi: Array, epsilon: Array) -> Any:
         return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
-
-    def turned(self, D: Any, mu: Array) -> Array:
-        return self._each(self.inner.turned, D, self._rows(mu))
 
     def element(self, D: Any) -> Element:
         found = jax.vmap(self.inner.element)(D)
@@ -247,17 +231,14 @@ class Reversed(Algebra):
     def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
         return self.inner.moved(P, W, epsilon)
 
+    def bracket(self, P: Any, W: Any) -> Array:
+        return self.inner.bracket(P, W)
+
     def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
         return self.inner.forced(B, Theta, P, epsilon)
 
-    def kicked(self, D: Any, b: Array, a: Array, epsilon: Array) -> Array:
-        return self.inner.kicked(D, -b, a, epsilon)
-
     def turn(self, xi: Array, epsilon: Array) -> Any:
         return self.inner.turn(-xi, epsilon)
-
-    def turned(self, D: Any, mu: Array) -> Array:
-        return self.inner.turned(D, mu)
 
     def element(self, D: Any) -> Element:
         return self.group.inverse(self.inner.element(D))

@@ -59,3 +59,15 @@ def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array) -
         of_mu = of_mu + algebra.forced(algebra.matrix(-along), theta, P, epsilon)
         others.append(algebra.moved(P, theta, epsilon))
     return jnp.concatenate([of_mu, *others])
+
+
+def brackets(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array) -> Array:
+    """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
+    algebra = algebra_of(system.group)
+    P = algebra.matrix(-xi)
+    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
+    of_mu, others = algebra.bracket(P, W), []
+    for theta, along in zip(thetas, parts(system, along_a), strict=True):
+        of_mu = of_mu + algebra.bracket(algebra.matrix(-along), theta)
+        others.append(algebra.bracket(P, theta))
+    return epsilon * jnp.concatenate([of_mu, *others])

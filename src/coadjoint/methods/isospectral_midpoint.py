@@ -19,23 +19,34 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
 from coadjoint.methods.isospectral_algebra import algebra_of
-from coadjoint.methods.isospectral_fields import fields, lifted, momenta_of, moved, parts
+from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 LONG_AGO = 1e30
 """How long ago, in s, a step is taken to be that has not happened: in extrapolations it has no weight."""
 
+STEPS = 6
+"""How many steps before say where the iteration begins."""
 
-class LastMomenta(NamedTuple):
-    """The memory of the method: the unknowns of the last three steps, the last one first, and the times they are of.
+ROUND_OFF = 1e-15
+"""The tolerance of Ŵ, relative to it, of which an error in each step adds up in the spectrum."""
 
-    momenta: (3, unknowns). times: (3,), s. along_a: ∂ℋ/∂a in the step that starts at a record, (ambient V*,).
+WILD = 100.0
+"""The most that the weights of an extrapolation come to in size; those of six equal steps come to 63."""
+
+
+class LastSteps(NamedTuple):
+    """The memory of the method: the unknowns z of the step that starts at a record, and how fast they came about.
+
+    middle: z, (unknowns,). along_a: ∂ℋ/∂a at them, (ambient V*,). rates: (z − z_k)/h of the last six steps, the last
+    one first, z_k made of μ_k and a_k, (6, unknowns), 1/s. times: the middles of these steps, (6,), s.
     """
 
-    momenta: Array
-    times: Array
+    middle: Array
     along_a: Array
+    rates: Array
+    times: Array
 
 
 @dataclass(frozen=True)
@@ -47,17 +58,18 @@ class IsospectralMidpoint(Method, Whole):
 
         W̃ = W_k + ε[P̃, W̃] + ε² P̃W̃P̃,   P̃ = −∂ℋ/∂W̃,   W_{k+1} = C W_k C†,   C = (1 − εP̃)⁻¹(1 + εP̃):
 
-    W_k = (1 − εP̃)W̃(1 + εP̃), W_{k+1} = (1 + εP̃)W̃(1 − εP̃), with the second by a unitary matrix, so that the spectrum
-    of W, all its Casimirs, stays to round-off whatever the tolerance. W̃ is found by fixed-point iteration from what the
-    last three steps say, so that a step costs some products of matrices and gradients of ℋ, and no Jacobian. A step
-    must be short enough for it, ε‖P̃‖ < 0.4 or so.
+    W_k = (1 − εP̃)W̃(1 + εP̃), W_{k+1} = (1 + εP̃)W̃(1 − εP̃). W̃ is found by fixed-point iteration from what the last
+    six steps say, and then by the same iteration to round-off with P̃ as it is, so that W_{k+1} = W_k + 2ε[P̃, W̃] is
+    that of a unitary C: the spectrum of W, all its Casimirs, stays to round-off whatever the tolerance. A step costs
+    some products of matrices and gradients of ℋ, and no Jacobian. It must be short enough for the iteration,
+    ε‖P̃‖ < 0.4 or so.
 
     Of ℋ(μ, a), where advected=co.Coadjoint(): Ẇ = [P, W] + [B, Θ], Θ̇ = [P, Θ], Θ of a and B of −∂ℋ/∂a, by the same
     formulas over dual numbers, Θ + dW and P + dB with d² = 0:
 
         Θ̃ = Θ_k + ε[P̃, Θ̃] + ε² P̃Θ̃P̃,   Θ_{k+1} = C Θ_k C†,
         W̃ = W_k + ε([P̃, W̃] + [B̃, Θ̃]) + ε²(P̃W̃P̃ + B̃Θ̃P̃ + P̃Θ̃B̃),
-        W_{k+1} = C W_k C† + [K, Θ_{k+1}],   K = 2ε(1 − εP̃)⁻¹B̃(1 + εP̃)⁻¹.
+        W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]).
 
     The spectrum of Θ and all tr W f(Θ), its Casimirs, stay to round-off; the spectrum of W is none then.
     A dictionary of such spaces adds up [B_i, Θ_i]; co.Adjoint() is the same. `co.trace_casimirs` watches Casimirs.
@@ -145,14 +157,16 @@ class IsospectralMidpoint(Method, Whole):
             )
 
         def memory(mu, a, t):
-            momenta = jnp.tile(lifted(system, mu, a), (3, 1))
-            return LastMomenta(momenta, t - LONG_AGO * jnp.arange(1.0, 4.0), jnp.zeros_like(a))
+            z = lifted(system, mu, a)
+            times = t - LONG_AGO * jnp.arange(1.0, STEPS + 1)
+            return LastSteps(z, jnp.zeros_like(a), jnp.zeros((STEPS, len(z))), times)
 
         return state.replace(g=state.g if self.carry_g else None, memory=evaluate(memory, state.mu, state.a, state.t))
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """The parabola through the last three momenta, at the middle of the step."""
-        return _weights(state.memory.times, state.t + 0.5 * h) @ state.memory.momenta
+        """z_k and what the polynomial through the rates of the last six steps adds to it."""
+        last = state.memory
+        return lifted(system, state.mu, state.a) + h * (_weights(last.times, state.t + 0.5 * h) @ last.rates)
 
     def _slopes(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, Array]:
         """ξ = ∂ℋ/∂μ, (dim G,), and ∂ℋ/∂a, (ambient V*,), at the unknowns."""
@@ -171,24 +185,40 @@ class IsospectralMidpoint(Method, Whole):
         return z - lifted(system, state.mu, state.a) - moved(system, *self._slopes(system, state, h, z), z, 0.5 * h)
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
-        last = state.memory
-        momenta = jax.lax.stop_gradient(jnp.concatenate([z[None], last.momenta[:2]]))
-        times = jax.lax.stop_gradient(jnp.concatenate([(state.t + 0.5 * h)[None], last.times[:2]]))
         xi, along_a = self._slopes(system, state, h, z)
-        return state.replace(xi=xi, memory=LastMomenta(momenta, times, along_a))
+        return state.replace(xi=xi, memory=state.memory._replace(middle=z, along_a=along_a))
 
     def equations(self, system: System, record: State, h: Array) -> Array:
-        return self.residual(system, record, h, record.memory.momenta[0])
+        return self.residual(system, record, h, record.memory.middle)
 
     def advance(self, system: System, record: State, h: Array) -> State:
-        algebra = algebra_of(system.group)
-        turn = algebra.turn(-record.xi, 0.5 * h)
-        mu, a = algebra.turned(turn, record.mu), []
-        for theta, along in zip(parts(system, record.a), parts(system, record.memory.along_a), strict=True):
-            a.append(algebra.turned(turn, theta))
-            mu = mu + algebra.kicked(turn, -along, a[-1], 0.5 * h)
-        g = None if record.g is None else system.group.compose(record.g, algebra.element(turn))
-        return record.later(h, g=g, mu=mu, a=jnp.concatenate(a) if a else record.a)
+        """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ as it is, which Ŵ leaves alone.
+
+        So the spectrum is kept however close W̃ is to it. Derivatives are those at W̃.
+        """
+        z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
+        before = lifted(system, record.mu, record.a)
+        given = jax.lax.stop_gradient((slopes, before, z))
+        z = z + self._off(system, *given, epsilon)
+        mu, a = momenta_of(system, 2 * brackets(system, *slopes, z, epsilon))
+        g = None
+        if record.g is not None:
+            algebra = algebra_of(system.group)
+            g = system.group.compose(record.g, algebra.element(algebra.turn(-record.xi, epsilon)))
+        rate = jax.lax.stop_gradient((record.memory.middle - before) / h)
+        last = record.memory._replace(
+            rates=jnp.concatenate([rate[None], record.memory.rates[:-1]]),
+            times=jnp.concatenate([(record.t + epsilon)[None], record.memory.times[:-1]]),
+        )
+        return record.later(h, g=g, mu=record.mu + mu, a=record.a + a, memory=jax.lax.stop_gradient(last))
+
+    def _off(self, system: System, slopes: tuple[Array, Array], before: Array, z: Array, epsilon: Array) -> Array:
+        """Ŵ − W̃, (unknowns,), where P̃ stays."""
+
+        def residual(z):
+            return z - before - moved(system, *slopes, z, epsilon)
+
+        return FixedPoint(ROUND_OFF).solution(residual, z) - z
 
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         return jnp.zeros(system.group.dim), jnp.zeros(system.group.dim)
@@ -199,14 +229,14 @@ class IsospectralMidpoint(Method, Whole):
 
     def energy(self, system: System, record: State, h: Array) -> Array:
         """ℋ at the unknown, one number: this method has no Λ."""
-        middle = momenta_of(system, record.memory.momenta[0])
+        middle = momenta_of(system, record.memory.middle)
         return self._hamiltonian(system, record, record.t + 0.5 * h, *middle)
 
     def work(self, system: System, record: State, h: Array) -> Array:
         """h ∂_tℋ in the middle where ℋ depends on time, (lines,)."""
         if not system.depends_on_time:
             return jnp.zeros(0)
-        middle = momenta_of(system, record.memory.momenta[0])
+        middle = momenta_of(system, record.memory.middle)
         return h * jax.grad(lambda t: self._hamiltonian(system, record, t, *middle))(record.t + 0.5 * h)[None]
 
     def balance(self, system: System, record: State, h: Array, after: State) -> Array:
@@ -214,7 +244,7 @@ class IsospectralMidpoint(Method, Whole):
 
         Of W: W_{k+1} = (1 + εP̃)W̃(1 − εP̃) = W̃ + ε[P̃, W̃] − ε² P̃W̃P̃ = W̃ − G(−ε), where G(ε) = ε[P̃, W̃] + ε² P̃W̃P̃.
         """
-        z, slopes = record.memory.momenta[0], (record.xi, record.memory.along_a)
+        z, slopes = record.memory.middle, (record.xi, record.memory.along_a)
         off = lifted(system, after.mu, after.a) - z + moved(system, *slopes, z, -0.5 * h)
         return relative(jnp.max(jnp.abs(off)), largest(after.mu, after.a))
 
@@ -228,4 +258,5 @@ def _weights(times: Array, t: Array) -> Array:
     count = len(times)
     apart = times[:, None] - times[None] + jnp.eye(count)
     towards = t - jnp.broadcast_to(times, (count, count))
-    return jnp.prod(jnp.where(np.eye(count, dtype=bool), 1.0, towards / apart), axis=1)
+    weights = jnp.prod(jnp.where(np.eye(count, dtype=bool), 1.0, towards / apart), axis=1)
+    return jnp.where(jnp.sum(jnp.abs(weights)) < WILD, weights, np.eye(1, count)[0])

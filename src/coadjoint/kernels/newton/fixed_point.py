@@ -22,6 +22,9 @@ ROUND_OFF = 1e-11
 SHRINKS = 0.95
 """What an iteration that converges leaves of the residual at most, of two in turn."""
 
+LEAST = 0.1
+"""The least by which r is taken to shrink once more, where it shrank faster."""
+
 OF_TANGENTS = 1e-14
 """The tolerance of derivatives, whatever that of the equations."""
 
@@ -36,9 +39,10 @@ class _Iterate(NamedTuple):
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """Equations r(z) = z − G(z) with a contraction G: z ← z − r(z) until |r|∞ ≤ tolerance·|z|∞.
+    """Equations r(z) = z − G(z) with a contraction G: z ← z − r(z) until the next |r|∞ would be ≤ tolerance·|z|∞.
 
-    Convergence is linear: a contraction by ρ leaves an error of ρ/(1 − ρ) times the tolerance. Iterations of which two
+    Convergence is linear: where r shrank by ρ, the next r is ρr, which is not computed for its size alone, and the
+    error left is 1/(1 − ρ) times the tolerance. Iterations of which two
     in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end, too. Derivatives follow
     from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the
     same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN. Nothing is carried over.
@@ -64,14 +68,18 @@ class FixedPoint:
             return end.unknowns, (end.iterations.astype(float), code.astype(float))
 
         def linear_solve(linear, right):
-            end = FixedPoint(OF_TANGENTS)._iterated(lambda z: linear(z) - right, right, MOST_OF_TANGENTS)
-            return jnp.where(end.settled, end.unknowns, jnp.nan)
+            return FixedPoint(OF_TANGENTS).solution(lambda z: linear(z) - right, right, MOST_OF_TANGENTS)
 
         def tangent_solve(linear, right):
             return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
 
         unknowns, (iterations, code) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
         return Root(unknowns, iterations.astype(int), code.astype(int))
+
+    def solution(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> jax.Array:
+        """z with residual(z) = 0 from `start`, both (m,), without derivatives; NaN where the iteration diverges."""
+        end = self._iterated(residual, start, most)
+        return jnp.where(end.settled, end.unknowns, jnp.nan)
 
     def _iterated(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> _Iterate:
         def advance(iterate: _Iterate) -> _Iterate:
@@ -81,7 +89,9 @@ class FixedPoint:
             size = jnp.max(jnp.abs(off)) / jnp.where(scale > 0, scale, 1.0)
             stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
             # A NaN compares false and would never end the loop.
-            settled = (size <= self.tolerance) | (stalled & iterate.stalled) | ~jnp.isfinite(size)
+            shrinks = jnp.where(size < iterate.size, size / iterate.size, 1.0)
+            next_size = size * jnp.where(jnp.isfinite(iterate.size), jnp.maximum(shrinks, LEAST), 1.0)
+            settled = (next_size <= self.tolerance) | (stalled & iterate.stalled) | ~jnp.isfinite(size)
             return _Iterate(z, iterate.iterations + 1, settled, size, stalled)
 
         return lax.while_loop(
