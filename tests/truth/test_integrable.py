@@ -113,11 +113,13 @@ EXACT = {
     "rigid_body_with_rotor": ["kelvin_noether", "momentum_squared"],
     "spherical_pendulum": ["kelvin_noether", "pendulum_momentum"],
     "clebsch_body": ["kelvin_noether", "linear_casimir", "angular_casimir"],
+    "manakov_body": ["trace_2_0", "trace_4_0"],
 }
 BOUNDED = {
     "kovalevskaya_top": ["energy", "kovalevskaya_integral"],
     "goryachev_chaplygin_top": ["energy", "chaplygin_integral"],
     "clebsch_body": ["energy", "clebsch_integral"],
+    "manakov_body": ["energy", "trace_3_1", "trace_4_2"],
 }
 
 
