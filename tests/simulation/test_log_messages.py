@@ -32,7 +32,7 @@ def test_a_run_tells_its_begin_and_its_end_once(caplog, body):
     with caplog.at_level(logging.INFO, "coadjoint"):
         run = co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend="xla", progress=False)
     first, last = said(caplog)
-    assert first == f"{run.title} begins, 5 steps by xla."
+    assert first == f"{run.title} begins, 5 steps by XLA, Newton's method with a dense Jacobian."
     assert last.startswith(f"{run.title} ends after ")
 
 
@@ -48,3 +48,22 @@ def test_a_run_says_nothing_without_being_asked(capfd, body):
     co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend="xla", progress=False)
     assert capfd.readouterr() == ("", "")
     assert any(isinstance(handler, logging.NullHandler) for handler in logging.getLogger("coadjoint").handlers)
+
+
+def compiled(body: co.System, backend: str, progress: bool | None) -> co.Run:
+    return co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend=backend, progress=progress)
+
+
+@pytest.mark.parametrize(("backend", "progress", "told"), [("xla", True, 1), ("xla", False, 0), ("native", True, 0)])
+def test_a_terminal_shows_how_a_step_is_solved_while_xla_compiles_it(capfd, monkeypatch, body, backend, progress, told):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr("coadjoint.simulation.progress._QUIET_SECONDS", 1e-9)
+    run = compiled(body, backend, progress)
+    said = capfd.readouterr().err
+    assert ("compiling a step by XLA, Newton" in said) == bool(told)
+    assert ("solved" in str(run)) == (backend == "xla")
+
+
+def test_an_ensemble_by_xla_says_how_it_is_solved(body):
+    fleet = co.simulate(body, body.state(xi=co.each([[1.0], [2.0]])), dt=0.1, steps=5, backend="xla", progress=False)
+    assert "by XLA, Newton's method with a dense Jacobian" in str(fleet)

@@ -65,6 +65,11 @@ class Structure(Protocol):
         """Whether Newton's method of native code, which is dense, serves these equations too."""
         ...
 
+    @property
+    def words(self) -> str:
+        """How XLA solves them, for cards and messages."""
+        ...
+
     def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: Any = ()) -> Any:
         """`newton.solver.Root` of residual(z) = 0 from `guess` (m,), differentiable by the implicit function theorem.
 

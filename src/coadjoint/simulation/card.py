@@ -122,12 +122,18 @@ def card(run: Run) -> str:
     for key, one in (*momentum, *((f"{one.name}_max", one) for one in residuals())):
         if key in c:
             lines.append((one.title, f"{c[key]:.1e}  {one.largest}"))
+    lines += solution_line(run)
     lines.append(("iterations", f"{c['newton_iterations_mean']:.2f} a step, at most {c['newton_iterations_max']}"))
     speed = run.good_steps / run.seconds if run.seconds > 0 else float("inf")
     lines.append(("time", f"{run.seconds:.3g} s, {speed:,.0f} steps/s, and {run.set_up_seconds:.3g} s to set up"))
     lines += [("warning", sentence) for sentence in run.warnings]
     width = max(len(title) for title, _ in lines)
     return "\n".join(f"{title:<{width}}  {text}" for title, text in lines)
+
+
+def solution_line(run: Run | Ensemble) -> list[tuple[str, str]]:
+    """How the equations of a step were solved, where that is not Newton's method in machine code."""
+    return [("solved", run.plan.solution)] if run.plan.solution else []
 
 
 def _change(c: dict[str, Any], name: str, relative: bool) -> str:
@@ -172,6 +178,7 @@ def ensemble_card(ensemble: Ensemble) -> str:
     for one in residuals():
         if one.name in ensemble.extrema:
             lines.append((one.title, f"{np.max(ensemble.extrema[one.name][1]):.1e}  worst of all members"))
+    lines += solution_line(ensemble)
     done = int(np.sum(ensemble.steps_done))
     lines.append(("iterations", f"{np.sum(ensemble.iterations) / max(done, 1):.2f} a step"))
     speed = done / ensemble.seconds if ensemble.seconds > 0 else float("inf")

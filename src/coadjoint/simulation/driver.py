@@ -18,7 +18,7 @@ from coadjoint.kernels.run import xla
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
-from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.progress import Progress, compiling
 
 if TYPE_CHECKING:
     from coadjoint.simulation.events import Event
@@ -129,6 +129,13 @@ class Plan:
     """Names and events that are monitored; with `until` the first of them ends the run."""
     until: bool = False
 
+    @property
+    def solution(self) -> str:
+        """How XLA solves the equations of a step, in words; empty for machine code, which is Newton's method."""
+        if self.backend == "native":
+            return ""
+        return "by XLA, " + "; ".join(dict.fromkeys(stage.structure.words for stage in self.program.stages))
+
     def capacity(self, state: State) -> int:
         """The most records of a chunk from such a state."""
         return CAPACITY if self.backend == "native" else xla.capacity(state)
@@ -154,7 +161,8 @@ class Driver:
     def drive(self, position: Position) -> None:
         """Move `position` to the end of the plan; its `code` says whether a step failed."""
         # Compiling is set-up: the first call, of one step, is not counted, and its result is not kept.
-        self._run(position.state, 1, 1)
+        with compiling(self.title, self.plan.solution, self.progress):
+            self._run(position.state, 1, 1)
         speed = 0.0
         with Progress(self.plan.steps, self.progress, self.title) as bar:
             bar.advance(position.steps, 0.0)

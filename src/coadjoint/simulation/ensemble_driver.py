@@ -16,7 +16,7 @@ from coadjoint.kernels.run import xla
 from coadjoint.kernels.run.ensemble import cores, lanes
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.driver import PATIENCE, Extrema, Plan, Sink, widened
-from coadjoint.simulation.progress import Progress
+from coadjoint.simulation.progress import Progress, compiling
 
 LONGEST = 5.0
 """Seconds of a part of a block at most: what an interrupt may cost."""
@@ -86,7 +86,8 @@ class EnsembleDriver:
 
     def drive(self, position: MembersPosition) -> None:
         """Move all members to the end of the plan."""
-        self._run(position.state, 1, 1)  # compiling is set-up
+        with compiling(self.title, self.plan.solution, self.progress):
+            self._run(position.state, 1, 1)  # compiling is set-up
         speed = 0.0
         with Progress(self.plan.steps, self.progress, self.title) as bar:
             bar.advance(position.steps, 0.0)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Timer
 from typing import Any
 
 from coadjoint.log import logger
@@ -13,6 +16,27 @@ _QUIET_SECONDS = 1.0
 
 LOGGED_SECONDS = 10.0
 """Between log messages of a run."""
+
+
+@contextmanager
+def compiling(title: str, what: str, wanted: bool | None) -> Iterator[None]:
+    """A line on the terminal while a step is compiled for longer than a second; nothing where `what` is empty."""
+    if not what or not (sys.stderr.isatty() if wanted is None else wanted):
+        yield
+        return
+    from rich.console import Console
+    from rich.status import Status
+
+    status = Status(f"{title}: compiling a step {what}", console=Console(stderr=True))
+    late = Timer(_QUIET_SECONDS, status.start)
+    late.daemon = True
+    late.start()
+    try:
+        yield
+    finally:
+        late.cancel()
+        late.join()
+        status.stop()
 
 
 class Progress:

@@ -106,8 +106,9 @@ class Coupled:
         plan, b = self.layout, sum(self.sizes)
         links = "1 link" if plan.width == 1 else f"{plan.width} links"
         return (
-            f"{self.count} links with {len(self.pairs)} pairs: {plan.colours * b} directional derivatives in "
-            f"{plan.colours} colours, {plan.rows} block rows of {links}, {plan.width * b} unknowns each"
+            f"Newton's method for {self.count} links with {len(self.pairs)} pairs, {plan.colours * b} directional "
+            f"derivatives in {plan.colours} colours, {plan.rows} block rows of {links}, {plan.width * b} unknowns "
+            "each; factors go on from step to step"
         )
 
     def nothing(self) -> Factors:

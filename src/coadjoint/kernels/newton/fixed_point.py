@@ -51,6 +51,11 @@ class FixedPoint:
     tolerance: float = 1e-14
     native = False
 
+    @property
+    def words(self) -> str:
+        """What was chosen, for cards and messages."""
+        return f"fixed-point iteration to {self.tolerance:g} of the unknowns, no Jacobian"
+
     def root(
         self,
         residual: Callable[[jax.Array], jax.Array],
