@@ -12,6 +12,7 @@ import pytest
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.models import fluids
+from coadjoint.simulation.backwards import require_forward
 
 NU, ALPHA, OMEGA = 0.03, 0.2, 0.7
 
@@ -65,6 +66,7 @@ def test_a_turbulent_decay_is_of_order_2_and_loses_energy():
     run = co.simulate(fluid, start, dt=0.05, steps=20, method=method, accuracy=False)
     assert np.all(np.diff(run.dataset.kinetic_energy.values) < 0) and np.all(np.diff(run.dataset.enstrophy.values) < 0)
     assert run.largest("balance") < 1e-13 and "viscosity=0.03" in str(run)
+    assert run.relative_change("energy") > 0.1 and not run.warnings
 
 
 def test_without_damping_it_is_the_isospectral_step_and_gradients_go_through():
@@ -92,6 +94,21 @@ def test_a_solid_rotation_of_a_sphere_that_turns_decays_by_drag_alone(stirred):
     assert found[1, 0] == pytest.approx(0.4 * np.exp(-2 * ALPHA), rel=1e-14)
     assert not method.claims.symplectic and not method.claims.momentum
     assert co.IsospectralMidpoint().claims.symplectic and co.IsospectralMidpoint().claims.momentum
+
+
+def test_compositions_with_substeps_backwards_are_refused_where_viscosity_damps_and_there_alone():
+    """The highest degree of N = 8 decays at ν(7·8 − 2) + α."""
+    fluid = fluids.euler(8)
+    start = fluids.start(fluid, fluids.rossby_haurwitz(degree=3, order=2, amplitude=0.4))
+    damped = fluids.DampedMidpoint(viscosity=NU, drag=ALPHA)
+    rate = NU * 54 + ALPHA
+    with pytest.raises(ArgumentError, match=f"go backwards, by 0.329 s, and it damps, at rates up to {rate:.3g}/s"):
+        co.simulate(fluid, start, dt=0.5, steps=2, method=co.Suzuki4(damped))
+    allowed = co.Suzuki4(damped, negative_substeps="allow")
+    assert require_forward(fluid, allowed, start, 0.5) == []
+    (warning,) = require_forward(fluid, allowed, start, 1.5)
+    assert "damps at rates up to" in warning and "take dt < " in warning
+    assert require_forward(fluid, co.Suzuki4(fluids.DampedMidpoint()), start, 0.5) == []
 
 
 def test_numbers_of_numpy_are_numbers():

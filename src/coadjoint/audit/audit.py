@@ -92,7 +92,7 @@ def audit_cell(shipped: Shipped, tau: str, difference_map: DifferenceMap, proble
         if claims.energy == "bounded":
             drift = found.drift if found.band > ROUND_OFF * stages else 0.0
             findings.append(Finding("energy", "bounded", max(drift, 0.0), DRIFT_WITHIN))
-        elif claims.energy != "quadratic" or problem.quadratic:
+        elif claims.energy in ("exact", "discrete") or (claims.energy == "quadratic" and problem.quadratic):
             findings.append(Finding("energy", "exact", found.band, round_off))
         return findings
 

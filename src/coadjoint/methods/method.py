@@ -23,7 +23,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.step import Step
 
 Start = Literal["momentum", "velocity"]
-Energy = Literal["bounded", "exact", "quadratic", "discrete"]
+Energy = Literal["bounded", "exact", "quadratic", "discrete", "changed"]
 
 
 class Claims(NamedTuple):
@@ -33,7 +33,7 @@ class Claims(NamedTuple):
     controllers; `symmetric`: step(−h) undoes step(h). Of unforced motion: `symplectic`, the two-form is kept;
     `momentum`, m of every isotropy direction is kept to round-off; `energy`, "bounded" for an error without drift,
     "exact" for Legendre's to round-off, "quadratic" for that where ℋ is quadratic and nothing elsewhere,
-    "discrete" for −∂_hΛ to round-off.
+    "discrete" for −∂_hΛ to round-off, "changed" where the method itself damps or drives.
     """
 
     order: int

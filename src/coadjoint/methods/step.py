@@ -49,6 +49,10 @@ class Step(ABC):
         plain = self.blocks(system) == Step.blocks(self, system)
         return structure(system.places) if plain else Dense()
 
+    def damping_rate(self, system: System) -> float:
+        """The fastest rate, 1/s, at which the step itself damps, besides forces of the system."""
+        return 0.0
+
     def carried(self, state: State) -> Any:
         """What the solution of the last step left in the state for this one; () where there is no such thing."""
         return state.memory if isinstance(state.memory, Factors) else ()

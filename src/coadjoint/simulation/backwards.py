@@ -1,4 +1,4 @@
-"""Substeps that go backwards amplify what forces damp: refused, unless the user says that it is meant."""
+"""Substeps that go backwards amplify what forces or the method damp: refused, unless the user says that it is meant."""
 
 from __future__ import annotations
 
@@ -22,21 +22,24 @@ ALLOW, REFUSE = "allow", "refuse"
 
 
 def require_forward(system: System, method: Method, state: State, h: float) -> list[str]:
-    """Raise ArgumentError where substeps go backwards and forces dissipate; a warning where it is allowed but unsafe.
+    """Raise ArgumentError where substeps go backwards and something damps; a warning where it is allowed but unsafe.
 
-    A method allows it by `negative_substeps="allow"`. Forces dissipate where their fastest rate λ, the largest real
+    A method allows it by `negative_substeps="allow"`. Steps may damp by themselves (`Step.damping_rate`). Forces
+    dissipate where their fastest rate λ, the largest real
     part of an eigenvalue of −M⁻¹ ∂F/∂v with v = (ξ, ν), M = ∂²ℓ/∂v², is positive at the start or at random velocities
     of that size.
     """
     backwards = -h * min(fraction for _, fraction in method.stages)
-    if system.forces is None or h <= 0 or backwards <= 0:
+    if h <= 0 or backwards <= 0:
         return []
-    rate = damping_rate(system, state)
+    of_steps = max(step.damping_rate(system) for step, _ in method.stages)
+    rate = max(of_steps, 0.0 if system.forces is None else damping_rate(system, state))
     if rate <= 0:
         return []
+    who, what = ("it damps", f"{method.title} damps") if rate == of_steps else ("the forces dissipate", "Forces damp")
     if getattr(method, "negative_substeps", REFUSE) != ALLOW:
         raise ArgumentError(
-            f"{method.title} has substeps that go backwards, by {backwards:.3g} s, and the forces dissipate, at rates "
+            f"{method.title} has substeps that go backwards, by {backwards:.3g} s, and {who}, at rates "
             f"up to {rate:.3g}/s, which such substeps amplify: take a method without them, such as co.Galerkin(), or "
             f'pass it negative_substeps="allow" if rate times substep, here {rate * backwards:.2g}, stays below '
             f"{SAFE:g}."
@@ -44,7 +47,7 @@ def require_forward(system: System, method: Method, state: State, h: float) -> l
     if rate * backwards < SAFE:
         return []
     return [
-        f"Forces damp at rates up to {rate:.3g}/s, too fast for substeps that go backwards by {backwards:.3g} s: "
+        f"{what} at rates up to {rate:.3g}/s, too fast for substeps that go backwards by {backwards:.3g} s: "
         f"take dt < {h * SAFE / (rate * backwards):.3g}."
     ]
 

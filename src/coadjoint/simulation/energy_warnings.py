@@ -47,7 +47,12 @@ def energy_warnings(run: Run) -> list[str]:
 
 def _changed(run: Run) -> list[str]:
     driven = energy_lines(run.system) or run.system.takes("inputs") or run.system.takes("internal")
-    if driven or "energy" not in run.extrema or run.relative_change("energy") < TOO_MUCH:
+    if (
+        driven
+        or run.method.claims.energy == "changed"
+        or "energy" not in run.extrema
+        or run.relative_change("energy") < TOO_MUCH
+    ):
         return []
     return [
         f"The energy, which nothing changes, is off by {run.relative_change('energy'):.0%}: dt = {run.dt:g} is too "

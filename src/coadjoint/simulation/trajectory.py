@@ -219,7 +219,12 @@ def _scan(program: StepProgram, constants: Constants, start: State, h: Any, bloc
             result = xla.step(program, constants, state, h, certify=False)
             return (result.after, result.code, iterations + result.iterations), result.record
 
-        return jax.lax.cond(carry[1] == 0, go, lambda carry: (carry, carry[0]), carry)
+        kept = jax.eval_shape(go, carry)[1].memory is not None  # factors that are carried over are in no record
+
+        def stay(carry):
+            return carry, carry[0] if kept else carry[0].replace(memory=None)
+
+        return jax.lax.cond(carry[1] == 0, go, stay, carry)
 
     @partial(jax.checkpoint, prevent_cse=False)
     def block(carry, _):

@@ -69,7 +69,12 @@ class DampedMidpoint(IsospectralMidpoint):
 
     @property
     def claims(self) -> Claims:
-        return super().claims._replace(symplectic=False, momentum=False)
+        return super().claims._replace(symplectic=False, momentum=False, energy="changed")
+
+    def damping_rate(self, system: System) -> float:
+        """That of the highest degree, ν(N(N − 1) − 2) + α, 1/s."""
+        size = size_of(system)
+        return self.viscosity * max(size * (size - 1) - 2, 0) + self.drag
 
     def require_fit(self, system: System) -> None:
         super().require_fit(system)
