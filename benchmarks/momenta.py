@@ -131,7 +131,8 @@ def by_quflow(W: np.ndarray, h: float, steps: int) -> tuple[float, float] | None
     """
     if find_spec("quflow") is None:
         return None
-    sys.modules.setdefault("ducc0", ModuleType("ducc0"))
+    if find_spec("ducc0") is None:
+        sys.modules.setdefault("ducc0", ModuleType("ducc0"))
     integrate = importlib.import_module("quflow.integrators.isospectral").isomp_fixedpoint
     tolerance = 1e-14 * 0.079 * float(np.linalg.norm(W, np.inf))  # its residual is of what a step adds to W
 

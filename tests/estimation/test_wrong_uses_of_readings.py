@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import estimation
+from coadjoint.estimation.filtered import Consistency
 
 Strapdown: Any = estimation.StrapdownProcess
 TIMES = np.arange(0.0, 2.0, 0.02)
@@ -104,9 +106,23 @@ def test_a_gap_between_readings_is_told(hole: slice, told: str):
 
 def test_what_is_printed_tells_of_readings_in_other_units():
     right, wrong = run((TIMES, REST)), run((TIMES, REST / 9.81))
-    assert "place  4 of 4 used, mean NIS" in str(right) and "of a consistent filter 3" in str(right)
+    assert "place  4 of 4 used, their mean NIS" in str(right) and "of a consistent filter 3" in str(right)
     assert "not what the model expects" not in str(right) and "not what the model expects; see to units" in str(wrong)
     assert repr(right) == "<Filtered: 76 nodes to 1.5 s; print it for the NIS of its measurements>"
+
+
+def test_what_a_gate_left_out_counts_in_no_mean_and_raises_an_alarm_where_it_is_most():
+    found = run((TIMES, REST))
+    nis = np.array([2.0, 3.0, 4.0, 1e9, np.nan])
+
+    def printed(used):
+        one = Consistency(np.arange(5.0), nis, np.array(used))
+        return str(replace(found, nis={"place": one}))
+
+    assert "3 of 5 used, their mean NIS 3, of" in printed([True, True, True, False, False])
+    assert "not what the model expects" not in printed([True, True, True, False, False])
+    assert "not what the model expects" in printed([True, False, False, False, False])
+    assert "not what the model expects" in printed([True, True, True, True, False])
 
 
 def test_whole_numbers_of_numpy_are_whole_numbers():

@@ -122,7 +122,14 @@ BODY = manakov.body(moments=[1.0, 2.0, 3.0])
     [
         (lambda: manakov.body(moments=[1.0]), "two or more numbers, but has shape"),
         (lambda: manakov.body(moments=[1.0, -2.0, 5.0]), "those of the axes 2 and 1 make -1: a body has a mass"),
-        (lambda: manakov.start(manakov.body(moments=[1.0, 2.0, 3.0]), angular_velocity=np.eye(3)), "must be skew"),
+        (
+            lambda: manakov.start(manakov.body(moments=[1.0, 2.0, 3.0]), angular_velocity=np.eye(3)),
+            "must be skew, but Ω \\+ Ωᵀ has an entry of 2 rad/s",
+        ),
+        (
+            lambda: jax.jit(lambda mu: manakov.integrals(BODY, mu)[2, 0])(np.zeros(3)),
+            "computed from numbers: under jax.jit observe `trace_k_j`",
+        ),
         (lambda: manakov.body(moments=[1.0, 2.0]).replace(moments=[1, 2, 3]), "must hold 2 numbers"),
         (
             lambda: manakov.lax_pair(catalogue["free_rigid_body"].make(), np.zeros(3), 0.0),
@@ -143,3 +150,22 @@ BODY = manakov.body(moments=[1.0, 2.0, 3.0])
 def test_what_is_no_body_is_told_in_a_sentence(call, says):
     with pytest.raises(co.ArgumentError, match=says):
         call()
+
+
+def test_a_rate_that_is_skew_to_round_off_is_one():
+    """RΩRᵀ of rotations R has an error of round-off."""
+    body = manakov.body(moments=[1.0, 2.0, 3.0, 0.7])
+    random = np.random.default_rng(3)
+    R, S = np.linalg.qr(random.normal(size=(4, 4)))[0], random.normal(size=(4, 4))
+    Omega = R @ (S - S.T) @ R.T
+    assert not np.array_equal(Omega, -Omega.T)
+    exact = manakov.start(body, angular_velocity=0.5 * (Omega - Omega.T))
+    np.testing.assert_allclose(manakov.start(body, angular_velocity=Omega).mu, exact.mu, rtol=1e-13)
+
+
+def test_a_complex_spectral_parameter_has_a_complex_curve():
+    mu, z = np.array([1.0, -2.0, 0.5]), 1 + 2j
+    found = manakov.spectral_polynomial(BODY, mu, z)
+    for w in (0.3, -1 + 0.5j):
+        expected = np.linalg.det(w * np.eye(3) - manakov.lax_pair(BODY, mu, z)[0])
+        assert abs(np.polyval(found, w) - expected) < 1e-12 * abs(expected)

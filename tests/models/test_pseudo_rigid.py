@@ -144,6 +144,17 @@ def test_it_swings_about_rest_at_its_frequencies(mode: np.ndarray, square: float
     assert abs((4 * ends[1] - ends[0]) / 3) < 1e-5
 
 
+def test_a_map_that_does_not_turn_with_the_body_keeps_no_circulation():
+    """τ(Ad_Qξ) = Qτ(ξ)Q⁻¹ does not hold of coordinates of the second kind."""
+    body = rubber((0.4, 0.4, 0.4))
+    random = generator("pseudo-rigid")
+    F, F_dot = np.eye(3) + 0.15 * random.normal(size=(3, 3)), 0.5 * random.normal(size=(3, 3))
+    start = pseudo_rigid.start(body, deformation=F, velocity=F_dot)
+    run = co.simulate(body, start, dt=0.02, steps=100, method=co.LeftRectangle(co.SecondKind()), accuracy=False)
+    assert run.relative_change("kelvin_noether") < 1e-12
+    assert max(np.ptp(run.dataset[f"circulation_{axis}"].values) for axis in "xyz") > 1e-8
+
+
 @pytest.mark.parametrize("method", [co.Midpoint(), co.LeftRectangle(co.Exponential())], ids=["midpoint", "left"])
 @pytest.mark.parametrize("moments", [(0.4, 0.4, 0.4), (0.4, 0.6, 0.5)], ids=["round", "not round"])
 def test_circulation_is_kept_by_the_symmetry_within_and_angular_momentum_by_that_of_space(method, moments):

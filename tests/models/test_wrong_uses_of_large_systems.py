@@ -192,6 +192,10 @@ FLUIDS = {
         lambda: fluids.boussinesq(4).replace(rotation=np.ones(3)),
         r"`rotation` must be one number, but has shape \(3,\)",
     ),
+    "poses of no pairs": (
+        lambda: co.System(co.Power(co.SO3(), 1), lambda xi, a: jnp.sum(xi**2), advected=co.RelativePoses()),
+        r"couples no two links, so that RelativePoses has no pairs: give `pairs`, as \[\(-1, 0\)\]",
+    ),
     "no stirring": (lambda: fluids.DampedMidpoint(stirring=1.0), "`stirring` must be finite numbers c_lm"),
     "vortices by degrees": (
         lambda: fluids.vortices(20, [(0, 180)], [1.0], 0.5),

@@ -53,11 +53,12 @@ class Filtered:
         """What was used of every measurement, and its mean NIS beside what is expected, the count of its numbers."""
         lines = [("nodes", f"{len(self.t):,} from {self.t[0]:.6g} s to {self.t[-1]:.6g} s, every {self.every}")]
         for name, one in self.nis.items():
-            nis, m = one.nis[np.isfinite(one.nis)], self._sizes.get(name, 1)
+            measured = np.isfinite(one.nis)
+            nis, m = one.nis[measured & one.used], self._sizes.get(name, 1)
             text = f"{np.count_nonzero(one.used):,} of {np.size(one.used):,} used"
             if len(nis):
-                text += f", mean NIS {np.mean(nis):.3g}, of a consistent filter {m}"
-            if len(nis) and np.mean(nis) > FAR * m:
+                text += f", their mean NIS {np.mean(nis):.3g}, of a consistent filter {m}"
+            if (len(nis) and np.mean(nis) > FAR * m) or len(nis) < 0.5 * np.count_nonzero(measured):
                 text += ": what it reads is not what the model expects; see to units, axes, signs, gravity and noise"
             lines.append((name, text))
         width = max(len(name) for name, _ in lines)

@@ -72,8 +72,14 @@ def at_origin(pose: Pose, log: Log) -> Pose:
         else:
             i = VELOCITY.index(name)
             v[:, i] -= np.cross(pose.omega, r)[:, i]
-    if VELOCITY[0] not in log.columns and POSITION[0] in log.positions:
-        v -= np.cross(pose.omega, log.positions[POSITION[0]])
+    # A velocity that was not measured is Rᵀq̇ of places that sensors measured, each at its own r.
+    turning = np.zeros_like(q)
+    for name, r in log.positions.items():
+        if name in POSITION:
+            i = POSITION.index(name)
+            turning[:, i] = np.einsum("kj,kj->k", pose.R[:, i], np.cross(pose.omega, r))
+    apart = np.einsum("kji,kj->ki", pose.R, turning)
+    v -= apart * [name not in log.columns for name in VELOCITY]
     return pose._replace(q=q, v=v)
 
 

@@ -66,6 +66,11 @@ class Structure(Protocol):
         ...
 
     @property
+    def limit(self) -> str:
+        """The most iterations of a stage, in words."""
+        ...
+
+    @property
     def words(self) -> str:
         """How XLA solves them, for cards and messages."""
         ...

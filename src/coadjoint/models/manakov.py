@@ -22,6 +22,8 @@ from coadjoint.spaces.numbers import float64
 
 __all__ = ["body", "integrals", "lax_pair", "spectral_polynomial", "start"]
 
+SKEW = 1e-12
+"""The largest entry of Ω + Ωᵀ, relative to Ω, that is round-off."""
 WATCHED = 4
 """The highest power of L whose integrals runs observe."""
 
@@ -72,8 +74,11 @@ def start(manakov: System, *, angular_velocity: Any) -> State:
     """
     n = _size(manakov)
     omega = np.asarray(float64(angular_velocity, "Argument `angular_velocity`"))
-    if omega.shape == (n, n) and np.array_equal(omega, -omega.T):
+    if omega.shape == (n, n) and np.max(np.abs(omega + omega.T)) <= SKEW * np.max(np.abs(omega)):
         omega = omega[tuple(np.array(list(combinations(range(n), 2))).T[::-1])]
+    if omega.shape == (n, n):
+        part = np.max(np.abs(omega + omega.T))
+        raise ArgumentError(f"Argument `angular_velocity` must be skew, but Ω + Ωᵀ has an entry of {part:.3g} rad/s.")
     if omega.shape != (manakov.group.dim,):
         raise ArgumentError(
             f"Argument `angular_velocity` must be skew, ({n}, {n}), or its {manakov.group.dim} entries below the "
@@ -82,7 +87,7 @@ def start(manakov: System, *, angular_velocity: Any) -> State:
     return manakov.state(xi=omega)
 
 
-def lax_pair(manakov: System, mu: Array, z: float) -> tuple[Array, Array]:
+def lax_pair(manakov: System, mu: Array, z: complex) -> tuple[Array, Array]:
     """L = M + zJ² and B = Ω + zJ, (…, n, n) each, of momenta μ (…, n(n − 1)/2), with L̇ = [L, B] at every z.
 
     z: one number. Units of L are kg m²/s, so that z is in 1/(kg m² s) and those of B are rad/s.
@@ -96,14 +101,15 @@ def lax_pair(manakov: System, mu: Array, z: float) -> tuple[Array, Array]:
     return M + z * np.diag(moments**2), Omega + z * np.diag(moments)
 
 
-def spectral_polynomial(manakov: System, mu: Array, z: float) -> np.ndarray:
+def spectral_polynomial(manakov: System, mu: Array, z: complex) -> np.ndarray:
     """The coefficients (n + 1,) of det(w − L(z)) in w, from wⁿ on, of a momentum μ (n(n − 1)/2,).
 
     Where it is 0 is the spectral curve, which the motion does not change. Raises ArgumentError as `lax_pair`.
     """
     if np.ndim(mu) > 1:
         raise ArgumentError(f"Argument `mu` must be that of one momentum, but has shape {np.shape(mu)}.")
-    return np.poly(lax_pair(manakov, mu, z)[0]).real
+    found = np.poly(lax_pair(manakov, mu, z)[0])
+    return found.real if np.isreal(z) else found
 
 
 def integrals(manakov: System, mu: Array) -> dict[tuple[int, int], np.ndarray]:
@@ -167,6 +173,10 @@ def _lambdas(manakov: System) -> np.ndarray:
 
 def _momenta(manakov: System, mu: Any) -> np.ndarray:
     """μ, (…, n(n − 1)/2), finite."""
+    if traced(mu):
+        raise ArgumentError(
+            "Integrals of momenta are computed from numbers: under jax.jit observe `trace_k_j` instead."
+        )
     found, count = np.asarray(float64(mu, "Argument `mu`")), manakov.group.dim
     if found.shape[-1:] != (count,):
         raise ArgumentError(f"Argument `mu` must have shape (…, {count}), but has shape {found.shape}.")

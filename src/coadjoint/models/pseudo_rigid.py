@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import GLn, LieGroup, SLn
 from coadjoint.groups.group import Array, Element
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -61,7 +62,8 @@ def elastic(*, moments: Any, shear: Any, lame: Any, volume: Any = 1.0) -> System
     In the library's form ℓ(ξ, C) = ½ tr(ξ E ξᵀC) − V(C), ξ = F⁻¹Ḟ, with C = FᵀF advected from the form 1 of space.
     Rotations of space keep that form: the angular momentum is conserved, `kelvin_noether`. V is isotropic, so that a
     body with E = e·1 may also be turned within itself, and the circulation is conserved, the skew part of μ:
-    `circulation_x`, … with every method and map. About rest it breathes at ω² = v(2G + 3λ)/e and shears at 2vG/e.
+    `circulation_x`, … with every method, and with every map that turns with the body, τ(Ad_Qξ) = Qτ(ξ)Q⁻¹, as all do
+    but co.SecondKind. About rest it breathes at ω² = v(2G + 3λ)/e and shears at 2vG/e.
 
     moments: E = ∫XXᵀ dm about the mass centre, (3, 3) or its diagonal (3,), kg m². shear: G, Pa. lame: λ, Pa, not
     negative. volume: v, m³. Raises ArgumentError for others. Source: Cohen and Muncaster, The Theory of Pseudo-rigid
@@ -89,7 +91,8 @@ def gravitating(*, mass: Any, radius: Any, gravitational_constant: Any = 6.6743e
     circulation. Steady motions F = R(t)AQ(t)ᵀ are the ellipsoids of Maclaurin, Jacobi, Dedekind and Riemann.
     The group needs a map that keeps volumes: co.Midpoint(co.Exponential()). The integral is that of 24 points of
     Gauss and Legendre in √(r²/(r² + u)), good to 1e-13 where no axis is below a quarter of another, to 1e-8 at a tenth;
-    it is not for flatter bodies, and `start` refuses those below a twentieth.
+    it is not for flatter bodies. `start` refuses those below a twentieth; of a run that comes to be as flat nothing
+    tells but the axes, np.linalg.svd(run.records.g, compute_uv=False).
 
     mass: m, kg. radius: r, m. gravitational_constant: G, by default 6.6743e-11 m³/(kg s²). Raises ArgumentError for
     others. Source: Chandrasekhar, Ellipsoidal Figures of Equilibrium (Yale 1969), chapters 4, 5, 7.
@@ -148,12 +151,7 @@ def start(body: System, *, deformation: Any = None, velocity: Any = None) -> Sta
         raise ArgumentError(
             f"Argument `velocity` of a fluid must keep its volume, tr F⁻¹Ḟ = 0, but the trace is {np.trace(U):.3g}/s."
         )
-    return body.state(g=F, xi=_coordinates(body.group, U), a0=np.eye(3).ravel())
-
-
-def _coordinates(group: LieGroup, U: np.ndarray) -> np.ndarray:
-    """ξ of a matrix in 𝔤, by least squares in the basis."""
-    return np.linalg.lstsq(group.basis.reshape(group.dim, -1).T, U.ravel(), rcond=None)[0]
+    return body.state(g=F, xi=evaluate(body.group.vee, U), a0=np.eye(3).ravel())
 
 
 def _body(group: Any, energy: Any, moments: Any, checks: Any, given: dict[str, Any], name: str) -> System:
@@ -163,7 +161,7 @@ def _body(group: Any, energy: Any, moments: Any, checks: Any, given: dict[str, A
         U, C = group.hat(xi), jnp.reshape(a, (3, 3))
         return 0.5 * jnp.sum((U @ moments(p)) * (C @ U)) - energy(C, p)
 
-    ways = [_coordinates(group, np.cross(np.eye(3)[k], np.eye(3)).T) for k in range(3)]
+    ways = [evaluate(group.vee, np.cross(np.eye(3)[k], np.eye(3)).T) for k in range(3)]
     watched = {f"circulation_{axis}": partial(_along, way=way) for axis, way in zip("xyz", ways, strict=True)}
     return System(
         group,

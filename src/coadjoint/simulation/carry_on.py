@@ -7,7 +7,7 @@ from typing import Any
 
 from coadjoint.errors import StepError
 from coadjoint.interrupts import forget, look
-from coadjoint.kernels.program import MAX_ITERATIONS, Code
+from coadjoint.kernels.program import Code
 from coadjoint.log import logger
 from coadjoint.mechanics.over_step import failure
 from coadjoint.simulation import budget
@@ -87,7 +87,7 @@ def _sentence(run: Run) -> str:
     unsolved, beyond = run.method.remedies
     where = f"Step {index} of {run.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
-        many = f"{MAX_ITERATIONS} Newton iterations"
+        many = run.plan.program.stages[0].structure.limit
         return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."

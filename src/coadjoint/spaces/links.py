@@ -159,6 +159,11 @@ class RelativePoses(Space):
 
     def require_fit(self, group: LieGroup) -> None:
         power = _power(group)
+        if not self.of(group):
+            raise GroupError(
+                f"{power!r} couples no two links, so that RelativePoses has no pairs: give `pairs`, as [(-1, 0)] for "
+                "the pose of the first link itself."
+            )
         wrong = [
             pair for pair in self.of(group) if min(pair) < GROUND or max(pair) >= power.count or pair[0] == pair[1]
         ]

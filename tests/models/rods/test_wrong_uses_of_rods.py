@@ -6,6 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import coadjoint as co
@@ -53,11 +54,19 @@ RODS = {
     "a load where no end is": (lambda: rod(ends="ring", load=(1.0, 0.0)), "has no free end for a `load`"),
     "a motion of a free end": (
         lambda: rod(motion=lambda t: (jnp.eye(2), jnp.zeros(2))),
-        "of a rod whose first end is clamped",
+        "moves a clamped first end, but this rod has ends 'free'",
+    ),
+    "a motion of NumPy": (
+        lambda: rod(ends="clamped", motion=lambda t: (np.eye(2), np.array([0.0, np.sin(t)]))),
+        r"in jax.numpy, to a pose .*, but uses NumPy on t",
+    ),
+    "a motion that is no number": (
+        lambda: rod(ends="clamped", motion=lambda t: (jnp.eye(2), jnp.array([t, jnp.nan]))),
+        "`motion` must be finite, but at t = 0",
     ),
     "a motion that is no pose": (
         lambda: rod(ends="clamped", motion=lambda t: jnp.zeros(3)),
-        r"`motion` must be .* to a pose \(R, x\) of shapes \(2, 2\) and \(2,\)",
+        r"`motion` must be .* to a pose \(R, x\) of shapes \(2, 2\) and \(2,\), but has shapes \[\(3,\)\]",
     ),
     "a start of rods in space": (lambda: rods.start(rod()), "A planar rod starts by co.models.rods.planar_start"),
     "a start of rods in a plane": (
@@ -88,6 +97,14 @@ RODS = {
         lambda: rods.planar_start(rod(rest_curvature=-20.0), curvature=0.0),
         "of `rest_curvature` element 0 turns by 6.667 rad",
     ),
+    "a start of members that turn otherwise": (
+        lambda: rods.planar_start(rod(rest_curvature=0.0).replace(rest_curvature=co.each([[0.0] * 3, [0.1] * 3]))),
+        "follows from its `rest_curvature`, of which members have several, .*, or give `curvature`",
+    ),
+    "a member whose rest turns too far": (
+        lambda: rods.planar_start(rod().replace(rest_curvature=co.each([[0.0] * 3, [0.0, 10.0, 0.0]])), curvature=0.0),
+        "of `rest_curvature` element 1 turns by 3.333 rad",
+    ),
     "no direction of gravity": (
         lambda: rods.planar_start(rod(gravity=9.8), down=(0, -2)),
         "`down` must be a unit vector, but has length 2",
@@ -109,6 +126,10 @@ RODS = {
         lambda: rods.equilibrium(rod(moment=1.0), rods.planar_start(rod(moment=1.0))),
         "what acts on it does not balance",
     ),
+    "a couple for which elements are too few": (
+        lambda: rods.equilibrium(rod(ends="clamped", moment=60.0), rods.planar_start(rod(ends="clamped", moment=60.0))),
+        "No state of rest was found: .* or take more elements, of which each turns by less than π",
+    ),
     "derivatives of a state of rest": (lambda: slope_of_rest(), "have no derivatives by JAX: take differences"),
     "modes of a rod that falls": (
         lambda: rods.modes(weighted(), rods.planar_start(weighted())),
@@ -127,3 +148,26 @@ def test_a_wrong_use_of_a_rod_is_told_in_a_sentence(call, says):
     with pytest.raises(CoadjointError, match=says) as caught:
         call()
     assert len(str(caught.value)) < 400 and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("ends", "least"), [("free", 1), ("clamped", 1), ("both clamped", 2), ("ring", 3)])
+@pytest.mark.parametrize("space", [False, True])
+def test_the_smallest_rod_of_every_kind_of_ends_starts(ends, least, space):
+    circle = 2 * np.pi if ends == "ring" else 0.0
+    if space:
+        state = rods.start(rod_in_space(elements=least, ends=ends), curvature=(0.0, 0.0, circle))
+    else:
+        state = rods.planar_start(rod(elements=least, ends=ends), curvature=circle)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((state.g, state.mu)))
+
+
+def test_a_motion_may_end_with_the_run():
+    driven = rod(ends="clamped", motion=lambda t: (jnp.eye(2) * jnp.where(t < 5, 1.0, jnp.nan), jnp.zeros(2)))
+    assert np.all(rods.planar_start(driven).mu == 0)
+
+
+def test_members_at_rest_in_several_curvatures_start_in_one():
+    several = rod(ends="clamped").replace(rest_curvature=co.each([[0.0] * 3, [0.5] * 3]))
+    fleet = co.simulate(several, rods.planar_start(several, curvature=0.0), dt=1e-3, steps=3, accuracy=False)
+    straight, bent = np.max(np.abs(fleet.final.mu), axis=1)
+    assert straight < 1e-10 and bent > 1e-6

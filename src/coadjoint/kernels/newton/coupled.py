@@ -90,6 +90,8 @@ class Coupled:
     sizes: tuple[int, ...]
     pairs: tuple[tuple[int, int], ...]
 
+    limit = f"{MOST} Newton iterations"
+
     @property
     def native(self) -> bool:
         """Whether there are so few unknowns that native code eliminates them all."""

@@ -50,6 +50,7 @@ class FixedPoint:
 
     tolerance: float = 1e-14
     native = False
+    limit = f"{MOST} iterations of a fixed point"
 
     @property
     def words(self) -> str:

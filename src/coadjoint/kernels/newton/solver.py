@@ -28,6 +28,7 @@ class Dense:
     """The structure of equations that all unknowns may enter: Newton's method with the whole Jacobian, `solve`."""
 
     native = True
+    limit = f"{MAX_ITERATIONS} Newton iterations"
     words = "Newton's method with a dense Jacobian"
 
     def root(

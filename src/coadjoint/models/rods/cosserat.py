@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.float64 import float64 as float64_scope
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
@@ -202,7 +201,8 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
 
     def pair(value: Any, name: str) -> Any:
         found = float64(value, f"Argument `{name}`")
-        return positive_pair(np.broadcast_to(found, 2) if np.shape(found) == () else found, name)
+        both = jnp.broadcast_to if traced(found) else np.broadcast_to
+        return positive_pair(both(found, 2) if np.shape(found) == () else found, name)
 
     def bodies(value: Any, name: str) -> Any:
         for one in vector(value, name):
@@ -214,7 +214,7 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
         one, all_ = ((3,), (layout.elements, 3)) if three else ((), (layout.elements,))
         if np.shape(found) not in (one, all_):
             raise ArgumentError(f"Argument `{name}` must have shape {one} or {all_}, but has shape {np.shape(found)}.")
-        return np.broadcast_to(found, all_)
+        return jnp.broadcast_to(found, all_) if traced(found) else np.broadcast_to(found, all_)
 
     size = 3 if three else 2
     scalars = dict.fromkeys(("EA", "mass", "GJ") if three else ("EA", "mass", "EI", "GA", "inertia"), positive)
@@ -230,17 +230,24 @@ def _checks(layout: RodLayout) -> dict[str, Callable[[Any, str], Any]]:
 def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None:
     if layout.ends in ("both clamped", "ring") and (load is not None or moment is not None):
         raise ArgumentError(f"A rod with ends {layout.ends!r} has no free end for a `load` or a `moment`.")
-    size, found = 2 if layout.planar else 3, None
-    if callable(motion):
-        with suppress(Exception), float64_scope():
-            found = [np.shape(leaf) for leaf in jax.eval_shape(motion, 0.0)]
-    if motion is not None and (found != [(size, size), (size,)] or layout.ends not in ("clamped", "both clamped")):
+    if motion is None:
+        return
+    if layout.ends not in ("clamped", "both clamped"):
+        raise ArgumentError(f"Argument `motion` moves a clamped first end, but this rod has ends {layout.ends!r}.")
+    size, found, why = 2 if layout.planar else 3, None, ""
+    try:
+        with float64_scope():
+            found = [np.shape(leaf) for leaf in jax.tree.leaves(jax.eval_shape(motion, 0.0))]
+    except jax.errors.TracerArrayConversionError:
+        why = "but uses NumPy on t"
+    except Exception as error:
+        why = f"but ends in {type(error).__name__}: {error}".splitlines()[0].rstrip(".")
+    if found != [(size, size), (size,)]:
         raise ArgumentError(
             "Argument `motion` must be a function of the time t, in jax.numpy, to a pose (R, x) of shapes "
-            f"({size}, {size}) and ({size},), of a rod whose first end is clamped."
+            f"({size}, {size}) and ({size},), {why or f'but has shapes {found}'}."
         )
-    if motion is not None:
-        _require_pose(motion, size)
+    _require_pose(motion, size)
 
 
 def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
@@ -249,6 +256,8 @@ def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
         R, x = map(np.asarray, evaluate(motion, 0.0))
     except jax.errors.TracerArrayConversionError:  # it holds a number that JAX traces, which a run refuses
         return
+    if not (np.all(np.isfinite(R)) and np.all(np.isfinite(x))):
+        raise ArgumentError(f"Argument `motion` must be finite, but at t = 0 R is {R.tolist()} and x {x.tolist()}.")
     if not max(np.max(np.abs(R - np.eye(size))), np.max(np.abs(x))) <= ROUND_OFF:
         raise ArgumentError(
             "Argument `motion` must be (1, 0) at t = 0, as it is relative to where the start puts the end, but there R "
@@ -256,5 +265,7 @@ def _require_pose(motion: Callable[[Any], Any], size: int) -> None:
         )
     for t in SEEN:
         R = np.asarray(evaluate(motion, t)[0])
-        if not np.max(np.abs(R @ R.T - np.eye(size))) <= ROUND_OFF or np.linalg.det(R) < 0:
+        if not np.all(np.isfinite(R)):  # a motion need not go on beyond a run, which tells of its own times
+            continue
+        if np.max(np.abs(R @ R.T - np.eye(size))) > ROUND_OFF or np.linalg.det(R) < 0:
             raise ArgumentError(f"The R of `motion` must be a rotation, but at t = {t:g} s it is {R.tolist()}.")

@@ -10,7 +10,8 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.mechanics.each import Each
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation
@@ -101,6 +102,13 @@ def curve(rod: System, first: Any, strain: Any) -> Any:
 def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_velocity: Any, down: Any) -> State:
     group = rod_of(rod)
     p: Any = rod.parameters
+    for name in ("length",) if curvature is not None else ("length", "rest_curvature"):
+        if isinstance(getattr(p, name), Each) or traced(getattr(p, name)):
+            raise ArgumentError(
+                f"The shape in which a rod starts follows from its `{name}`, of which members have several, or by "
+                "which jax.grad differentiates: take the start of one rod for all"
+                + (", or give `curvature`." if name == "rest_curvature" else ".")
+            )
     size, M = len(first[1]), len(p.length)
     turning = group.factor.dim - size
     if turning != (3 if size == 3 else 1):
@@ -115,10 +123,13 @@ def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_veloc
     strain = each_element(straight(size == 2), M)
     strain[:, :turning] = np.reshape(kappa, (-1, turning))
     _require_turns(strain[:, :turning], p.length, "curvature")
-    _require_turns(np.reshape(p.rest_curvature, (M, turning)), p.length, "rest_curvature")
+    at_rest = p.rest_curvature.values if isinstance(p.rest_curvature, Each) else p.rest_curvature
+    if not traced(at_rest):
+        for one in np.reshape(at_rest, (-1, M, turning)):
+            _require_turns(one, p.length, "rest_curvature")
     poses = curve(rod, first, strain)
     pairs = rod_pairs(rod)
-    if pairs[-1][1] == 0:
+    if pairs[-1][1] == 0 and pairs[0][0] >= 0:
         _require_closed(poses, p.length)
     begin = int(pairs[0][0] < 0)
     R, x = (leaf[begin : begin + group.count] for leaf in poses)

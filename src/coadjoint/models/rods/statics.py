@@ -44,25 +44,27 @@ def equilibrium(rod: System, state: State, tolerance: float = 1e-9) -> State:
     group = _group(rod, state)
     forces, couple, unit = _forces(rod, state), _couple(rod, group), _units(rod, group)
     a0 = evaluate(lambda g, a: rod.advected.act(group, g, a), state.g, state.a)
-    size, left, unbalanced = np.inf, 0.0, 0
+    size, left, unbalanced, balanced = np.inf, 0.0, 0, False
     for _ in range(MOST):
         residual, slope = forces(state.a)
         step, left = _solved(slope, couple - residual, unit)
         size = float(np.max(np.abs(step)))
         unbalanced = unbalanced + 1 if left > UNBALANCED else 0
+        balanced = balanced or not unbalanced
         if not np.isfinite(size) or unbalanced == 3:
             break
         state = _moved(rod, state, a0, unit * step * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP)))
         if size <= tolerance and not unbalanced:
             return state
-    if left > UNBALANCED:
+    if not balanced:
         raise ArgumentError(
             "This rod has no state of rest: nothing holds it, and what acts on it does not balance; clamp an end, or "
             "leave out gravity, loads and couples."
         )
     raise ArgumentError(
-        f"No state of rest was found in {MOST} iterations, the last of which moved a section by {size:.2g}: start from "
-        "a shape that is nearer, as that of a smaller load."
+        f"No state of rest was found: the last iteration moved a section by {size:.2g}, rad or lengths of the rod. "
+        "Start from a shape that is nearer, as that of a smaller load, or take more elements, of which each turns by "
+        "less than π."
     )
 
 

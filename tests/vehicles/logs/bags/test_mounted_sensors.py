@@ -12,6 +12,7 @@ from coadjoint.groups import attitude
 from coadjoint.identification import identify
 from coadjoint.identification.channels import Channels, seen
 from coadjoint.identification.log import Log
+from coadjoint.identification.smoothing import Pose, at_origin
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.vehicles.logs import read_log, write_log, write_mcap
 from coadjoint.vehicles.readings.of_run import readings
@@ -107,6 +108,45 @@ def test_a_declared_mounting_is_that_of_the_vehicle_file(dive, bag, tmp_path, ax
     np.testing.assert_allclose(log.positions["u"], PLACE, atol=1e-15)
     bare = read_log(foreign, sensors={"sensor": [{"topic": "/sensors/dvl", "axes": axes}]})
     assert np.nanmax(np.abs(bare.columns["v"] - log.columns["v"][np.isfinite(log.columns["v"])])) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("declared", "place", "turn"),
+    [
+        ({"position_m": [0.1, 0.0, 0.0]}, (0.1, 0.0, 0.0), TURN),
+        ({"euler_zyx_deg": [0.0, 0.0, 0.0]}, PLACE, (0.0, 0.0, 0.0)),
+        ({"position_m": [0.0, 0.0, 0.0], "euler_zyx_deg": [0.0, 0.0, 0.0]}, None, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_what_is_declared_of_a_mounting_is_that_and_the_rest_is_what_the_bag_tells(dive, bag, declared, place, turn):
+    def dvl(**row):
+        return read_log(bag, topics=["/sensors/dvl"], sensors={"sensor": [{"topic": "/sensors/dvl", **row}]})
+
+    log, plain = dvl(axes="NED/FRD", **declared), dvl(axes="NED/FRD", euler_zyx_deg=[0.0, 0.0, 0.0])
+    v = np.stack([plain.columns[name] for name in "uvw"], axis=1) @ np.asarray(attitude.zyx(*turn)).T
+    np.testing.assert_allclose(np.stack([log.columns[name] for name in "uvw"], axis=1), v, atol=1e-12)
+    assert log.positions == ({} if place is None else dict.fromkeys("uvw", place))
+    (note,) = [note for note in log.notes if "where they count" in note] or [""]
+    assert ("position = " in note, "euler_zyx = " in note) == (place is not None, any(turn))
+
+
+def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measured(dive):
+    """ν = Rᵀq̇ of places at three r, without a velocity in the log."""
+    _, _, run = dive
+    data, t = run.dataset, np.asarray(run.dataset["time"])
+    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "node_xi", "node_nu"))
+    levers = {"north": (2.0, 0.3, 0.0), "depth": (-0.4, 0.0, 0.2)}
+    qdot, at = np.einsum("kij,kj->ki", R, v), q.copy()
+    for i, name in enumerate(("north", "east", "depth")):
+        r = np.asarray(levers.get(name, (0.0, 0.0, 0.0)))
+        at[:, i] += (R @ r)[:, i]
+        qdot[:, i] += np.einsum("kij,kj->ki", R, np.cross(omega, r))[:, i]
+    columns = dict(zip(("north", "east", "depth"), at.T, strict=True))
+    log = Log(t, columns, {}, {}, positions=levers)
+    measured = Pose(R, at, omega, np.einsum("kji,kj->ki", R, qdot))
+    found = at_origin(measured, log)
+    np.testing.assert_allclose(found.q, q, atol=1e-12)
+    np.testing.assert_allclose(found.v, v, atol=1e-12)
 
 
 def test_what_is_compared_is_what_a_sensor_of_that_place_reads(dive):

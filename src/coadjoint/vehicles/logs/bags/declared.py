@@ -125,7 +125,8 @@ def _mounting(row: Mapping[str, Any], axes: Axes, where: str) -> Mounting:
     signs = np.diag(body_axes(axes))
     require_place(given["position_m"], where)
     position, angles = signs * given["position_m"], signs[::-1] * np.radians(given["euler_zyx_deg"])
-    return Mounting(tuple((position + 0.0).tolist()), tuple((angles + 0.0).tolist()))
+    found = zip(given, (position, angles), strict=True)
+    return Mounting(*(tuple((value + 0.0).tolist()) if key in row else None for key, value in found))
 
 
 def _command(row: dict[str, Any], where: str) -> CommandTopic:

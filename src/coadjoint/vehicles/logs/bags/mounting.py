@@ -16,15 +16,22 @@ FARTHEST = 100.0
 
 
 class Mounting(NamedTuple):
-    """r of a sensor in the body, m, and yaw, pitch and roll of its axes in those of the body, rad, both in FRD."""
+    """r of a sensor in the body, m, and yaw, pitch and roll of its axes in those of the body, rad, both in FRD.
 
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    euler_zyx: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    None is not known, and counts as O and as the axes of the body.
+    """
+
+    position: tuple[float, float, float] | None = None
+    euler_zyx: tuple[float, float, float] | None = None
 
     @property
     def M(self) -> np.ndarray:
         """From the axes of the sensor to those of the body, (3, 3)."""
-        return np.asarray(attitude.zyx(*self.euler_zyx))
+        return np.asarray(attitude.zyx(*(self.euler_zyx or (0.0, 0.0, 0.0))))
+
+    def completed(self, by: Mounting) -> Mounting:
+        """What is not known here as it is there."""
+        return Mounting(*(there if here is None else here for here, there in zip(self, by, strict=True)))
 
 
 def require_place(position: np.ndarray, where: str) -> None:
@@ -39,7 +46,7 @@ def along_the_body(columns: Mapping[str, np.ndarray], mounting: Mounting, where:
     Raises FileError where it measured some of three components, which do not tell the others.
     """
     found = dict(columns)
-    if not any(mounting.euler_zyx):
+    if not any(mounting.euler_zyx or ()):
         return found
     for names in (VELOCITY, RATES, ATTITUDE):
         there = [name for name in names if name in columns]
@@ -64,9 +71,10 @@ def along_the_body(columns: Mapping[str, np.ndarray], mounting: Mounting, where:
 
 def positions(columns: Mapping[str, np.ndarray], mounting: Mounting) -> dict[str, tuple[float, float, float]]:
     """r by the columns that depend on where the sensor sits; none of a sensor at O."""
-    if not any(mounting.position):
+    r = mounting.position
+    if r is None or not any(r):
         return {}
-    return {name: mounting.position for name in columns if name in (*POSITION, *VELOCITY)}
+    return {name: r for name in columns if name in (*POSITION, *VELOCITY)}
 
 
 def mounting_of(own: Mapping[str, str], name: str, where: str) -> Mounting:

@@ -23,7 +23,7 @@ from coadjoint.vehicles.logs.bags.declared import Declared, declared
 from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples, merged
 from coadjoint.vehicles.logs.bags.messages import Topic
-from coadjoint.vehicles.logs.bags.mounting import Mounting, mounting_of
+from coadjoint.vehicles.logs.bags.mounting import mounting_of
 from coadjoint.vehicles.logs.bags.ros1_file import read_ros1
 from coadjoint.vehicles.logs.bags.sampled import driving, samples
 from coadjoint.vehicles.logs.bags.sensor_messages import FOLDER
@@ -163,7 +163,7 @@ def _taken(
                 _require_frame(topic, one)
             found, told = samples(topic, one, ignore)
             sensors.append(found)
-            notes += [*told, *(_mounted(topic, own) if chosen is not None and one.columns else [])]
+            notes += [*told, *(_mounted(topic, one) if chosen is not None and one.columns else [])]
         for command in own_commands:
             if command.name not in ignore:
                 drove, told = driving(topic, command)
@@ -191,10 +191,10 @@ def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> S
     return replace(sensor, water=water, rank={name: sensor.rank.get(name, 1) + after for name in VEHICLE})
 
 
-def _mounted(topic: Topic, own: Mapping[str, str]) -> list[str]:
+def _mounted(topic: Topic, sensor: SensorTopic) -> list[str]:
     """A note on a sensor that was asked for and does not sit at O along the axes of the body."""
-    name = topic.name.removeprefix(FOLDER)
-    said = [f"{key} = {own[f'{key}.{name}']}" for key in ("position", "euler_zyx") if f"{key}.{name}" in own]
+    known = sensor.mounting._asdict().items()
+    said = [f"{key} = {' '.join(f'{one:g}' for one in value)}" for key, value in known if any(value or ())]
     return [f"{topic.name} is of a sensor with {', '.join(said)}, which is where they count."] if said else []
 
 
@@ -234,8 +234,8 @@ def _topics(bags: list[Bag | Dataflash]) -> list[Topic]:
 
 def _filled(given: SensorTopic, whole: bool, usual: SensorTopic | None, topic: Topic) -> SensorTopic:
     """A sensor that was declared, with the columns of its type where it tells none."""
-    if usual is not None and given.mounting == Mounting():
-        given = replace(given, mounting=usual.mounting)
+    if usual is not None:
+        given = replace(given, mounting=given.mounting.completed(usual.mounting))
     if whole:
         return given
     if usual is None:
