@@ -200,3 +200,21 @@ def test_the_fixed_point_ends_where_it_diverges():
     for slope, code in ((0.5, 0), (-2.0, 1), (np.nan, 2)):
         assert evaluate(root, slope)[2] == code
     np.testing.assert_allclose(evaluate(root, 0.5)[0], 2.0, rtol=1e-13)
+
+
+def test_the_fixed_point_expects_what_the_step_before_has_seen():
+    """From where one iteration is enough if r shrinks by 0.2 with h = 0.1, and with twice the step by 0.4."""
+
+    def root(carried, h):
+        found = FixedPoint(1e-6).root(lambda z: z - 2 * h * z - 1, jnp.ones(2) / (1 - 2 * h) + 4e-6, h, (2,), carried)
+        return found.iterations, found.code, found.carried
+
+    def blind(h):
+        return FixedPoint(1e-6).root(lambda z: z - 2 * h * z - 1, jnp.ones(2) / (1 - 2 * h) + 4e-6, h, (2,)).iterations
+
+    assert evaluate(blind, 0.1) == 2
+    iterations, code, carried = evaluate(root, 2.0, 0.1)
+    assert (iterations, code) == (1, 0) and carried == pytest.approx(2.0, rel=1e-12)
+    for expected in (8.0, 1e30):
+        iterations, code, carried = evaluate(root, expected, 0.1)
+        assert (iterations, code) == (2, 0) and carried == pytest.approx(2.0, rel=1e-6)

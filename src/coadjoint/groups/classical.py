@@ -64,8 +64,8 @@ class SOn(MatrixCoordinates, _Quadratic):
         return np.stack([unit(self.size, j, i) - unit(self.size, i, j) for i, j in pairs])
 
     def _hat(self, xi: Array) -> Array:
-        rows = jnp.concatenate([xi, jnp.zeros(1)])[_places(self.size)]
-        return rows - rows.T
+        places, signs = _places(self.size)
+        return jnp.asarray(xi)[places] * signs
 
     def _vee(self, matrix: Array) -> Array:
         return (0.5 * (matrix - matrix.T))[_below(self.size)]
@@ -248,12 +248,11 @@ class SLn(MatrixCoordinates, MatrixElements):
         return g * (1 - (jnp.linalg.det(g) - 1) / self.size)
 
 
-def _places(size: int) -> np.ndarray:
-    """Where the entry (j, i), i < j, of ξ̂ stands in ξ, and the number after the last for all others, (n, n)."""
-    count = size * (size - 1) // 2
-    found = np.full((size, size), count)
-    found[_below(size)] = np.arange(count)
-    return found
+def _places(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where the entries of ξ̂ stand in ξ, (n, n), and their signs, 0 on the diagonal."""
+    found, (rows, columns) = np.zeros((size, size), int), _below(size)
+    found[rows, columns] = found[columns, rows] = np.arange(len(rows))
+    return found, np.tri(size, k=-1) - np.tri(size, k=-1).T
 
 
 def _below(size: int) -> tuple[np.ndarray, np.ndarray]:

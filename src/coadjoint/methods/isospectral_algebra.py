@@ -92,15 +92,17 @@ class Orthogonal(Algebra):
         return self.group.hat(z)
 
     def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = PW(2ε + ε²P), of P and W (n, n)."""
-        return self.group.vee((P @ W) @ (2 * epsilon * np.eye(len(P)) + epsilon**2 * P))
+        """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = 2εPW + ε² PWP, of P and W (n, n)."""
+        Z = P @ W
+        return self.group.vee(2 * epsilon * Z + epsilon**2 * (Z @ P))
 
     def bracket(self, P: Array, W: Array) -> Array:
         """The coordinates (dim,) of [P, W] = PW − (PW)ᵀ, of P and W (n, n)."""
         return 2 * self.group.vee(P @ W)
 
     def forced(self, B: Array, Theta: Array, P: Array, epsilon: Array) -> Array:
-        return self.group.vee((B @ Theta) @ (2 * epsilon * np.eye(len(P)) + 2 * epsilon**2 * P))
+        Z = B @ Theta
+        return self.group.vee(2 * epsilon * Z + 2 * epsilon**2 * (Z @ P))
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
         X = epsilon * self.matrix(xi)
@@ -135,17 +137,20 @@ class Unitary(Algebra):
         return self.hull.parts(z)
 
     def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
-        one = ComplexMatrix(2 * epsilon * np.eye(self.hull.size) + epsilon**2 * P.real, epsilon**2 * P.imaginary)
-        return self.hull.coordinates(product(product(P, W), one))
+        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of 2εPW + ε² PWP."""
+        return self._part(product(P, W), P, 2 * epsilon, epsilon**2)
+
+    def _part(self, Z: ComplexMatrix, P: ComplexMatrix, first: Array, second: Array) -> Array:
+        """The coordinates (unknowns,) of the anti-Hermitian part of aZ + bZP, of Z and P (n, n) and two numbers."""
+        A, B = product(Z, P)
+        return self.hull.coordinates(ComplexMatrix(first * Z.real + second * A, first * Z.imaginary + second * B))
 
     def bracket(self, P: ComplexMatrix, W: ComplexMatrix) -> Array:
         """The coordinates (unknowns,) of [P, W] = PW − (PW)†, of P and W (n, n)."""
         return 2 * self.hull.coordinates(product(P, W))
 
     def forced(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix, epsilon: Array) -> Array:
-        real = 2 * epsilon * np.eye(self.hull.size) + 2 * epsilon**2 * P.real
-        return self.hull.coordinates(product(product(B, Theta), ComplexMatrix(real, 2 * epsilon**2 * P.imaginary)))
+        return self._part(product(B, Theta), P, 2 * epsilon, 2 * epsilon**2)
 
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
         A, B = self.matrix(xi)

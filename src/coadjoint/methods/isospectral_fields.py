@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.system import System
-from coadjoint.methods.isospectral_algebra import algebra_of
+from coadjoint.methods.isospectral_algebra import Algebra, algebra_of
 from coadjoint.spaces import Adjoint, ByInverse, Coadjoint, Links, Several
 
 
@@ -46,28 +49,38 @@ def momenta_of(system: System, z: Array) -> tuple[Array, Array]:
     return mu, jnp.concatenate(thetas) if thetas else jnp.zeros(0)
 
 
-def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array) -> Array:
+def moved(
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+) -> Array:
     """What moves the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
 
     ε[P, W] + ε² PWP + Σ (ε[B, Θ] + ε²(BΘP + PΘB)) and ε[P, Θ] + ε² PΘP of every Θ. epsilon: half a step, one number.
+    precision: the type of the numbers that are multiplied.
     """
-    algebra = algebra_of(system.group)
-    P = algebra.matrix(-xi)
-    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
+    algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
     of_mu, others = algebra.moved(P, W, epsilon), []
-    for theta, along in zip(thetas, parts(system, along_a), strict=True):
-        of_mu = of_mu + algebra.forced(algebra.matrix(-along), theta, P, epsilon)
+    for B, theta in pairs:
+        of_mu = of_mu + algebra.forced(B, theta, P, epsilon)
         others.append(algebra.moved(P, theta, epsilon))
     return jnp.concatenate([of_mu, *others])
 
 
-def brackets(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array) -> Array:
+def brackets(
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+) -> Array:
     """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
-    algebra = algebra_of(system.group)
-    P = algebra.matrix(-xi)
-    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
+    algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
     of_mu, others = algebra.bracket(P, W), []
-    for theta, along in zip(thetas, parts(system, along_a), strict=True):
-        of_mu = of_mu + algebra.bracket(algebra.matrix(-along), theta)
+    for B, theta in pairs:
+        of_mu = of_mu + algebra.bracket(B, theta)
         others.append(algebra.bracket(P, theta))
     return epsilon * jnp.concatenate([of_mu, *others])
+
+
+def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[Any]]:
+    """P of −ξ, W, and the pairs of B of −∂ℋ/∂a and Θ, in a precision."""
+    algebra = algebra_of(system.group)
+    W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
+    forces = (algebra.matrix(-along) for along in parts(system, along_a))
+    found = [algebra.matrix(-xi), W, *zip(forces, thetas, strict=True)]
+    return algebra, jax.tree.map(lambda entries: entries.astype(precision), found)

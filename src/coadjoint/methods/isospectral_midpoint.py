@@ -19,6 +19,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
 from coadjoint.methods.isospectral_algebra import algebra_of
+from coadjoint.methods.isospectral_end import LARGE, SINGLE, correction
 from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
@@ -29,9 +30,6 @@ LONG_AGO = 1e30
 STEPS = 6
 """How many steps before say where the iteration begins."""
 
-ROUND_OFF = 1e-15
-"""The tolerance of Ŵ, relative to it, of which an error in each step adds up in the spectrum."""
-
 WILD = 100.0
 """The most that the weights of an extrapolation come to in size; those of six equal steps come to 63."""
 
@@ -40,13 +38,15 @@ class LastSteps(NamedTuple):
     """The memory of the method: the unknowns z of the step that starts at a record, and how fast they came about.
 
     middle: z, (unknowns,). along_a: ∂ℋ/∂a at them, (ambient V*,). rates: (z − z_k)/h of the last six steps, the last
-    one first, z_k made of μ_k and a_k, (6, unknowns), 1/s. times: the middles of these steps, (6,), s.
+    one first, z_k made of μ_k and a_k, (6, unknowns), 1/s. times: the middles of these steps, (6,), s. shrinks: what an
+    iteration of the last step left of its equations, over |h|, one number, 1/s.
     """
 
     middle: Array
     along_a: Array
     rates: Array
     times: Array
+    shrinks: Array
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,13 @@ class IsospectralMidpoint(Method, Whole):
     def blocks(self, system: System) -> tuple[int, ...]:
         return (algebra_of(system.group).unknowns,) * (1 + fields(system))
 
+    def carried(self, state: State) -> Array:
+        """What an iteration left of the equations of the last step, over |h|, one number, 1/s."""
+        return state.memory.shrinks
+
+    def carry(self, after: State, carried: Array) -> State:
+        return after.replace(memory=after.memory._replace(shrinks=carried))
+
     def require_fit(self, system: System) -> None:
         algebra_of(system.group)
         if self.difference_map != Cayley():
@@ -159,7 +166,7 @@ class IsospectralMidpoint(Method, Whole):
         def memory(mu, a, t):
             z = lifted(system, mu, a)
             times = t - LONG_AGO * jnp.arange(1.0, STEPS + 1)
-            return LastSteps(z, jnp.zeros_like(a), jnp.zeros((STEPS, len(z))), times)
+            return LastSteps(z, jnp.zeros_like(a), jnp.zeros((STEPS, len(z))), times, jnp.asarray(LONG_AGO))
 
         return state.replace(g=state.g if self.carry_g else None, memory=evaluate(memory, state.mu, state.a, state.t))
 
@@ -194,13 +201,15 @@ class IsospectralMidpoint(Method, Whole):
     def advance(self, system: System, record: State, h: Array) -> State:
         """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ as it is, which Ŵ leaves alone.
 
-        So the spectrum is kept however close W̃ is to it. Derivatives are those at W̃.
+        [P̃, Ŵ] = [P̃, W̃] + [P̃, δ], the second by `correction`: so the spectrum is kept however close W̃ is to Ŵ. With a
+        tolerance up to 1e-10 δ is so small that single precision has it to round-off. Derivatives are those at W̃.
         """
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
         before = lifted(system, record.mu, record.a)
-        given = jax.lax.stop_gradient((slopes, before, z))
-        z = z + self._off(system, *given, epsilon)
-        mu, a = momenta_of(system, 2 * brackets(system, *slopes, z, epsilon))
+        off = z - before - moved(system, *slopes, z, epsilon)
+        precision = jnp.float32 if self.tolerance <= SINGLE and len(z) >= LARGE else jnp.float64
+        rest = correction(system, *jax.lax.stop_gradient((slopes, off, z, epsilon)), precision)
+        mu, a = momenta_of(system, 2 * (brackets(system, *slopes, z, epsilon) + rest))
         g = None
         if record.g is not None:
             algebra = algebra_of(system.group)
@@ -211,14 +220,6 @@ class IsospectralMidpoint(Method, Whole):
             times=jnp.concatenate([(record.t + epsilon)[None], record.memory.times[:-1]]),
         )
         return record.later(h, g=g, mu=record.mu + mu, a=record.a + a, memory=jax.lax.stop_gradient(last))
-
-    def _off(self, system: System, slopes: tuple[Array, Array], before: Array, z: Array, epsilon: Array) -> Array:
-        """Ŵ − W̃, (unknowns,), where P̃ stays."""
-
-        def residual(z):
-            return z - before - moved(system, *slopes, z, epsilon)
-
-        return FixedPoint(ROUND_OFF).solution(residual, z) - z
 
     def sources(self, system: System, record: State, h: Array) -> tuple[Array, Array]:
         return jnp.zeros(system.group.dim), jnp.zeros(system.group.dim)

@@ -29,11 +29,21 @@ OF_TANGENTS = 1e-14
 """The tolerance of derivatives, whatever that of the equations."""
 
 
+def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """|x|∞ and |y|∞ of numbers (m,) both, in one pass, which XLA leaves whole: of one alone it makes several."""
+
+    def larger(first, second):
+        return jnp.maximum(first[0], second[0]), jnp.maximum(first[1], second[1])
+
+    return lax.reduce((jnp.abs(x), jnp.abs(y)), (jnp.zeros((), x.dtype), jnp.zeros((), y.dtype)), larger, (0,))
+
+
 class _Iterate(NamedTuple):
     unknowns: jax.Array
     iterations: jax.Array
     settled: jax.Array
     size: jax.Array
+    shrinks: jax.Array
     stalled: jax.Array
 
 
@@ -42,10 +52,11 @@ class FixedPoint:
     """Equations r(z) = z − G(z) with a contraction G: z ← z − r(z) until the next |r|∞ would be ≤ tolerance·|z|∞.
 
     Convergence is linear: where r shrank by ρ, the next r is ρr, which is not computed for its size alone, and the
-    error left is 1/(1 − ρ) times the tolerance. Iterations of which two
-    in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end, too. Derivatives follow
-    from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the
-    same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN. Nothing is carried over.
+    error left is 1/(1 − ρ) times the tolerance. Of the first iteration ρ is that of the step before, in proportion to
+    h: ρ/|h|, 1/s, is carried over. Iterations of which two in turn leave 0.95 of r or more, once that is below 1e-11 of
+    z, have met round-off and end, too. Derivatives follow from the implicit function theorem: linear equations with
+    ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the same iteration to 1e-14, whatever the tolerance; where
+    that does not converge they are NaN.
     """
 
     tolerance: float = 1e-14
@@ -65,13 +76,17 @@ class FixedPoint:
         blocks: tuple[int, ...],
         carried: Any = (),
     ) -> Root:
-        """residual(z) = 0 from `guess`, both (m,); h and blocks have no part in it."""
+        """residual(z) = 0 from `guess`, both (m,); blocks have no part in it. carried: ρ/|h|, one number, or ()."""
+        length = lax.stop_gradient(jnp.abs(h))
+        expected = (
+            jnp.asarray(1.0) if isinstance(carried, tuple) else jnp.minimum(lax.stop_gradient(carried) * length, 1.0)
+        )
 
         def settle(function, start):
-            end = self._iterated(function, start)
+            end = self._iterated(function, start, expected=expected)
             found = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
             code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), found, Code.NOT_FINITE)
-            return end.unknowns, (end.iterations.astype(float), code.astype(float))
+            return end.unknowns, (end.iterations.astype(float), code.astype(float), end.shrinks)
 
         def linear_solve(linear, right):
             return FixedPoint(OF_TANGENTS).solution(lambda z: linear(z) - right, right, MOST_OF_TANGENTS)
@@ -79,29 +94,40 @@ class FixedPoint:
         def tangent_solve(linear, right):
             return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
 
-        unknowns, (iterations, code) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
-        return Root(unknowns, iterations.astype(int), code.astype(int))
+        unknowns, (iterations, code, shrinks) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
+        kept = () if isinstance(carried, tuple) else lax.stop_gradient(shrinks / length)
+        return Root(unknowns, iterations.astype(int), code.astype(int), kept)
 
     def solution(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> jax.Array:
         """z with residual(z) = 0 from `start`, both (m,), without derivatives; NaN where the iteration diverges."""
         end = self._iterated(residual, start, most)
         return jnp.where(end.settled, end.unknowns, jnp.nan)
 
-    def _iterated(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> _Iterate:
+    def _iterated(
+        self,
+        residual: Callable[[jax.Array], jax.Array],
+        start: jax.Array,
+        most: int = MOST,
+        expected: jax.Array | float = 1.0,
+    ) -> _Iterate:
+        """expected: by how much the first iteration is taken to shrink r, one number."""
+
         def advance(iterate: _Iterate) -> _Iterate:
             off = residual(iterate.unknowns)
             z = iterate.unknowns - off
-            scale = jnp.max(jnp.abs(z))
-            size = jnp.max(jnp.abs(off)) / jnp.where(scale > 0, scale, 1.0)
+            largest, scale = sizes(off, z)
+            size = largest / jnp.where(scale > 0, scale, 1.0)
             stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
+            shrank = jnp.where(size < iterate.size, size / iterate.size, 1.0)
+            shrinks = jnp.where(iterate.iterations > 0, shrank, iterate.shrinks)
             # A NaN compares false and would never end the loop.
-            shrinks = jnp.where(size < iterate.size, size / iterate.size, 1.0)
-            next_size = size * jnp.where(jnp.isfinite(iterate.size), jnp.maximum(shrinks, LEAST), 1.0)
-            settled = (next_size <= self.tolerance) | (stalled & iterate.stalled) | ~jnp.isfinite(size)
-            return _Iterate(z, iterate.iterations + 1, settled, size, stalled)
+            small = size * jnp.maximum(shrinks, LEAST) <= self.tolerance
+            settled = small | (stalled & iterate.stalled) | ~jnp.isfinite(size)
+            return _Iterate(z, iterate.iterations + 1, settled, size, shrinks, stalled)
 
+        no = jnp.asarray(False)
         return lax.while_loop(
             lambda i: ~i.settled & (i.iterations < most),
             advance,
-            _Iterate(start, jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf), jnp.asarray(False)),
+            _Iterate(start, jnp.asarray(0), no, jnp.asarray(jnp.inf), jnp.asarray(expected), no),
         )
