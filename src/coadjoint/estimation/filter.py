@@ -112,6 +112,22 @@ class Filter:
         rows = roots[0].tolist() if self.members is None else roots.T
         return dict(zip(self.process.names, rows, strict=True))
 
+    def expected(self, rows: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Name of a measurement → what it reads without noise, (…, m), at rows of the process (…, size).
+
+        rows: by default the estimate's, with an axis of members if there are many. Raises ArgumentError for others.
+        """
+        if rows is None:
+            rows = self.rows[0] if self.members is None else self.rows
+        rows, size = np.asarray(rows), len(self.process.example)
+        if not np.issubdtype(rows.dtype, np.floating) or rows.shape[-1:] != (size,):
+            raise ArgumentError(f"Argument `rows` must be rows (…, {size}) of the process, but is {shown(rows)}.")
+        flat = rows.reshape(-1, size)
+        still = np.zeros((len(flat), self.process.width))
+        return {
+            name: one.function(still, flat)[0].reshape(*rows.shape[:-1], -1) for name, one in self._prepared.items()
+        }
+
     def predict(self, dt: float, inputs: Mapping[str, Any] | None = None) -> None:
         """Go on by one step of dt, s; inputs: name → value, held over it; those that are not named stay.
 
