@@ -20,7 +20,7 @@ MEASURED = {
     "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "filters_gap", "filters_late", "filters_nees",
     "glider_log", "identification", "long_runs", "view_cat", "view_mission",
 }  # fmt: skip
-"""Not compared: of measured times, of round-off, of the audit, of other programs and data, and of what takes minutes."""
+"""Not compared: of measured times, of round-off, of the audit, of other programs and data, and of what lasts."""
 
 
 @pytest.mark.budget(200)
