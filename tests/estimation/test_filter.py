@@ -313,3 +313,16 @@ def test_rows_of_another_size_are_refused(rows):
     filter = Filter(process, start, measurements={"place": Measurement(lambda m: m.q, 1.0)}, deviations={"q": 1.0})
     with pytest.raises(co.ArgumentError, match=r"must be rows \(…, \d+\) of the process"):
         filter.expected(rows)
+
+
+def test_a_value_that_is_too_large_for_numbers_is_told_and_leaves_the_filter_as_it_was():
+    process, start = body("left")
+    known = {"place": Measurement(lambda m: m.q, 1.0), "gated": Measurement(lambda m: m.q, 1.0, gate=0.999)}
+    filter = Filter(process, start, measurements=known, deviations={"g": 0.1, "q": 1.0, "xi": 0.1, "nu": 0.1})
+    filter.predict(H)
+    rows = filter.rows.copy()
+    for take in (filter.update, lambda seen: filter.run({"place": ([0.2], [seen["place"]])}, dt=H)):
+        with pytest.raises(co.StepError, match=r"does not stay finite: what is measured is too far|no finite NIS"):
+            take({"place": [1e200, 1e200, 1e200]})
+        assert np.array_equal(filter.rows, rows)
+    assert not filter.update({"gated": [1e200, 1e200, 1e200]})["gated"].used

@@ -99,7 +99,7 @@ class ModelProcess(Process):
         digest = version(driven, start, pure=False)
         self._program = StepProgram(replace_parameters(driven, None), method, version=digest)
         group, Q, _ = driven.places
-        d, q = group.dim, Q.ambient(group)
+        self._sizes = d, q = group.dim, Q.ambient(group)
         self.error_sizes = {"g": d, "q": q, "mu": d, "pi": q, **self._drifts.sizes}
         self.error_sizes = {name: size for name, size in self.error_sizes.items() if size}
         self.densities = roots_of_noise(noise, d, q)
@@ -144,10 +144,17 @@ class ModelProcess(Process):
         return RowFunction(velocities, np.zeros(0), self._first)
 
     def with_velocities(self, rows: np.ndarray, xi: Any, nu: Any) -> np.ndarray:
-        """Rows (…, size) with the momenta that velocities have there by ℓ: xi (…, dim G) and nu (…, ambient)."""
-        given = np.concatenate([rows, xi, nu], axis=-1).reshape(
-            -1, rows.shape[-1] + self._system.group.dim + np.shape(nu)[-1]
-        )
+        """Rows (…, size) with the momenta that velocities have there by ℓ: xi (…, dim G) and nu (…, ambient).
+
+        Raises ArgumentError for other shapes.
+        """
+        size, d, q = len(self._first), *self._sizes
+        if [np.shape(part) for part in (xi, nu)] != [(*np.shape(rows)[:-1], d), (*np.shape(rows)[:-1], q)]:
+            raise ArgumentError(
+                f"Velocities of rows {np.shape(rows)} are xi (…, {d}) and nu (…, {q}), but have the shapes "
+                f"{np.shape(xi)} and {np.shape(nu)}."
+            )
+        given = np.concatenate([rows, xi, nu], axis=-1).reshape(-1, size + d + q)
         return self._by_velocities(np.zeros((len(given), 0)), given)[0].reshape(rows.shape)
 
     @cached_property

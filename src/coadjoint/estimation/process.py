@@ -181,7 +181,15 @@ class Process(ABC):
         return Phi, below[:, :, m + n :] * (self.densities * np.sqrt(h)), value[:, m + n + self.drifting :]
 
     def drawn(self, rows: np.ndarray, h: float, random: np.random.Generator) -> np.ndarray:
-        """The rows (members, size) after a step of h with noise from `random`: a truth that the process describes."""
+        """The rows (members, size) after a step of h with noise from `random`: a truth that the process describes.
+
+        Raises ArgumentError for rows of another shape, and for what is no np.random.Generator.
+        """
+        if np.ndim(rows) != 2 or np.shape(rows)[1] != len(self.example) or not isinstance(random, np.random.Generator):
+            raise ArgumentError(
+                f"A step is drawn from rows (members, {len(self.example)}) and np.random.default_rng(seed), but got "
+                f"rows {np.shape(rows)} and {shown(random)}."
+            )
         after = self.advanced(rows, h)
         _, G, variances = self._slopes(rows, after, h)
         e = (G @ random.normal(size=(len(rows), len(self.densities), 1)))[:, :, 0]
