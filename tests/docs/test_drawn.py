@@ -17,10 +17,10 @@ import drawn  # noqa: E402
 
 MEASURED = {
     "audit_energy", "audit_orders", "benchmarks_heavy_top", "benchmarks_orders", "benchmarks_speed",
-    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "filters_gap", "filters_nees", "identification",
-    "long_runs", "view_cat", "view_mission",
+    "benchmarks_work_precision", "best_sawtooth", "comparison_energy", "filters_gap", "filters_late", "filters_nees",
+    "glider_log", "identification", "long_runs", "view_cat", "view_mission",
 }  # fmt: skip
-"""Not compared: figures of measured times, of round-off, of the audit, of other programs, and of what takes minutes."""
+"""Not compared: of measured times, of round-off, of the audit, of other programs and data, and of what lasts."""
 
 
 @pytest.mark.budget(200)

@@ -41,21 +41,13 @@ def instruments():
     return {**one, "gyro": Measurement(lambda motion: motion.xi, 0.002**2)}
 
 
-def noises(process):
-    """Roots of the densities of the noise in the errors."""
-    found = np.zeros(process.width)
-    found[process.places["mu"]], found[process.places["pi"]] = process.densities[:3], process.densities[3:]
-    found[process.places["water.velocity"]] = np.sqrt(2.0 / 900.0) * np.array([0.03, 0.03, 0.0])
-    return found
-
-
 def test_the_errors_of_a_matched_model_are_those_that_the_filter_states():
     """The mean NEES of 100 seeds lies in its 95 % band at 90 % of the times, and so does the mean NIS."""
     members, steps, random = 100, 300, np.random.default_rng(2026)
     process, start = remus()
     filter = Filter(process, start, measurements=instruments(), deviations=SPREAD, members=members)
     first = around(process, process.row(start), filter.P[0], members, random)
-    truth = drawn(process, first, noises(process), steps, H, random)
+    truth = drawn(process, first, steps, H, random)
     times = H * np.arange(steps + 1)
     found = filter.run(measured(filter, truth, times, EVERY, random), dt=H, save_every=10, covariances=True)
     nees, free = found.nees(truth[::10])

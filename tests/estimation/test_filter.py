@@ -240,8 +240,7 @@ def test_a_bias_that_only_a_sensor_reads_is_found_and_does_not_act_on_the_motion
     spread = {"g": 0.01, "xi": 0.01, "nu": 0.01, "gyroscope": 0.05}
     filter = Filter(process, start, measurements=measurements, deviations=spread)
     seen = {}
-    for name, one in filter._prepared.items():
-        exact = one.function(np.zeros((200, process.width)), rows)[0]
+    for name, exact in filter.expected(rows).items():
         seen[name] = H * np.arange(1, 201), exact + 1e-3 * random.normal(size=exact.shape)
     found = filter.run(seen, dt=H)
     assert np.all(np.abs(found.rows[-1, -3:] - bias) < 4 * found.deviations[-1, -3:])
@@ -264,3 +263,66 @@ def test_arguments_with_defaults_are_no_parameters():
     places = {f"q{i}": Measurement(lambda motion, i=i: motion.q[i], 0.1) for i in range(1)}
     filter = Filter(process, start, measurements=places, deviations={"q": 1.0})
     assert filter.update({"q0": 0.5})["q0"].nis == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("error", ["left", "right"])
+def test_velocities_of_a_state_are_those_of_its_momenta_after_a_measurement_too(error):
+    process, start = body(error)
+    known = {"speed": Measurement(lambda m: jnp.concatenate([m.xi, m.nu]), 1e-12)}
+    filter = Filter(process, start, measurements=known, deviations={"g": 0.1, "xi": 1.0, "nu": 1.0})
+    read = np.array([0.3, 0.1, -0.2, 0.9, -0.3, 0.4])
+    filter.update({"speed": read})
+    assert np.allclose([*filter.state.xi, *filter.state.nu], read, atol=1e-6)
+    found = filter.run({"speed": ([0.1, 0.2], [read, read])}, dt=H)
+    assert np.allclose(np.hstack([found.states.xi, found.states.nu]), read, atol=1e-3)
+    assert np.allclose(filter.expected(found.rows)["speed"], np.hstack([found.states.xi, found.states.nu]), atol=1e-12)
+    of_state = Measurement(lambda state: state.nu, 1.0, of_state=True)
+    seen, slopes = process.measurement(of_state.function, True)(np.zeros((1, process.width)), filter.rows)
+    motion, same = process.measurement(lambda m: m.nu)(np.zeros((1, process.width)), filter.rows)
+    assert np.allclose(seen, motion, atol=1e-14) and np.allclose(slopes, same, atol=1e-12) and np.any(slopes)
+
+
+def test_rows_with_velocities_have_their_momenta():
+    process, start = body("left")
+    rows = np.repeat(process.row(start)[None], 3, axis=0)
+    xi, nu = np.random.default_rng(3).normal(size=(2, 3, 3))
+    states = process.state(process.with_velocities(rows, xi, nu))
+    assert np.allclose(states.xi, xi, atol=1e-12) and np.allclose(states.nu, nu, atol=1e-12)
+    assert np.array_equal(states.q, process.state(rows).q)
+    through = nu - 0.2 * states.a[:, 3:]
+    assert np.allclose(states.pi, through * [2.0, 3.0, 4.0] + np.outer(xi[:, 0], [0.0, 1.0, 0.0]), atol=1e-12)
+
+
+def test_steps_that_are_drawn_have_the_covariance_of_the_filter():
+    """Of 4000 members the sample lies in the intervals of a Wishart matrix about Q, also of what drifts."""
+    process, start = body("left")
+    rows, members = process.row(start)[None], 4000
+    after = process.advanced(rows, H)
+    _, Q = process.linearised(rows, after, H)
+    drawn = process.drawn(np.repeat(rows, members, axis=0), H, np.random.default_rng(5))
+    e = process.errors(np.repeat(after, members, axis=0), drawn)
+    off = e.T @ e / members - Q[0]
+    spread = np.sqrt((np.outer(np.diag(Q[0]), np.diag(Q[0])) + Q[0] ** 2) / members)
+    assert np.all(np.abs(off) <= 5 * spread + 1e-15) and np.all(np.diag(Q[0])[6:] > 0)
+    assert np.all(np.abs(e.mean(axis=0)) <= 5 * np.sqrt(np.diag(Q[0]) / members) + 1e-15)
+
+
+@pytest.mark.parametrize("rows", [np.zeros(3), "state", np.zeros((2, 4), int)])
+def test_rows_of_another_size_are_refused(rows):
+    process, start = body("left")
+    filter = Filter(process, start, measurements={"place": Measurement(lambda m: m.q, 1.0)}, deviations={"q": 1.0})
+    with pytest.raises(co.ArgumentError, match=r"must be rows \(…, \d+\) of the process"):
+        filter.expected(rows)
+
+
+def test_a_value_that_is_too_large_for_numbers_is_told_and_leaves_the_filter_as_it_was():
+    process, start = body("left")
+    known = {"place": Measurement(lambda m: m.q, 1.0), "gated": Measurement(lambda m: m.q, 1.0, gate=0.999)}
+    filter = Filter(process, start, measurements=known, deviations={"g": 0.1, "q": 1.0, "xi": 0.1, "nu": 0.1})
+    filter.predict(H)
+    rows = filter.rows.copy()
+    for take in (filter.update, lambda seen: filter.run({"place": ([0.2], [seen["place"]])}, dt=H)):
+        with pytest.raises(co.StepError, match=r"does not stay finite: what is measured is too far|no finite NIS"):
+            take({"place": [1e200, 1e200, 1e200]})
+        assert np.array_equal(filter.rows, rows)
+    assert not filter.update({"gated": [1e200, 1e200, 1e200]})["gated"].used

@@ -145,3 +145,23 @@ def test_a_model_without_a_step_is_told():
     lost.rows[:, :] = np.nan
     with pytest.raises(co.StepError, match="The filter failed at t"):
         lost.predict(0.1)
+
+
+def test_arrays_that_do_not_fit_are_told():
+    first, known = start(), {"place": estimation.Measurement(lambda motion: motion.q, 1.0)}
+    one = estimation.ModelProcess(system(), first)
+    filter = estimation.Filter(one, first, measurements=known, deviations={"q": 1.0, "nu": 1.0})
+    rows = filter.rows.copy()
+    for name, value in (("rows", rows[0]), ("rows", rows[:, 1:]), ("rows", rows.astype(int)), ("P", np.eye(2))):
+        with pytest.raises(co.ArgumentError, match=f"`{name}` of a filter must be a float64 array"):
+            setattr(filter, name, value)
+    random = np.random.default_rng(1)
+    for given, of in ((rows[0], random), (rows[:, 1:], random), (rows, 3)):
+        with pytest.raises(co.ArgumentError, match="A step is drawn from rows"):
+            one.drawn(given, 0.1, of)
+    with pytest.raises(co.ArgumentError, match="Velocities of rows"):
+        one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
+    with pytest.raises(co.ArgumentError, match="`dt` of a prediction must be a positive number"):
+        filter.predict(True)
+    with pytest.raises(co.ArgumentError, match=r"Smoothing takes what `Filter\.run` returns"):
+        co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]

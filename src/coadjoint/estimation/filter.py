@@ -91,6 +91,25 @@ class Filter:
         self._engine = FilterEngine(process, list(self._prepared.values()))
 
     @property
+    def rows(self) -> np.ndarray:
+        """The estimates as rows of the process, (members, size), of one filter (1, size); others may be set."""
+        return self._rows
+
+    @rows.setter
+    def rows(self, rows: np.ndarray) -> None:
+        self._rows = _array(rows, "rows", (1 if self.members is None else self.members, len(self.process.example)))
+
+    @property
+    def P(self) -> np.ndarray:
+        """The covariances of the errors, (members, n, n), of one filter (1, n, n); others may be set."""
+        return self._P
+
+    @P.setter
+    def P(self, P: np.ndarray) -> None:
+        n = self.process.width
+        self._P = _array(P, "P", (1 if self.members is None else self.members, n, n))
+
+    @property
     def t(self) -> float:
         """The time of the estimate, s."""
         return float(self.process.time(self.rows[0]))
@@ -112,12 +131,28 @@ class Filter:
         rows = roots[0].tolist() if self.members is None else roots.T
         return dict(zip(self.process.names, rows, strict=True))
 
+    def expected(self, rows: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Name of a measurement → what it reads without noise, (…, m), at rows of the process (…, size).
+
+        rows: by default the estimate's, with an axis of members if there are many. Raises ArgumentError for others.
+        """
+        if rows is None:
+            rows = self.rows[0] if self.members is None else self.rows
+        rows, size = np.asarray(rows), len(self.process.example)
+        if not np.issubdtype(rows.dtype, np.floating) or rows.shape[-1:] != (size,):
+            raise ArgumentError(f"Argument `rows` must be rows (…, {size}) of the process, but is {shown(rows)}.")
+        flat = rows.reshape(-1, size)
+        still = np.zeros((len(flat), self.process.width))
+        return {
+            name: one.function(still, flat)[0].reshape(*rows.shape[:-1], -1) for name, one in self._prepared.items()
+        }
+
     def predict(self, dt: float, inputs: Mapping[str, Any] | None = None) -> None:
         """Go on by one step of dt, s; inputs: name → value, held over it; those that are not named stay.
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
-        if not (isinstance(dt, (int, float, np.number)) and 0.0 < dt < np.inf):
+        if isinstance(dt, bool) or not (isinstance(dt, (int, float, np.number)) and 0.0 < dt < np.inf):
             raise ArgumentError(f"Argument `dt` of a prediction must be a positive number of seconds, but is {dt!r}.")
         self._require_inputs(inputs)
         before, given = (self.t, self.rows, self.P), dict(inputs or {})
@@ -192,6 +227,11 @@ class Filter:
         """Carry out orders, and what they write, (members, size); where one fails the filter stays as it was."""
         rows, P, output = self.rows.copy(), self.P.copy(), np.empty((len(self.rows), max(size, 1)))
         self._engine.follow(rows, P, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
+        if not np.all(np.isfinite(rows)):
+            raise StepError(
+                f"The estimate at t = {self.t:g} s does not stay finite: what is measured is too far from what is "
+                "expected; `gate` of its Measurement leaves such values out."
+            )
         self.rows, self.P = rows, P
         return output
 
@@ -212,7 +252,7 @@ class Filter:
         time. save_every: every how many nodes are kept, by default 1. covariances: whether P is kept, not only its
         diagonal.
         """
-        if not isinstance(save_every, (int, np.integer)) or save_every < 1:
+        if isinstance(save_every, bool) or not isinstance(save_every, (int, np.integer)) or save_every < 1:
             raise ArgumentError(f"Argument `save_every` must be a positive whole number, but is {shown(save_every)}.")
         seen = self._series(measured, "measured", self._sizes)
         known = {name: seen[name] for name in self.measurements if name in seen}
@@ -262,6 +302,15 @@ def _prepared(process: Process, name: str, measurement: Any) -> PreparedMeasurem
     size = seen.shape[1]
     gate = np.inf if measurement.gate is None else float(chi2.ppf(measurement.gate, size))
     return PreparedMeasurement(name, function, measurement.noise(size, name), gate, measurement.turns(size, name))
+
+
+def _array(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Rows or covariances of a filter, in the order of C; raises ArgumentError where what was set does not fit."""
+    if not isinstance(value, np.ndarray) or value.dtype != float or value.shape != shape:
+        raise ArgumentError(
+            f"`{name}` of a filter must be a float64 array of the shape {shape}, but its shape is {np.shape(value)}."
+        )
+    return np.ascontiguousarray(value)
 
 
 def _members(members: Any) -> int | None:

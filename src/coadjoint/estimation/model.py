@@ -12,9 +12,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.drifting import DriftingParameters
-from coadjoint.estimation.drifts import Drift, not_negative
+from coadjoint.estimation.drifts import Drift
 from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.logarithm import logarithms
+from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
 from coadjoint.kernels.packing import layout, pack
@@ -33,8 +34,6 @@ from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.inputs import with_inputs
 from coadjoint.simulation.steppers.commands import commands_from, places_of
 from coadjoint.simulation.steppers.trees import shapes_of
-
-WHOSE = "co.estimation.ModelProcess"
 
 
 class ModelProcess(Process):
@@ -85,12 +84,12 @@ class ModelProcess(Process):
     ):
         method = Midpoint() if method is None else method
         require_kinds(system, start, method)
-        _require(method, system, start, error)
+        require_fit(method, system, start, error)
         commands = commands_from(inputs)
         if commands.start is not None:
             start = start.replace(inputs=commands.start)
         driven, start = with_inputs(system, start, commands.inputs, False)
-        self.error, self.method, self.input_sizes = error, method, _sizes(commands.fields.shapes)
+        self.error, self.method, self.input_sizes = error, method, sizes_of(commands.fields.shapes)
         self._system, self._begun = driven, method.begin(driven, start, 1.0)
         self._layout, row = pack(self._begun)
         self.commanded = np.array(places_of(list(shapes_of(self._begun).items()), commands), int)
@@ -100,10 +99,10 @@ class ModelProcess(Process):
         digest = version(driven, start, pure=False)
         self._program = StepProgram(replace_parameters(driven, None), method, version=digest)
         group, Q, _ = driven.places
-        d, q = group.dim, Q.ambient(group)
+        self._sizes = d, q = group.dim, Q.ambient(group)
         self.error_sizes = {"g": d, "q": q, "mu": d, "pi": q, **self._drifts.sizes}
         self.error_sizes = {name: size for name, size in self.error_sizes.items() if size}
-        self.densities = _noise(noise, d, q)
+        self.densities = roots_of_noise(noise, d, q)
         self.unknowns, self.drifting = driven.unknowns, self._drifts.count
         self._steps = ModelSteps(self._program, self._constants, self._begun, self._drifts.places)
         names = list(shapes_of(self._begun))
@@ -128,7 +127,53 @@ class ModelProcess(Process):
         return np.concatenate([pack(state)[1], self._drifts.first])
 
     def state(self, row: np.ndarray) -> State:
-        return self._layout.unpack(row[..., : self._layout.size])
+        """The state of a row (…, size): ξ and ν are those of its momenta, of ℓ or ℋ at the node."""
+        rows = row.reshape(-1, row.shape[-1])
+        found = self._velocities(np.zeros((len(rows), 0)), rows)[0].reshape(*row.shape[:-1], -1)
+        d = self._system.group.dim
+        return self._layout.unpack(row[..., : self._layout.size]).replace(xi=found[..., :d], nu=found[..., d:])
+
+    @cached_property
+    def _velocities(self) -> RowFunction:
+        """(), x ↦ (ξ, ν)."""
+
+        def velocities(_: Any, row: Any) -> Any:
+            state = self.observed(row)[0]
+            return jnp.concatenate([state.xi, state.nu])
+
+        return RowFunction(velocities, np.zeros(0), self._first)
+
+    def with_velocities(self, rows: np.ndarray, xi: Any, nu: Any) -> np.ndarray:
+        """Rows (…, size) with the momenta that velocities have there by ℓ: xi (…, dim G) and nu (…, ambient).
+
+        Raises ArgumentError for other shapes.
+        """
+        size, d, q = len(self._first), *self._sizes
+        if [np.shape(part) for part in (xi, nu)] != [(*np.shape(rows)[:-1], d), (*np.shape(rows)[:-1], q)]:
+            raise ArgumentError(
+                f"Velocities of rows {np.shape(rows)} are xi (…, {d}) and nu (…, {q}), but have the shapes "
+                f"{np.shape(xi)} and {np.shape(nu)}."
+            )
+        given = np.concatenate([rows, xi, nu], axis=-1).reshape(-1, size + d + q)
+        return self._by_velocities(np.zeros((len(given), 0)), given)[0].reshape(rows.shape)
+
+    @cached_property
+    def _by_velocities(self) -> RowFunction:
+        """(), (x, ξ, ν) ↦ x with their momenta."""
+        size, d = len(self._first), self._system.group.dim
+        state = self._begun
+
+        def moving(_: Any, y: Any) -> Any:
+            return self._moving(y[:size], y[size : size + d], y[size + d :])
+
+        return RowFunction(moving, np.zeros(0), np.concatenate([self._first, state.xi, state.nu]))
+
+    def _moving(self, row: Any, xi: Any, nu: Any) -> Any:
+        """The row with the momenta of these velocities, traced."""
+        state, theta = self._unpacked(row)
+        system = replace_parameters(self._system, self._drifts.replaced(theta).system)
+        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
+        return jnp.concatenate([_flat(state.replace(mu=mu, pi=pi)), theta])
 
     def time(self, rows: np.ndarray) -> np.ndarray:
         return rows[..., self._t]
@@ -138,15 +183,13 @@ class ModelProcess(Process):
         return self._layout.views(row[:size]), row[size:]
 
     def motion(self, row: Any) -> tuple[Any, ...]:
-        state, theta = self._unpacked(row)
-        constants = self._drifts.replaced(theta)
-        system = replace_parameters(self._system, constants.system)
-        motion = system.motion_at(at_node(system, state), state.inputs)
-        return motion, constants.system, self._drifts.biases(theta)
+        state, p, biases = self.observed(row)
+        return replace_parameters(self._system, p).motion_at(state, state.inputs), p, biases
 
     def observed(self, row: Any) -> tuple[Any, ...]:
         state, theta = self._unpacked(row)
-        return state, self._drifts.replaced(theta).system, self._drifts.biases(theta)
+        p = self._drifts.replaced(theta).system
+        return at_node(replace_parameters(self._system, p), state), p, self._drifts.biases(theta)
 
     # Errors.
 
@@ -275,48 +318,10 @@ class ModelProcess(Process):
         """e of errors (η, δq, δξ, δν, δθ) of a row, with velocities instead of momenta."""
         eta, dq, dxi, dnu, dtheta = self._split(v)
         still = jnp.zeros(len(dxi) + len(dnu))
-        state, theta = self._unpacked(self.retract(row, jnp.concatenate([eta, dq, still, dtheta])))
-        begun, before = self._unpacked(row)
-        here = at_node(replace_parameters(self._system, self._drifts.replaced(before).system), begun)
-        system = replace_parameters(self._system, self._drifts.replaced(theta).system)
-        xi, nu = here.xi + dxi, here.nu + dnu
-        mu, pi = legendre(system, xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
-        return self.differ(row, jnp.concatenate([_flat(state.replace(mu=mu, pi=pi)), theta]))
+        here = self.observed(row)[0]
+        moved = self.retract(row, jnp.concatenate([eta, dq, still, dtheta]))
+        return self.differ(row, self._moving(moved, here.xi + dxi, here.nu + dnu))
 
 
 def _flat(state: State) -> Any:
     return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, dtype=float)) for leaf in jax.tree.leaves(state)])
-
-
-def _sizes(shapes: Any) -> dict[str, int]:
-    return {name: int(np.prod(shape, dtype=int)) for name, shape in shapes}
-
-
-def _require(method: Method, system: System, start: State, error: str) -> None:
-    if error not in ("left", "right"):
-        raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
-    if method.variable or len(method.pattern) != 1 or len(method.substeps) != 1 or method.pattern[0][0].tolerant:
-        raise ArgumentError(f"A filter takes a method of one stage, such as co.Midpoint(), not {method.title}.")
-    if method.start == "velocity":
-        raise ArgumentError(
-            f"A filter's states are given by momenta, but {method.title} starts from velocities: take co.Midpoint()."
-        )
-    if not system.additional.flat:
-        raise ArgumentError("A filter needs a flat space of additional dynamics, such as co.Defining().")
-    if np.ndim(start.t):
-        raise ArgumentError("Argument `start` must be of one member: give `Filter` many covariances or starts instead.")
-
-
-def _noise(given: Mapping[str, Any] | None, d: int, q: int) -> np.ndarray:
-    """Roots of densities, (dim G + dim Q,)."""
-    given, found = dict(given or {}), []
-    for name, size in (("torque", d), ("force", q)):
-        value = not_negative(given.pop(name, 0.0), name, "`noise`")
-        if value.shape not in ((), (size,)):
-            raise ArgumentError(
-                f"`{name}` of `noise` must be one number or ({size},), but has the shape {value.shape}."
-            )
-        found.append(np.broadcast_to(value, (size,)))
-    if given:
-        raise ArgumentError(f"`noise` has `torque` and `force`, but no `{next(iter(given))}`.")
-    return np.concatenate(found)

@@ -162,7 +162,15 @@ class Process(ABC):
 
     def linearised(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
         """(Φ, Q) about a step that was taken: e⁺ = Φ e + noise of the covariance Q, each (members, n, n)."""
-        m, n, k = self.unknowns, self.width, self.drifting
+        Phi, G, variances = self._slopes(rows, after, h)
+        Q = G @ G.transpose(0, 2, 1)
+        last = np.arange(self.width - self.drifting, self.width)
+        Q[:, last, last] += variances
+        return Phi, Q
+
+    def _slopes(self, rows: np.ndarray, after: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(Φ, G, q): e⁺ = Φ e + G u + noise of the variances q in what drifts, with u standard normal numbers."""
+        m, n = self.unknowns, self.width
         still = np.zeros((len(rows), n + len(self.densities)))
         x = np.concatenate([self.unknowns_of(after), still], axis=1)
         length = np.full((len(rows), 1), h)
@@ -170,11 +178,23 @@ class Process(ABC):
         solved = np.linalg.solve(J[:, :m, :m], J[:, :m, m : m + n])
         below = J[:, m : m + n]
         Phi = below[:, :, m : m + n] - below[:, :, :m] @ solved
-        G = below[:, :, m + n :] * (self.densities * np.sqrt(h))
-        Q = G @ G.transpose(0, 2, 1)
-        last = np.arange(n - k, n)
-        Q[:, last, last] += value[:, m + n + k :]
-        return Phi, Q
+        return Phi, below[:, :, m + n :] * (self.densities * np.sqrt(h)), value[:, m + n + self.drifting :]
+
+    def drawn(self, rows: np.ndarray, h: float, random: np.random.Generator) -> np.ndarray:
+        """The rows (members, size) after a step of h with noise from `random`: a truth that the process describes.
+
+        Raises ArgumentError for rows of another shape, and for what is no np.random.Generator.
+        """
+        if np.ndim(rows) != 2 or np.shape(rows)[1] != len(self.example) or not isinstance(random, np.random.Generator):
+            raise ArgumentError(
+                f"A step is drawn from rows (members, {len(self.example)}) and np.random.default_rng(seed), but got "
+                f"rows {np.shape(rows)} and {shown(random)}."
+            )
+        after = self.advanced(rows, h)
+        _, G, variances = self._slopes(rows, after, h)
+        e = (G @ random.normal(size=(len(rows), len(self.densities), 1)))[:, :, 0]
+        e[:, self.width - self.drifting :] += np.sqrt(variances) * random.normal(size=variances.shape)
+        return self.moved(after, e)
 
     @abstractmethod
     def first_covariance(self, row: np.ndarray, deviations: Mapping[str, Any]) -> np.ndarray:

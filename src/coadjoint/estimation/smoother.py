@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.filtered import Filtered
 
 
@@ -26,6 +26,8 @@ def smoothed(found: Filtered) -> Filtered:
     found: of `Filter.run` with covariances=True and every node kept. Returns the same at its nodes, NIS as they were.
     Raises ArgumentError where covariances or nodes were not kept.
     """
+    if not isinstance(found, Filtered):
+        raise ArgumentError(f"Smoothing takes what `Filter.run` returns, but got {shown(found)}.")
     if found.covariances is None or found.every != 1:
         raise ArgumentError("Smoothing needs every covariance: run the filter with covariances=True, save_every=1.")
     process, one = found._process, found.rows.ndim == 2

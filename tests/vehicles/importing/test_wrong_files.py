@@ -161,3 +161,13 @@ def test_files_that_include_without_end_are_bounded(tmp_path: Path, monkeypatch)
         (tmp_path / "wrong.sdf").write_text(f"<sdf><model name='a'>{included}</model></sdf>")
         with pytest.raises(CoadjointError, match=expected):
             import_vehicle(tmp_path / "wrong.sdf")
+
+
+@pytest.mark.parametrize("encoding", ["utf-7", "iso-8859-1", "none"])
+def test_a_text_in_utf_8_is_read_as_that_whatever_it_says(encoding: str, tmp_path: Path) -> None:
+    text = (HERE / "torpedo.sdf").read_text().replace('model name="torpedo"', 'model name="Schraübe"')
+    head, _, rest = text.partition("?>") if text.startswith("<?xml") else ("", "", text)
+    assert "Schraübe" in rest and not head.count("<model")
+    (tmp_path / "torpedo.sdf").write_text(f'<?xml version="1.0" encoding="{encoding}"?>{rest}')
+    found = import_vehicle(tmp_path / "torpedo.sdf", forward="-x")
+    assert found.vehicle.name == "Schraübe"

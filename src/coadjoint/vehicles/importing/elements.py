@@ -83,7 +83,7 @@ def read_elements(path: Path, name: str) -> Element:
 
 def parse(text: str, name: str) -> Element:
     """The root element of a text."""
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     open_elements: list[Element] = []
     roots: list[Element] = []
