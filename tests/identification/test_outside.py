@@ -51,7 +51,7 @@ def test_the_bound_is_what_least_squares_attain(experiment):
         assert found[name].standard_error == pytest.approx(least, rel=0.1 if name in made.truth else 0.4), name
 
 
-@pytest.mark.budget(30)
+@pytest.mark.budget(8)
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
 def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
     """Misses are binomial, 5 % of the intervals: at most so many as happen once in 2000 times; of a hundred logs each
@@ -77,7 +77,7 @@ def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
         assert all(np.median(widths[key]) <= 2 * least for key, least in bound.items())
 
 
-@pytest.mark.budget(30)
+@pytest.mark.budget(8)
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
 def test_another_law_is_named(experiment, seeds):
     """In nine of ten logs the first misfit is that of the actuator whose law differs."""
