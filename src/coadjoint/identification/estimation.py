@@ -19,6 +19,7 @@ from coadjoint.identification.sampling import Between
 from coadjoint.identification.sensing import GROUPS, Attitude, sensing
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
+from coadjoint.identification.wandering import wandering
 from coadjoint.interrupts import heeded
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -48,6 +49,7 @@ def identify(
     delays: Sequence[str] | Mapping[str, Sequence[str]] = (),
     longest_delay: float = 0.5,
     attitude: Attitude | None = None,
+    process_noise: Sequence[str] = (),
 ) -> Identification:
     """The parameters of `system` with which its simulation comes closest to the log, with confidence intervals.
 
@@ -76,6 +78,9 @@ def identify(
     attitude: "angles" compares Euler angles, "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where
     noise and bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log
     pitches by over 60°.
+    process_noise: what wanders beside what is sought: "force" and "torque", which the model lacks, in the body, or
+    their components X, Y, Z, K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process,
+    whose deviation and correlation time are estimated, `found.process_noise`, and the intervals count with it.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
     if not 0 < level < 1:
@@ -86,6 +91,7 @@ def identify(
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     method = Midpoint() if method is None else method
     require_commands(system, start, log, still)
+    system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
@@ -95,7 +101,7 @@ def identify(
     )  # fmt: skip
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
-    asked = setting(sought, log, start, channels, method, between, step, settle, sensed)
+    asked = setting(sought, log, start, channels, method, between, step, settle, sensed, moved)
     return judged(fitted(asked, segment, given), level)
 
 
