@@ -111,8 +111,8 @@ def test_derivatives_by_knots_are_those_of_differences(exact):
     system, moved = wandering(SYSTEM, ["force", "N", "linear[1]"])
     assert moved is not None and moved.labels == ("X", "Y", "Z", "N", "linear[1]")
     asked = setting(
-        unknowns(system, ["linear"], []), exact.between(0.0, 12.0), STATE, Channels(VEHICLE), co.Midpoint(), "held", 0.05,
-        0.0, wandering=moved,
+        unknowns(system, ["linear"], []), exact.between(0.0, 12.0), STATE, Channels(VEHICLE), co.Midpoint(), "held",
+        0.05, 0.0, wandering=moved,
     )  # fmt: skip
     shooting = asked.shooting(0.05, 6.0, "new")
     random = np.random.default_rng(2)
@@ -158,8 +158,8 @@ def pushed(made, seed):
 @pytest.mark.budget(20)
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(40), marks=pytest.mark.further)])
 def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
-    """REMUS 100 by equations outside the library, with sensors that are off: with the force, misses are binomial, 5 % of
-    the intervals; without it they are many more."""
+    """REMUS 100 by equations outside the library, with sensors that are off: with the force, misses are binomial, 5 %
+    of the intervals; without it they are many more."""
     made, inside, near = remus(), np.zeros(2), []
     for seed in seeds:
         exact, force = pushed(made, seed)
@@ -169,7 +169,7 @@ def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
             inside[i] += sum(found[name].covers(value) for name, value in made.all.items())
         near.append([np.corrcoef(found.process_noise[axis].values, force[:, j])[0, 1] for j, axis in enumerate("XYZ")])
         deviations = [one.deviation for one in found.process_noise.values()]
-        assert 0.5 * S < min(deviations) and max(deviations) < 2 * S
+        assert min(deviations) > 0.5 * S and max(deviations) < 2 * S
     count = len(seeds) * len(made.all)
     print(f"without: {inside[0] / count:.1%} of {count}, with: {inside[1] / count:.1%}; {np.mean(near):.2f}")
     assert np.mean(near) > 0.8

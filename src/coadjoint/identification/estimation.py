@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
@@ -25,6 +26,8 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.simulation.arguments import truth
+from coadjoint.simulation.progress import Progress
 
 
 @heeded()
@@ -50,6 +53,7 @@ def identify(
     longest_delay: float = 0.5,
     attitude: Attitude | None = None,
     process_noise: Sequence[str] = (),
+    progress: bool | None = None,
 ) -> Identification:
     """The parameters of `system` with which its simulation comes closest to the log, with confidence intervals.
 
@@ -81,6 +85,7 @@ def identify(
     process_noise: what wanders beside what is sought: "force" and "torque", which the model lacks, in the body, or
     their components X, Y, Z, K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process,
     whose deviation and correlation time are estimated, `found.process_noise`, and the intervals count with it.
+    progress: None, a bar on a terminal for what takes over a second (the default); False, never.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
     if not 0 < level < 1:
@@ -90,6 +95,7 @@ def identify(
     if between not in get_args(Between):
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     method = Midpoint() if method is None else method
+    progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
     system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
@@ -102,7 +108,10 @@ def identify(
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
     asked = setting(sought, log, start, channels, method, between, step, settle, sensed, moved)
-    return judged(fitted(asked, segment, given), level)
+    began = time.perf_counter()
+    with Progress(None, progress, f"identification of {system.name}", "simulations") as bar:
+        asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
+        return judged(fitted(asked, segment, given), level)
 
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], Any]]) -> Channels:

@@ -75,7 +75,9 @@ class Fit:
         delays = self.sensing.delay(own)
         if delays is not None and self.sensing.rotation:
             delays = np.concatenate([delays, np.repeat(delays[self.sensing.attitude[0]], 9)])
-        return self.shooting.predict(parameters, place.own, self.internal, delays)
+        found = self.shooting.predict(parameters, place.own, self.internal, delays)
+        self.asked.simulated()
+        return found
 
     def simulated(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
         """Of every channel, with its bias: (segments, samples, channels)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -49,6 +50,8 @@ class Setting:
     settle: float
     sensing: Sensing
     wandering: Moved | None = None
+    simulated: Callable[[], None] = lambda: None
+    """Called after every simulation of the log."""
 
     @property
     def longest(self) -> float:
