@@ -94,7 +94,7 @@ class Experiment:
         return self.craft.start(position=tuple(self.begun[:3]), speed=float(self.begun[12]), actuators=actuators)
 
     def identified(self, log: Log, **options: Any) -> Identification:
-        """With the search begun off the truth, from the log as one run."""
+        """With the search begun off the truth, from segments of 20 s."""
         system: Any = self.craft.system
         for name, factor in self.guess.items():
             path, _, index = name.rstrip("]").partition("[")
@@ -103,7 +103,7 @@ class Experiment:
             new, where = np.array(old), tuple(map(int, index.split(","))) if index else ()
             new[where] *= factor
             system = system.replace(**{section: {key: new}} if section else {key: new})
-        given = {"coloured": ["velocity", "rates"], "dt": self.dt, "segment": None} | options
+        given = {"coloured": ["velocity", "rates"], "dt": self.dt, "segment": 20.0} | options
         return identify(
             system, log, start=self.start, parameters=list(self.truth), biases=list(BIASES), delays=["position"],
             longest_delay=0.2, **given,
@@ -116,13 +116,13 @@ class Experiment:
         for name, value in self.truth.items():
             h = 1e-3 * abs(value)
             pair = [self.simulated(self.body({name: value + sign * h})) for sign in (1, -1)]
-            along.append({c: (pair[0][c] - pair[1][c]) / (2 * h) for c in pair[0]})
+            along.append({c: turned(pair[0][c] - pair[1][c]) / (2 * h) for c in pair[0]})
         zero = {c: np.zeros(len(self.time)) for c in self.exact}
         along += [{**zero, name: np.ones(len(self.time))} for name in BIASES]
         along.append(zero | {name: -np.gradient(self.exact[name], INTERVAL) for name in POSITION})
         for k in range(12):
             pair = [self.simulated(begun=self._moved(k, sign * 1e-4)) for sign in (1, -1)]
-            along.append({c: (pair[0][c] - pair[1][c]) / 2e-4 for c in pair[0]})
+            along.append({c: turned(pair[0][c] - pair[1][c]) / 2e-4 for c in pair[0]})
         return {c: np.stack([one[c] for one in along], axis=1) for c in self.exact}
 
     def _moved(self, k: int, by: float) -> np.ndarray:
@@ -146,6 +146,11 @@ class Experiment:
         size = np.sqrt(np.diag(F))
         covariance = np.linalg.inv(F / np.outer(size, size)) / np.outer(size, size)
         return dict(zip(self.all, np.sqrt(np.diag(covariance))[: len(self.all)], strict=True))
+
+
+def turned(small: np.ndarray) -> np.ndarray:
+    """Differences, of angles some of which are a turn apart."""
+    return (small + np.pi) % (2 * np.pi) - np.pi
 
 
 def zigzag(t: np.ndarray, period: float, size: float) -> np.ndarray:

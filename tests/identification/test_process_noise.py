@@ -17,7 +17,14 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
-from coadjoint.identification.process_noise import Knots, Wander, _unlikely, equations, likeliest, prediction_errors
+from coadjoint.identification.process_noise import (
+    Knots,
+    Wander,
+    _unlikely,
+    likeliest,
+    normal_equations,
+    prediction_errors,
+)
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
 from coadjoint.identification.wandering import wandering, without
@@ -52,7 +59,7 @@ def test_the_likelihood_is_the_restricted_one_of_the_covariance_and_has_its_deri
     """Between two wanders: log |V| + log |XᵀV⁻¹X| + rᵀ(V⁻¹ − V⁻¹X(XᵀV⁻¹X)⁻¹XᵀV⁻¹)r with V = 1 + F cov(x) Fᵀ."""
     J, r = linear(Wander(np.array([1.0, 0.5]), np.array([1.0, 2.0])), 3)
     own = slice(2, 2 + KNOTS.size)
-    given = equations(J, r, np.zeros((3, KNOTS.size)), own, 2 + KNOTS.size)
+    given = normal_equations(J, r, np.zeros((3, KNOTS.size)), own, 2 + KNOTS.size)
 
     def brute(wander):
         X, V = np.zeros((180, 7)), np.zeros((180, 180))
@@ -80,7 +87,7 @@ def test_the_strength_that_is_found_is_that_of_the_process():
     true = Wander(np.array([1.0, 0.3]), np.array([1.0, 3.0]))
     for wander in (true, Wander(np.array([1e-9, 1e-9]), np.array([1.0, 1.0]))):
         J, r = linear(wander, 200, seed=4)
-        given = equations(J, r, np.zeros((200, KNOTS.size)), slice(2, 2 + KNOTS.size), 2 + KNOTS.size)
+        given = normal_equations(J, r, np.zeros((200, KNOTS.size)), slice(2, 2 + KNOTS.size), 2 + KNOTS.size)
         found = likeliest(given, KNOTS, 100.0)
         if wander is true:
             np.testing.assert_allclose(found.deviation, true.deviation, rtol=0.1)

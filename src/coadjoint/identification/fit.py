@@ -9,7 +9,7 @@ import numpy as np
 from coadjoint.identification import rotations
 from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
-from coadjoint.identification.process_noise import Wander, equations, likeliest, prediction_errors
+from coadjoint.identification.process_noise import Wander, likeliest, normal_equations, prediction_errors
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.unknowns import Unknown
@@ -203,7 +203,7 @@ class Fit:
             self.wander = old
             return 0.0
         x = slice(self.shooting.size, self.own)
-        given = equations(self.jacobian(place, found[1]), found[0], place.own[:, x], x, self.own)
+        given = normal_equations(self.jacobian(place, found[1]), found[0], place.own[:, x], x, self.own)
         self.wander = likeliest(given, knots, LONGEST_TIME * self.log.duration, old)
         if old is None:
             return np.inf

@@ -72,7 +72,7 @@ class Knots:
         return found.reshape(self.size, self.size)
 
 
-class Equations(NamedTuple):
+class Normal(NamedTuple):
     """Normal equations of what the sensors say, at x = 0: H (segments, q, q), g (segments, q), with columns of starts,
     then of knots `x`, which end the d that are each segment's own, then of what all share."""
 
@@ -82,14 +82,14 @@ class Equations(NamedTuple):
     d: int
 
 
-def equations(J: np.ndarray, r: np.ndarray, knots: np.ndarray, x: slice, d: int) -> Equations:
+def normal_equations(J: np.ndarray, r: np.ndarray, knots: np.ndarray, x: slice, d: int) -> Normal:
     """From J and r where the knots are `knots`, (segments, size), without the residuals w."""
     H = J.swapaxes(1, 2) @ J
     g = np.einsum("srk,sr->sk", J, r) - np.einsum("skj,sj->sk", H[:, :, x], knots)
-    return Equations(H, g, x, d)
+    return Normal(H, g, x, d)
 
 
-def likeliest(given: Equations, knots: Knots, longest: float, begin: Wander | None = None) -> Wander:
+def likeliest(given: Normal, knots: Knots, longest: float, begin: Wander | None = None) -> Wander:
     """s and τ of the greatest restricted likelihood; τ from Δ/2 to `longest`, s."""
     n = len(knots.labels)
     seen = np.einsum("skk->k", given.H)[given.x].reshape(knots.count, n).max(axis=0)
@@ -107,7 +107,7 @@ def likeliest(given: Equations, knots: Knots, longest: float, begin: Wander | No
     return Wander(np.exp(found.x[:n]) * unit, np.exp(found.x[n:]))
 
 
-def _unlikely(given: Equations, knots: Knots, wander: Wander) -> tuple[float, np.ndarray]:
+def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.ndarray]:
     """−2 log L up to a constant, and its derivatives by log s and log τ."""
     H, g, x, d = given
     L = knots.roots(wander)
