@@ -92,8 +92,9 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     assert "95% interval" in shown and "added_mass[5,5]" in shown and shown.splitlines()[-1] == "Figure: fit.png."
     assert (tmp_path / "fit.png").read_bytes()[:4] == b"\x89PNG"
     both = ["inertia[0,0]", "added_mass[3,3]"]
-    assert main([*asked, *both, "--noise", "u=0.01", "--settle", "1", "--json"]) == 0
+    assert main([*asked, *both, "--noise", "u=0.01", "--settle", "1", "--process-noise", "X", "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert 0 < found["process_noise"]["X"]["deviation"] < 0.5 and found["process_noise"]["X"]["correlation_time_s"] > 0
     assert [found["parameters"][name]["high"] for name in both] == [None, None]
     drag = found["parameters"]["hull.axial_drag"]
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
@@ -110,6 +111,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
         (["remus_100", "log.csv", "--parameters", "hull", "--out", "none/fit.png"], "The folder none does not exist"),
         (["remus_100", "log.csv", "--parameters", "hull", "--still", "rudder"], "the log holds its commands"),
         (["remus_100", "log.csv", "--parameters", "hull", "--ignore", "wind"], "no column `wind` to ignore"),
+        (["remus_100", "log.csv", "--parameters", "hull", "--process-noise", "winds"], "no `winds` that process noise"),
     ],
 )  # fmt: skip
 def test_the_command_refuses_in_a_sentence(remus, tmp_path, capsys, monkeypatch, arguments, sentence):

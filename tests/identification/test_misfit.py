@@ -95,3 +95,29 @@ def test_a_log_that_is_shorter_than_a_lag_has_no_misfit_and_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert misfits(Log(t, {"u": t}, {"rudder": np.sin(9 * t)}), {"u": random.normal(size=40)}) == ()
+
+
+def widths(random, count=600):
+    """Pulse widths of eight thrusters, anew every 1.5 s."""
+    return 1500 + np.repeat(random.uniform(-200, 200, (count // 15, 8)), 15, axis=0)
+
+
+def test_what_all_thrusters_do_together_is_found_where_none_alone_is_clear():
+    """A force of the squares of all commands about 1500 µs, each of which has a thirtieth of the variance."""
+    random, t = np.random.default_rng(3), 0.1 * np.arange(600)
+    commands = widths(random)
+    square = (commands - 1500) ** 2
+    force = ((square - square.mean(axis=0)) / square.std(axis=0)).sum(axis=1) / np.sqrt(8)
+    log = Log(t, {"q": random.normal(size=600) + 0.6 * force}, {"thrusters": commands})
+    (one,) = misfits(log, dict(log.columns))
+    assert (one.column, one.input, one.lag) == ("q", "thrusters", 0.0)
+    assert one.shape.startswith("(thrusters − 15") and one.shape.endswith(")²")
+    assert 0.3 < one.correlation < 0.7 and one.score > 5
+
+
+def test_white_innovations_are_no_misfit_of_many_commands_either():
+    random, t, alarms = np.random.default_rng(8), 0.1 * np.arange(600), 0
+    for _ in range(60):
+        white = {name: random.normal(size=600) for name in ("u", "r", "w")}
+        alarms += bool(misfits(Log(t, white, {"thrusters": widths(random)}), white))
+    assert alarms <= 1

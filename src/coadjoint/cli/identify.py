@@ -57,6 +57,8 @@ class Identify:
     """Columns with a bias that is sought too; position, attitude, velocity and rates stand for three."""
     delays: tuple[str, ...] = ()
     """Columns, or such groups of three, of which it is sought by how many seconds they are late."""
+    process_noise: tuple[str, ...] = ()
+    """What wanders beside what is found: force, torque, X, Y, Z, K, M, N, or parameters such as water.velocity."""
     out: Path | None = None
     """A figure of what was measured and simulated."""
     json: bool = False
@@ -91,6 +93,7 @@ class Identify:
             coloured=self.coloured,
             biases=self.biases,
             delays=self.delays,
+            process_noise=self.process_noise,
         )
         if self.json:
             print(json_text.dumps(_summary(found), indent=2, ensure_ascii=False))
@@ -130,6 +133,10 @@ def _summary(found: Identification) -> dict[str, Any]:
         "correlation": found.correlation.tolist(),
         "noise": found.noise,
         "correlation_time_s": found.correlation_times,
+        "process_noise": {
+            n: {"deviation": one.deviation, "correlation_time_s": one.correlation_time}
+            for n, one in found.process_noise.items()
+        },
         "lag_one_correlation": found.whiteness,
         "warnings": list(found.warnings),
     }

@@ -32,6 +32,8 @@ def card(found: Identification) -> str:
         after = f"   over {time:.3g} s" if time else ""
         value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
         lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}{after}")
+    for name, one in found.process_noise.items():
+        lines.append(f"  {name:<{width}}  {one.deviation:>11.4g} wandering over {one.correlation_time:.3g} s")
     for warning in found.warnings:
         lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
     return "\n".join(lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
@@ -19,11 +20,14 @@ from coadjoint.identification.sampling import Between
 from coadjoint.identification.sensing import GROUPS, Attitude, sensing
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
+from coadjoint.identification.wandering import wandering
 from coadjoint.interrupts import heeded
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
+from coadjoint.simulation.arguments import truth
+from coadjoint.simulation.progress import Progress
 
 
 @heeded()
@@ -48,6 +52,8 @@ def identify(
     delays: Sequence[str] | Mapping[str, Sequence[str]] = (),
     longest_delay: float = 0.5,
     attitude: Attitude | None = None,
+    process_noise: Sequence[str] = (),
+    progress: bool | None = None,
 ) -> Identification:
     """The parameters of `system` with which its simulation comes closest to the log, with confidence intervals.
 
@@ -76,6 +82,10 @@ def identify(
     attitude: "angles" compares Euler angles, "rotation" takes log(R_measuredᵀR_simulated) along the body axes, where
     noise and bias of roll, pitch and heading are those about forward, starboard and down; by default that where the log
     pitches by over 60°.
+    process_noise: what wanders beside what is sought: "force" and "torque", which the model lacks, in the body, or
+    their components X, Y, Z, K, M, N, or parameters such as "water.velocity". Each is an Ornstein–Uhlenbeck process,
+    whose deviation and correlation time are estimated, `found.process_noise`, and the intervals count with it.
+    progress: None, a bar on a terminal for what takes over a second (the default); False, never.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
     if not 0 < level < 1:
@@ -85,7 +95,9 @@ def identify(
     if between not in get_args(Between):
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     method = Midpoint() if method is None else method
+    progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
+    system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})
     given = _noise(noise or {}, channels)
@@ -95,8 +107,11 @@ def identify(
     )  # fmt: skip
     channels = replace(channels, rotation=sensed.rotation)
     step = log.step if dt is None else float(dt)
-    asked = setting(sought, log, start, channels, method, between, step, settle, sensed)
-    return judged(fitted(asked, segment, given), level)
+    asked = setting(sought, log, start, channels, method, between, step, settle, sensed, moved)
+    began = time.perf_counter()
+    with Progress(None, progress, f"identification of {system.name}", "simulations") as bar:
+        asked = replace(asked, simulated=lambda: bar.advance(1, time.perf_counter() - began))
+        return judged(fitted(asked, segment, given), level)
 
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], Any]]) -> Channels:

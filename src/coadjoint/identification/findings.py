@@ -17,6 +17,7 @@ from coadjoint.identification.misfit import Misfit, misfits, sentences
 from coadjoint.identification.sensing import SENSORS
 from coadjoint.identification.smoothing import noise as rough_noise
 from coadjoint.identification.tied import SIGN
+from coadjoint.identification.wandering import ProcessNoise, wandered, without
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
@@ -57,8 +58,9 @@ class Identification:
 
     `estimates` by name; `correlation` (m, m) in their order; `noise` by column, those in `assumed` as given;
     `system` has the values that were found. `correlation_times` of coloured noise, s, by column; 0 where it is white.
-    `innovations`: measured less simulated, less what the coloured noise before tells, over the noise; NaN where nothing
-    was measured. `misfits`: columns whose innovations follow a command. `whiteness`: their lag-one correlation.
+    `process_noise`: what wandered, by name. `innovations`: measured less simulated, less what the coloured noise before
+    and what wandered tell, over the noise; NaN where nothing was measured. `misfits`: columns whose innovations follow
+    a command. `whiteness`: their lag-one correlation.
     `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
     """
 
@@ -69,6 +71,7 @@ class Identification:
     singular_values: np.ndarray
     noise: dict[str, float]
     correlation_times: dict[str, float]
+    process_noise: dict[str, ProcessNoise]
     innovations: dict[str, np.ndarray]
     misfits: tuple[Misfit, ...]
     assumed: tuple[str, ...]
@@ -140,13 +143,13 @@ class Spread(NamedTuple):
 def judged(found: Fitted, level: float) -> Identification:
     """Estimates with their intervals, from the Jacobian at the solution."""
     fit, sigma, shooting = found.fit, found.sigma, found.fit.shooting
-    spread, names = _spread(found.solution.jacobian, shooting.size), shooting.channels.names
+    spread, names = _spread(found.solution.jacobian, fit.own), shooting.channels.names
     estimates = _estimates(found, spread, level)
     place = found.solution.place
     predicted = fit.predict(place)
     assert predicted is not None
     off = fit.differences(predicted, place.shared)
-    surprise = fit.innovations(predicted, place.shared)
+    surprise = fit.surprise(place, predicted)
     whiteness = {n: _lag_one(surprise[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
@@ -157,13 +160,14 @@ def judged(found: Fitted, level: float) -> Identification:
     innovations = _by_rows(fit, np.where(fit.there, -surprise, np.nan))
     missed = misfits(fit.log, innovations)
     return Identification(
-        system=shooting.unknowns.replaced(fit.split(place.shared)[0]),
+        system=without(shooting.unknowns.replaced(fit.split(place.shared)[0])),
         log=fit.log,
         estimates=estimates,
         correlation=correlation,
         singular_values=spread.values,
         noise=dict(zip(names, map(float, sigma), strict=True)),
         correlation_times={names[i]: float(fit.times[i]) for i in fit.sensing.coloured},
+        process_noise=wandered(fit, place.own),
         innovations=innovations,
         misfits=missed,
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),

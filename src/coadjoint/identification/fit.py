@@ -9,6 +9,7 @@ import numpy as np
 from coadjoint.identification import rotations
 from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
+from coadjoint.identification.process_noise import Wander, likeliest, normal_equations, prediction_errors
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.unknowns import Unknown
@@ -18,6 +19,10 @@ SETTLING = 3
 
 FARTHEST = 50.0
 """How far from its beginning a coordinate may be, a logarithm or a multiple of its size."""
+
+
+LONGEST_TIME = 4.0
+"""Up to how many times the log process noise may take to follow itself: then it is a random walk."""
 
 
 class Fit:
@@ -44,6 +49,7 @@ class Fit:
         self.near = neighbours(self.log.time[rows], self.there)
         self.times = np.zeros(self.there.shape[2])
         self.internal: Any = None
+        self.wander: Wander | None = None
 
     @property
     def each(self) -> tuple[Unknown, ...]:
@@ -53,6 +59,11 @@ class Fit:
     @property
     def count(self) -> int:
         return len(self.each)
+
+    @property
+    def own(self) -> int:
+        """How many unknowns are each segment's own."""
+        return self.shooting.own
 
     def split(self, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates of parameters, and those of the sensors."""
@@ -64,7 +75,9 @@ class Fit:
         delays = self.sensing.delay(own)
         if delays is not None and self.sensing.rotation:
             delays = np.concatenate([delays, np.repeat(delays[self.sensing.attitude[0]], 9)])
-        return self.shooting.predict(parameters, place.own, self.internal, delays)
+        found = self.shooting.predict(parameters, place.own, self.internal, delays)
+        self.asked.simulated()
+        return found
 
     def simulated(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
         """Of every channel, with its bias: (segments, samples, channels)."""
@@ -93,14 +106,15 @@ class Fit:
 
     def at(self, shared: np.ndarray) -> Estimates:
         """Parameters, with every segment starting at its reference."""
-        return Estimates(shared, np.zeros((self.shooting.runs, self.shooting.size)))
+        return Estimates(shared, np.zeros((self.shooting.runs, self.own)))
 
     def finer(self, segment: float | None, parts: int) -> Fit:
         """The same segments on steps that are `parts` times shorter."""
         if parts == 1:
             return self
-        found = Fit(self.asked.shooting(self.shooting.samples.h / parts, segment), self.asked, self.sigma)
-        found.internal, found.times = self.internal, self.times
+        shooting = self.asked.shooting(self.shooting.samples.h / parts, segment, self.shooting.knots)
+        found = Fit(shooting, self.asked, self.sigma)
+        found.internal, found.times, found.wander = self.internal, self.times, self.wander
         return found
 
     def innovations(self, found: Prediction, shared: np.ndarray) -> np.ndarray:
@@ -115,7 +129,14 @@ class Fit:
         found = self.predict(place)
         if found is None:
             return None
-        return self.innovations(found, place.shared).reshape(self.shooting.runs, -1), found
+        r = self.innovations(found, place.shared).reshape(self.shooting.runs, -1)
+        return (r if self.wander is None else np.concatenate([r, self._driving(place.own)], axis=1)), found
+
+    def _driving(self, own: np.ndarray) -> np.ndarray:
+        """What drives the knots, w = L x of every segment: (segments, knots)."""
+        knots = self.shooting.knots
+        assert knots is not None and self.wander is not None
+        return own[:, self.shooting.size :] @ knots.spread(knots.roots(self.wander)).T
 
     def slopes(self, place: Estimates, way: Prediction) -> np.ndarray:
         """Derivatives of `differences` by starts, parameters and what is sought of the sensors: (segments, samples,
@@ -138,7 +159,7 @@ class Fit:
         bias, R = self.sensing.bias(own)[attitude], self._matrices(way)
         off = rotations.difference(self.rotation, R, bias)
         turned = rotations.slopes(off, R, along[..., len(self.sensing.names) :], bias)
-        by_bias, first = rotations.slopes_of_bias(off, bias), self.shooting.size + len(parameters)
+        by_bias, first = rotations.slopes_of_bias(off, bias), self.own + len(parameters)
         for column, i in enumerate(self.sensing.biased):
             if i in attitude and not self.held:
                 turned[:, :, first + column] = by_bias[:, :, attitude.index(i)]
@@ -163,7 +184,43 @@ class Fit:
 
     def jacobian(self, place: Estimates, way: Prediction) -> np.ndarray:
         weighted = whitened(self.slopes(place, way), self.near, self.times) / self.sigma
-        return weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, weighted.shape[2])
+        J = weighted.swapaxes(2, 3).reshape(self.shooting.runs, -1, weighted.shape[2])
+        knots = self.shooting.knots
+        if self.wander is None or knots is None:
+            return J
+        driving = np.zeros((len(J), knots.size, J.shape[2]))
+        driving[:, :, self.shooting.size : self.own] = knots.spread(knots.roots(self.wander))
+        return np.concatenate([J, driving], axis=1)
+
+    def find_process_noise(self, place: Estimates) -> float:
+        """The likeliest s and τ at a place; by how much, relatively, s √(1 + Δ/τ) changed of what counts most."""
+        knots = self.shooting.knots
+        if knots is None:
+            return 0.0
+        old, self.wander = self.wander, None
+        found = self.residual(place)
+        if found is None:
+            self.wander = old
+            return 0.0
+        x = slice(self.shooting.size, self.own)
+        given = normal_equations(self.jacobian(place, found[1]), found[0], place.own[:, x], x, self.own)
+        self.wander = likeliest(given, knots, LONGEST_TIME * self.log.duration, old)
+        if old is None:
+            return np.inf
+        roots = [np.linalg.norm(knots.roots(one), axis=(1, 2)) for one in (old, self.wander)]
+        return float(np.max(np.abs(np.log(roots[1] / roots[0]))))
+
+    def surprise(self, place: Estimates, found: Prediction) -> np.ndarray:
+        """What the samples say that those before did not: `innovations`, and those of a Kalman filter where parameters
+        wander."""
+        w, knots = self.innovations(found, place.shared), self.shooting.knots
+        if self.wander is None or knots is None:
+            return w
+        F = (whitened(self.slopes(place, found), self.near, self.times) / self.sigma)[
+            :, :, self.shooting.size : self.own
+        ]
+        L = knots.spread(knots.roots(self.wander))
+        return prediction_errors(w - np.einsum("snxc,sx->snc", F, place.own[:, self.shooting.size :]), F, L.T @ L)
 
     def settle(self, place: Estimates) -> None:
         """Internal states of starts that follow from those of the segments before."""

@@ -60,8 +60,9 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
     sigma = np.array([given.get(name) or rough_noise(log, name) for name in names])
     open_ = np.array([name not in given for name in names])
     h, left = asked.longest, FINEST
-    fit = Fit(asked.shooting(h, segment), asked, sigma)
+    fit = Fit(asked.shooting(h, segment, "new"), asked, sigma)
     place, trips = fit.at(_begun(asked, h, segment, sigma, np.zeros(fit.count))), 0
+    fit.find_process_noise(place)
     if asked.step is None:
         parts = _parts(_shift(fit, place, asked, segment), left)
         left //= parts
@@ -78,6 +79,8 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
             stuck = found.solution.place.shared
             near = np.where(np.abs(stuck) > FAR, 0.0, stuck)
             place = fit.at(_begun(asked, fit.shooting.samples.h, segment, sigma, near))
+            fit.wander = None
+            fit.find_process_noise(place)
             continue
         if asked.step is not None and asked.step == log.step:
             return found
@@ -121,7 +124,7 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
     there, here = finer.residual(place), fit.residual(place)
     if there is None or here is None:
         return np.full(len(place.shared), np.nan)
-    moved, _, errors = step(fit.jacobian(place, here[1]), there[0] - here[0], fit.shooting.size, 0.0)
+    moved, _, errors = step(fit.jacobian(place, here[1]), there[0] - here[0], fit.own, 0.0)
     share = 1 - 0.5**asked.method.order
     return np.abs(moved) / np.where(errors > 0, errors, np.inf) / share
 
@@ -129,7 +132,7 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
 def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bool) -> Fitted:
     """Rounds of least squares, each with the noise that the one before found; unless it is the `final` attempt, none
     goes on from where the one before got stuck, whose residuals are no noise."""
-    shooting, sigma, solution = fit.shooting, fit.sigma, None
+    sigma, solution = fit.sigma, None
     for _ in range(ROUNDS):
         fit.sigma = sigma
         fit.settle(place)
@@ -142,17 +145,17 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
         place, trips = solution.place, trips + solution.trips
         if not (solution.converged or final):
             break
-        estimate = _estimated(solution, fit, shooting.size)
+        estimate = _estimated(solution, fit, fit.own)
         changed = np.abs(estimate / sigma - 1)[open_]
         sigma = np.where(open_, estimate, sigma)
         times = _correlation_times(fit, place, sigma)
         settled = np.all(np.abs(times - fit.times) <= SAME_TIME * fit.times)
-        fit.times = times
+        fit.times, fit.sigma = times, sigma
+        settled = fit.find_process_noise(place) <= SAME_TIME and settled
         if settled and not np.any(changed > SAME):
             break
     assert solution is not None
-    if np.any(fit.times):
-        fit.sigma = sigma
+    if np.any(fit.times) or fit.wander is not None:
         again = fit.residual(place)
         assert again is not None
         found = solution._replace(residual=again[0], jacobian=fit.jacobian(place, again[1]))
@@ -171,17 +174,19 @@ def _correlation_times(fit: Fit, place: Estimates, sigma: np.ndarray) -> np.ndar
     found = fit.predict(place) if fit.sensing.coloured else None
     if found is None:
         return times
-    off, slopes, d = fit.differences(found, place.shared), fit.slopes(place, found), fit.shooting.size
+    off, slopes, d = fit.differences(found, place.shared), fit.slopes(place, found), fit.own
     parts = whitened(slopes, fit.near, times) / sigma
     each = np.einsum("snac,snbc->csab", parts, parts)
+    rows = fit.jacobian(place, found)[:, parts.shape[1] * parts.shape[3] :]
+    driving = rows.swapaxes(1, 2) @ rows
     shortest = SHORTEST * fit.log.interval
     longest = LONGEST * fit.log.duration / fit.shooting.runs
-    J = parts.swapaxes(2, 3).reshape(fit.shooting.runs, -1, parts.shape[2])
+    J = np.concatenate([parts.swapaxes(2, 3).reshape(fit.shooting.runs, -1, parts.shape[2]), rows], axis=1)
     freedom = np.maximum(_freedom(J, fit.there, d), 1.0)
     for c in fit.sensing.coloured:
         near = Neighbours(fit.near.before[..., c], fit.near.between[..., c])
         one = Channel(off[..., c], slopes[..., c], near, float(freedom[c]))
-        times[c] = correlation_time(one, each.sum(axis=0) - each[c], d, shortest, longest)
+        times[c] = correlation_time(one, each.sum(axis=0) - each[c] + driving, d, shortest, longest)
     return times
 
 
@@ -206,7 +211,8 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:
     """σ̂² = Σ r²/(N − what the fit took up) of each channel, at least what round-off may be."""
-    squares = np.sum(solution.residual.reshape(problem.there.shape) ** 2, axis=(0, 1))
+    r = solution.residual[:, : problem.there[0].size]
+    squares = np.sum(r.reshape(problem.there.shape) ** 2, axis=(0, 1))
     size = np.max(np.abs(problem.values), axis=(0, 1), initial=1.0)
     found = problem.sigma * np.sqrt(squares / np.maximum(_freedom(solution.jacobian, problem.there, d), 1.0))
     return np.maximum(found, QUIETEST * size)
@@ -219,4 +225,5 @@ def _freedom(J: np.ndarray, there: np.ndarray, d: int) -> np.ndarray:
     flat = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300)
     C = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
     taken = taken + np.sum((flat @ C) * flat, axis=1).reshape(taken.shape)
-    return np.sum(np.where(there, 1 - taken.reshape(there.shape), 0.0), axis=(0, 1))
+    taken = taken[:, : there[0].size].reshape(there.shape)
+    return np.sum(np.where(there, 1 - taken, 0.0), axis=(0, 1))

@@ -1,8 +1,8 @@
 """Where a model is wrong: innovations that follow what drives the vehicle, or one another.
 
 Where model and noise are right, innovations are white: their correlation ρ with anything that was known before,
-such as a command f(t − lag), has ρ√N of variance 1, and their autocorrelations ρ_k make Q = N(N + 2) Σ ρ_k²/(N − k) a
-χ²:
+such as a command f(t − lag), has ρ√N of variance 1, with m commands N R² is a χ² of m, and their autocorrelations
+ρ_k make Q = N(N + 2) Σ ρ_k²/(N − k) a χ²:
 Ljung, System Identification (1999), section 16.6; Ljung and Box (1978), On a measure of lack of fit in time series
 models, Biometrika 65.
 """
@@ -32,17 +32,18 @@ SHAPES = {
     "{}²": lambda f: f**2,
     "{}³": lambda f: f**3,
 }
-"""What a force may be of a command."""
+"""What a force may be of a command, or of its distance from its mean where it never changes sign, as a pulse width."""
 
 FEWEST = 30
 """Innovations that a correlation needs."""
 
 
 class Misfit(NamedTuple):
-    """A column whose innovations correlate with a command.
+    """A column whose innovations correlate with a command, or with all commands of a part at once, as of its thrusters.
 
-    `shape`: of the command, `lag` s before; `correlation` with its sign, `score` = |correlation| √N; `following`: the
-    probability of as large a Q where innovations are white.
+    `shape`: of the command, `lag` s before; `correlation` with its sign, of several commands R without one; `score`:
+    |correlation| √N, of several as improbable a number of a normal law; `following`: the probability of as large a Q
+    where innovations are white.
     """
 
     column: str
@@ -58,20 +59,23 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
     """The columns that follow a command by more than chance, each with the command that it follows most; the clearest
     first.
 
-    A column alone must reach LEVEL/2 over all columns and features; a feature may also do so by Σ score² over all
-    columns, a χ² of as many, and then is told of the column that follows it most.
+    A column alone must reach LEVEL/2 over all columns and features; a feature may also do so by Σ N R² over all
+    columns, a χ² of as many times its commands, and then is told of the column that follows it most.
     """
     features = list(_features(log))
     known = {name: w for name, w in innovations.items() if np.isfinite(w).sum() >= FEWEST}
     if not features or not known:
         return ()
-    table = [[_correlated(column, w, np.isfinite(w), feature) for feature in features] for column, w in known.items()]
+    pairs = [[_correlated(column, w, np.isfinite(w), feature) for feature in features] for column, w in known.items()]
+    table = [[one for one, _ in row] for row in pairs]
     scores = np.array([[one.score for one in row] for row in table])
     least = float(stats.norm.isf(LEVEL / 4 / scores.size))
     found = [row[i] for row, i in zip(table, np.argmax(scores, axis=1), strict=True) if row[i].score > least]
-    together = np.sum(scores**2, axis=0)
-    best = int(np.argmax(together))
-    if not found and stats.chi2.sf(together[best], len(known)) < LEVEL / 2 / len(features):
+    together = np.sum([[square for _, square in row] for row in pairs], axis=0)
+    counts = len(known) * np.array([feature.values.shape[1] for feature in features])
+    chances = stats.chi2.sf(together, counts)
+    best = int(np.argmin(chances))
+    if not found and chances[best] < LEVEL / 2 / len(features):
         found = [table[int(np.argmax(scores[:, best]))][best]]
     found = [one._replace(following=portmanteau(known[one.column])) for one in found]
     return tuple(sorted(found, key=lambda one: -one.score))
@@ -105,7 +109,8 @@ def portmanteau(w: np.ndarray) -> float:
 
 
 class Feature(NamedTuple):
-    """A shape of a command at a lag, at the times of the log; NaN before the first command."""
+    """A shape of a command, or of several, at a lag, at the times of the log, (times, commands); NaN before the first
+    command."""
 
     input: str
     shape: str
@@ -116,25 +121,48 @@ class Feature(NamedTuple):
 def _features(log: Log) -> Iterator[Feature]:
     for name, values in log.inputs.items():
         columns = values.reshape(len(log), -1)
-        for i, f in enumerate(columns.T):
-            label = name if values.ndim == 1 else f"{name}[{i + 1}]"
-            for lag in LAGS:
-                row = np.searchsorted(log.time, log.time - lag + 1e-9, side="right") - 1
-                before = np.where(row >= 0, f[np.maximum(row, 0)], np.nan)
-                for text, shape in SHAPES.items():
-                    yield Feature(label, text.format(label), lag, shape(before))
+        count = columns.shape[1]
+        labels = [name] if values.ndim == 1 else [f"{name}[{i + 1}]" for i in range(count)]
+        groups = [(label, [i]) for i, label in enumerate(labels)] + ([(name, list(range(count)))] if count > 1 else [])
+        steady = np.all(columns > 0, axis=0) | np.all(columns < 0, axis=0)
+        middle = np.where(steady, columns.mean(axis=0), 0.0)
+        for lag in LAGS:
+            row = np.searchsorted(log.time, log.time - lag + 1e-9, side="right") - 1
+            before = np.where((row >= 0)[:, None], columns[np.maximum(row, 0)], np.nan) - middle
+            for text, shape in SHAPES.items():
+                shaped = shape(before)
+                for label, those in groups:
+                    about = f"({label} − {middle[those].mean():.4g})" if steady[those].any() else label
+                    yield Feature(label, text.format(about), lag, shaped[:, those])
 
 
-def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature) -> Misfit:
-    both = there & np.isfinite(feature.values)
+def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature) -> tuple[Misfit, float]:
+    """The misfit, and N R²."""
+    both = there & np.all(np.isfinite(feature.values), axis=1)
+    nothing = Misfit(column, feature.input, feature.shape, feature.lag, 0.0, 0.0, 1.0)
     if both.sum() < FEWEST:
-        return Misfit(column, feature.input, feature.shape, feature.lag, 0.0, 0.0, 1.0)
+        return nothing, 0.0
     a, b = w[both], feature.values[both]
-    a, b = a - a.mean(), b - b.mean()
+    a, b = a - a.mean(), b - b.mean(axis=0)
     follows = min(max(float(np.sum(a[1:] * a[:-1]) / max(np.sum(a**2), 1e-300)), 0.0), 0.95)
     # Innovations that follow one another correlate with anything slow by chance: of both sides what is new is taken.
     a, b = a[1:] - follows * a[:-1], b[1:] - follows * b[:-1]
-    sizes = np.sqrt(np.sum(a**2) * np.sum(b**2))
-    correlation = float(np.sum(a * b) / sizes) if sizes > 1e-12 * (1.0 + np.sum(feature.values[both] ** 2)) else 0.0
-    score = abs(correlation) * np.sqrt(both.sum())
-    return Misfit(column, feature.input, feature.shape, feature.lag, correlation, float(score), 1.0)
+    size, sizes = np.sqrt(np.sum(a**2)), np.sqrt(np.sum(b**2, axis=0))
+    moves = size * sizes > 1e-12 * (1.0 + np.sum(feature.values[both] ** 2, axis=0))
+    if not moves.any():
+        return nothing, 0.0
+    b = b[:, moves] / sizes[moves]
+    along = b.T @ a / size
+    single = len(along) == 1
+    square = float(along[0] ** 2 if single else along @ np.linalg.pinv(b.T @ b, rcond=1e-9, hermitian=True) @ along)
+    correlation = float(along[0]) if single else np.sqrt(square)
+    total = int(both.sum()) * square
+    return nothing._replace(correlation=correlation, score=_score(total, len(along))), total
+
+
+def _score(square: float, count: int) -> float:
+    """The number of a normal law that is as improbable as a χ² of so many: Wilson and Hilferty (1931)."""
+    if count == 1:
+        return float(np.sqrt(square))
+    spread = 2 / (9 * count)
+    return max(float((np.cbrt(square / count) - 1 + spread) / np.sqrt(spread)), 0.0)

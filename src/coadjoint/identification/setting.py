@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import numpy as np
@@ -13,11 +14,13 @@ from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
 from coadjoint.identification.observed import Observed
+from coadjoint.identification.process_noise import KNOT, MOST, Knots
 from coadjoint.identification.sampling import Between, samples
 from coadjoint.identification.sensing import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
+from coadjoint.identification.wandering import Moved
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
@@ -46,6 +49,9 @@ class Setting:
     step: float | None
     settle: float
     sensing: Sensing
+    wandering: Moved | None = None
+    simulated: Callable[[], None] = lambda: None
+    """Called after every simulation of the log."""
 
     @property
     def longest(self) -> float:
@@ -66,8 +72,9 @@ class Setting:
         digest = version(system, self.method.begin(system, self.start, self.longest), *functions)
         return Observed(StepProgram(replace_parameters(system, None), self.method, version=digest), self.channels)
 
-    def shooting(self, h: float, segment: float | None) -> Shooting:
-        """Segments of about `segment` s on steps h."""
+    def shooting(self, h: float, segment: float | None, knots: Knots | Literal["new"] | None = None) -> Shooting:
+        """Segments of about `segment` s on steps h, in which parameters wander over `knots`, "new" ones where none are
+        known yet."""
         names, units = self.channels.names, self.log.units
         turning = np.array([i for i, name in enumerate(names) if units.get(name) == "rad"], int)
         cut = samples(self.log, turning, h, segment, self.between, self.sensing.reach)
@@ -77,7 +84,16 @@ class Setting:
         rows = cut.rows[:, 0]
         begun = {name: self.log.actual.get(name, values)[rows] for name, values in self.log.inputs.items()}
         reference = self._reference(cut.starts, h)
-        return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun)
+        if knots == "new":
+            knots = self._knots(float(cut.steps_away.max()) * h)
+        return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun, knots)
+
+    def _knots(self, longest: float) -> Knots | None:
+        """Those of what wanders, over the longest of all segments, s."""
+        if self.wandering is None:
+            return None
+        spacing = max(KNOT * self.log.interval, longest / MOST)
+        return Knots(*self.wandering, spacing, max(1, int(np.ceil(longest / spacing - 1e-6))))
 
     def _reference(self, times: np.ndarray, h: float) -> Reference:
         """Where segments start: from the log if it tells, else from a run of the system as it is."""
@@ -107,6 +123,7 @@ def setting(
     step: float | None,
     settle: float,
     sensing: Sensing | None = None,
+    wandering: Moved | None = None,
 ) -> Setting:
     """What is sought, checked; raises ArgumentError."""
     system = sought.system
@@ -133,4 +150,4 @@ def setting(
         t_rest=np.float64(0.0),
     )
     require_inputs(system, begun)
-    return Setting(sought, log, begun, channels, method, between, step, settle, sensing)
+    return Setting(sought, log, begun, channels, method, between, step, settle, sensing, wandering)

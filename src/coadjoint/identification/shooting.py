@@ -17,6 +17,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.identification.channels import Channels
+from coadjoint.identification.process_noise import Knots
 from coadjoint.identification.sampling import Interpolation, Samples
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels.packing import layout, pack
@@ -47,13 +48,15 @@ class Reference(NamedTuple):
 class Prediction(NamedTuple):
     """What the sensors would say at the samples, (segments, samples, numbers), with the path that led there.
 
-    `reading`: where they were read, with delays; None at the times of the samples.
+    `reading`: where they were read, with delays; None at the times of the samples. `wandering`: parameters that did not
+    stay the same.
     """
 
     values: np.ndarray
     path: driven.Path
     slopes_of_start: np.ndarray
     reading: Interpolation | None
+    wandering: driven.Wandering | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class Shooting:
     program: Any
     begun: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Where actuators stand at the first sample of each segment, (segments, …), as far as the log tells."""
+    knots: Knots | None = None
+    """What wanders."""
 
     @property
     def size(self) -> int:
@@ -78,10 +83,21 @@ class Shooting:
     def runs(self) -> int:
         return len(self.samples.starts)
 
+    @property
+    def own(self) -> int:
+        """How many numbers are each segment's own: δ and the knots of what wanders."""
+        return self.size + (self.knots.size if self.knots else 0)
+
+    @cached_property
+    def active(self) -> tuple[int, ...]:
+        """The parameters that change, in order."""
+        wandering = self.knots.places.tolist() if self.knots else []
+        return tuple(sorted({*self.unknowns.active, *wandering}))
+
     @cached_property
     def code(self) -> driven.Driven:
         constants = Constants(self.unknowns.system.parameters, None)
-        return driven.driven(self.program, constants, self.template, self.unknowns.active)
+        return driven.driven(self.program, constants, self.template, self.active)
 
     @cached_property
     def places(self) -> np.ndarray:
@@ -120,7 +136,7 @@ class Shooting:
     def begin(self) -> NativeFunction:
         """(δ, active parameters), what is known of a segment ↦ the numbers of the state at its start."""
         one = jax.tree.map(lambda leaf: leaf[0], self._known(self.held))
-        key = self.program, layout(self.template), layout(one), self.unknowns.active
+        key = self.program, layout(self.template), layout(one), self.active
         if key not in _starts:
             _starts[key] = NativeFunction(self._starting(one), np.zeros(self.size + len(key[3])), _flat(one, 0)[0])
             while len(_starts) > KEPT:
@@ -141,7 +157,7 @@ class Shooting:
         system, template, size = replace_parameters(self.unknowns.system, None), self.template, self.size
         group, Q, V = system.places
         structure, shape = layout(like), layout(self.unknowns.system.parameters)
-        active = self.unknowns.active
+        active = self.active
         ends = np.cumsum([group.dim, Q.dim(group), group.dim])
 
         def start(x, known):
@@ -162,23 +178,38 @@ class Shooting:
         return start
 
     def predict(
-        self, coordinates: np.ndarray, delta: np.ndarray, internal: Any = None, delays: np.ndarray | None = None
+        self, coordinates: np.ndarray, own: np.ndarray, internal: Any = None, delays: np.ndarray | None = None
     ) -> Prediction | None:
-        """What the sensors would say, each number of the record `delays` s late; None where a step fails."""
-        numbers = self.unknowns.filled(coordinates)
-        active = np.repeat(numbers[None, list(self.unknowns.active)], self.runs, axis=0)
+        """What the sensors would say, each number of the record `delays` s late; None where a step fails.
+
+        own: (segments, own), δ and knots.
+        """
+        numbers, delta = self.unknowns.filled(coordinates), own[:, : self.size]
+        active = np.repeat(numbers[None, list(self.active)], self.runs, axis=0)
+        wandering = self._wandering(own[:, self.size :])
+        if wandering is not None:
+            active[:, [self.active.index(place) for place in wandering.places]] += wandering.values[:, 0]
         known = _flat(self._known(self.held if internal is None else internal), 1)
         starts, slopes = self.begin(np.concatenate([delta, active], axis=1), known)
         if not np.all(np.isfinite(starts)):
             return None
-        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table)
+        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table, wandering)
         if np.any(path.codes) or not np.all(np.isfinite(path.records)):
             return None
         records = self.samples.unwrapped(path.records)
         if delays is None:
-            return Prediction(self.samples.weighed(records), path, slopes, None)
+            return Prediction(self.samples.weighed(records), path, slopes, None, wandering)
         reading = self.samples.reading(delays, records.shape[1])
-        return Prediction(self.samples.read(records, reading.nodes, reading.weights), path, slopes, reading)
+        values = self.samples.read(records, reading.nodes, reading.weights)
+        return Prediction(values, path, slopes, reading, wandering)
+
+    def _wandering(self, x: np.ndarray) -> driven.Wandering | None:
+        """The numbers of parameters that x, (segments, knots · components), moves."""
+        if self.knots is None:
+            return None
+        steps = max(1, round(self.knots.spacing / self.samples.h))
+        values = x.reshape(self.runs, self.knots.count, -1)[..., self.knots.component]
+        return driven.Wandering(self.knots.places, len(self.knots.labels), steps, values)
 
     def speeds(self, found: Prediction) -> np.ndarray:
         """d/dt of what the sensors would say, (segments, samples, numbers)."""
@@ -187,16 +218,29 @@ class Shooting:
         return self.samples.read(records, found.reading.nodes, found.reading.slopes)
 
     def slopes(self, coordinates: np.ndarray, found: Prediction) -> np.ndarray:
-        """∂values/∂(δ, coordinates): (segments, samples, columns, channels)."""
+        """∂values/∂(δ, knots, coordinates): (segments, samples, columns, channels)."""
         numbers = self.unknowns.filled(coordinates)
-        along = self.unknowns.directions(coordinates, self.unknowns.active)
+        along = self.unknowns.directions(coordinates, self.active)
+        if self.knots is not None:
+            along = np.concatenate([along, self._directions(self.knots)])
         p_dot = np.concatenate([np.zeros((self.size, along.shape[1])), along])
         by_delta, by_active = found.slopes_of_start[:, :, : self.size], found.slopes_of_start[:, :, self.size :]
         start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
-        dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, np.ascontiguousarray(start_dot))
+        start_dot = np.ascontiguousarray(start_dot)
+        dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, start_dot, found.wandering)
+        if self.knots is not None:
+            first = self.size + len(self.unknowns.each)
+            dot = np.concatenate([dot[:, :, : self.size], dot[:, :, first:], dot[:, :, self.size : first]], axis=2)
         if found.reading is None:
             return self.samples.weighed(dot)
         return self.samples.read(dot, found.reading.nodes, found.reading.weights)
+
+    def _directions(self, knots: Knots) -> np.ndarray:
+        """dp/dx of the first knot; 0 of the others, (knots · components, active)."""
+        found = np.zeros((knots.size, len(self.active)))
+        for place, component in zip(knots.places, knots.component, strict=True):
+            found[component, self.active.index(place)] = 1.0
+        return found
 
     def internal(self, found: Prediction) -> Any:
         """The internal state from which each segment starts: that with which the segment before came there, and after

@@ -40,9 +40,12 @@ def compiling(title: str, what: str, wanted: bool | None) -> Iterator[None]:
 
 
 class Progress:
-    """Steps done, remaining time and speed; shown when the run has taken a second, and gone when it ends."""
+    """Steps done, remaining time and speed; shown when the run has taken a second, and gone when it ends.
 
-    def __init__(self, steps: int, wanted: bool | None, title: str, unit: str = "steps"):
+    steps: how many there are in all; None where nobody knows.
+    """
+
+    def __init__(self, steps: int | None, wanted: bool | None, title: str, unit: str = "steps"):
         self.steps, self.title, self.unit = steps, title, unit
         self.wanted = sys.stderr.isatty() if wanted is None else wanted
         self.done = 0
@@ -62,8 +65,8 @@ class Progress:
         self.done += steps
         if seconds >= self._logged + LOGGED_SECONDS:
             self._logged = seconds
-            speed = self.done / seconds
-            _log.info("%s: %d of %d %s, %.3g %s/s.", self.title, self.done, self.steps, self.unit, speed, self.unit)
+            speed, of = self.done / seconds, "" if self.steps is None else f" of {self.steps}"
+            _log.info("%s: %d%s %s, %.3g %s/s.", self.title, self.done, of, self.unit, speed, self.unit)
         if not self.wanted or seconds < _QUIET_SECONDS:
             return
         if self._bar is None:

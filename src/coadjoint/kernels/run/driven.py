@@ -67,6 +67,22 @@ class Path(NamedTuple):
         return _members(self.status, self.runs)[:, 1]
 
 
+class Wandering(NamedTuple):
+    """Parameters that change in the midst of runs: to p[places] + values of knot k, (runs, knots, places), from step
+    k `steps` on; the last knot goes on to the end. `components`: how many columns of derivatives a knot has."""
+
+    places: np.ndarray
+    components: int
+    steps: int
+    values: np.ndarray
+
+    def knots(self, steps: int) -> list[tuple[int, int, int]]:
+        """(knot, first step, steps) of a run of so many steps."""
+        last = self.values.shape[1] - 1
+        edges = [*(k * self.steps for k in range(last + 1) if k * self.steps < steps), steps]
+        return [(k, edges[k], edges[k + 1] - edges[k]) for k in range(len(edges) - 1)]
+
+
 _known: OrderedDict[tuple, Driven] = OrderedDict()
 _lock = threading.Lock()
 
@@ -95,8 +111,16 @@ def driven(program: Program, parameters: Any, state: Any, active: Sequence[int])
     return made
 
 
-def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.ndarray, table: np.ndarray) -> Path:
-    """Steps of length h of every run from `start` (runs, state), with the same parameters p for all.
+def run(
+    code: Driven,
+    p: np.ndarray,
+    h: float,
+    start: np.ndarray,
+    places: np.ndarray,
+    table: np.ndarray,
+    wandering: Wandering | None = None,
+) -> Path:
+    """Steps of length h of every run from `start` (runs, state), with the same parameters p for all but `wandering`.
 
     Before step j the entries `places` of the state become those of the table, `grouped` (steps, runs, places).
     """
@@ -106,19 +130,22 @@ def run(code: Driven, p: np.ndarray, h: float, start: np.ndarray, places: np.nda
     rows = np.empty((groups, steps, code.forward.record.size, width))
     status = np.zeros((groups, 4, width), np.int64)
     codes = np.zeros((groups, width), np.int64)
-    numbers, length = np.repeat(p[:, None], width, axis=1), np.full(width, float(h))
+    numbers, length = _numbers(p, groups, width), np.full(width, float(h))
+    changes = {first: knot for knot, first, _ in wandering.knots(steps)} if wandering else {}
     nothing = np.zeros(1)
-    none, given, step = nothing.ctypes.data, numbers.ctypes.data, length.ctypes.data
+    none, step = nothing.ctypes.data, length.ctypes.data
     starts = [
-        (state.ctypes.data + i * state.strides[0], rows.ctypes.data + i * rows.strides[0],
-         status.ctypes.data + i * status.strides[0])
+        (numbers.ctypes.data + i * numbers.strides[0], state.ctypes.data + i * state.strides[0],
+         rows.ctypes.data + i * rows.strides[0], status.ctypes.data + i * status.strides[0])
         for i in range(groups)
     ]  # fmt: skip
     function, ahead = code.forward.function, rows.strides[1]
     for j in range(steps):
         state[:, places] = table[j]
+        if wandering and j in changes:
+            _move(numbers, p, wandering, changes[j])
         status[:] = 0
-        for here, out, told in starts:
+        for given, here, out, told in starts:
             function(given, step, here, 1, 1, out + j * ahead, none, none, told)
         np.maximum(codes, status[:, 1], out=codes)
     status[:, 1] = codes
@@ -134,28 +161,78 @@ def grouped(table: np.ndarray) -> np.ndarray:
     return np.stack([_groups(row, width) for row in table])
 
 
-def push(code: Driven, p: np.ndarray, h: float, path: Path, p_dot: np.ndarray, start_dot: np.ndarray) -> np.ndarray:
+def push(
+    code: Driven,
+    p: np.ndarray,
+    h: float,
+    path: Path,
+    p_dot: np.ndarray,
+    start_dot: np.ndarray,
+    wandering: Wandering | None = None,
+) -> np.ndarray:
     """Derivatives of the records, (runs, steps, columns, record), along directions of parameters and start.
 
     p_dot: (columns, active), the same for all runs. start_dot: (runs, columns, state), zero where
-    a table drives the state.
+    a table drives the state. Of `wandering`, the last columns are its values, knot after knot: p_dot and start_dot hold
+    those of the first knot, whose directions are those of the others.
     """
     groups, steps, row, width = path.rows.shape
     columns = len(p_dot)
-    numbers, length = np.repeat(p[:, None], width, axis=1), np.full(width, float(h))
+    numbers, length = _numbers(p, groups, width), np.full(width, float(h))
     directions = np.repeat(p_dot[:, :, None], width, axis=2)
     state_dot = _groups(start_dot.reshape(path.runs, -1), width)
-    record_dot = np.empty((groups, steps, columns, row - code.taped, width))
-    given = numbers.ctypes.data, length.ctypes.data
-    for group in range(groups):
-        along, done, clock = state_dot[group].ctypes.data, 0, Clock(code.pace)
-        while done < steps:
-            count = min(code.pace.steps, steps - done)
-            taped, out = path.rows[group, done:].ctypes.data, record_dot[group, done:].ctypes.data
-            code.tangent(*given, taped, count, directions.ctypes.data, columns, along, out)
-            done += count
-            clock.lap(count)
+    record_dot = np.zeros((groups, steps, columns, row - code.taped, width))
+    pieces = [(0, 0, steps)] if wandering is None else wandering.knots(steps)
+    for knot, first, count in pieces:
+        used = columns
+        if wandering is not None:
+            _move(numbers, p, wandering, knot)
+            used = _turn(directions, wandering, knot)
+        for group in range(groups):
+            given = numbers[group].ctypes.data, length.ctypes.data, directions.ctypes.data
+            out = record_dot[group, first : first + count]
+            part = out if used == columns else np.empty((count, used, *out.shape[2:]))
+            _pushed(code, given, path.rows[group, first:], used, state_dot[group], part)
+            if part is not out:
+                out[:, :used] = part
     return _members(record_dot, path.runs)
+
+
+def _pushed(
+    code: Driven, given: tuple[int, int, int], rows: np.ndarray, columns: int, along: np.ndarray, out: np.ndarray
+) -> None:
+    """The first `columns` directions, pushed through as many steps as `out` has, (steps, columns, record, lanes)."""
+    done, clock, (numbers, length, directions) = 0, Clock(code.pace), given
+    while done < len(out):
+        count = min(code.pace.steps, len(out) - done)
+        code.tangent(
+            numbers, length, rows[done:].ctypes.data, count, directions, columns, along.ctypes.data,
+            out[done:].ctypes.data,
+        )  # fmt: skip
+        done += count
+        clock.lap(count)
+
+
+def _numbers(p: np.ndarray, groups: int, width: int) -> np.ndarray:
+    """The same parameters for all: (groups, parameters, lanes)."""
+    return np.broadcast_to(p[None, :, None], (groups, len(p), width)).copy()
+
+
+def _move(numbers: np.ndarray, p: np.ndarray, wandering: Wandering, knot: int) -> None:
+    """Give the parameters that wander their values of a knot."""
+    values = _groups(wandering.values[:, knot], numbers.shape[2])
+    numbers[:, wandering.places] = p[wandering.places][:, None] + values
+
+
+def _turn(directions: np.ndarray, wandering: Wandering, knot: int) -> int:
+    """Let the columns of this knot alone move parameters; how many columns are in use until it ends."""
+    each = len(directions) - wandering.values.shape[1] * wandering.components
+    old = each + (knot - 1) * wandering.components
+    if knot:
+        new = slice(old + wandering.components, old + 2 * wandering.components)
+        directions[new] = directions[old : old + wandering.components]
+        directions[old : old + wandering.components] = 0.0
+    return each + (knot + 1) * wandering.components
 
 
 def _groups(rows: np.ndarray, width: int) -> np.ndarray:

@@ -1,0 +1,162 @@
+"""Process noise: a force that the model lacks, or parameters, that wander about their values.
+
+x(t) is an Ornstein–Uhlenbeck process of deviation s and correlation time τ, held over knots of Δ in each segment:
+
+    x_0 = s w_0,  x_k = a x_{k−1} + s √(1 − a²) w_k,  a = exp(−Δ/τ),  w_k independent and normal of variance 1.
+
+The knots of every segment are unknowns of its own, and w_k are residuals beside those of the sensors. To first order
+in x that is generalised least squares with the covariance V + F P⁻¹ Fᵀ of the noise of the sensors and of what x does
+to them, F = ∂y/∂x, P⁻¹ = cov x. s and τ maximise the restricted likelihood
+
+    −2 log L = min Σ |r|² + Σ |w|² + log |H + P| − log |P|,  H = JᵀV⁻¹J of knots, starts and parameters:
+
+Henderson's mixed-model equations; Harville (1977), Maximum likelihood approaches to variance component estimation,
+J. Am. Stat. Assoc. 72, sections 4 and 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+KNOT, MOST = 5, 40
+"""Samples that a knot lasts, and knots of a segment, at most."""
+
+SMALLEST, LARGEST = 1e-3, 1e5
+"""Bounds of s, over the error with which the clearest knot alone is known."""
+
+
+class Wander(NamedTuple):
+    """s and τ, s, of every component."""
+
+    deviation: np.ndarray
+    time: np.ndarray
+
+
+@dataclass(frozen=True)
+class Knots:
+    """`labels`: of the components. `places`, `component`: which numbers of the parameters each of them moves.
+    `spacing`: Δ, s; `count`: of a segment."""
+
+    labels: tuple[str, ...]
+    places: np.ndarray
+    component: np.ndarray
+    spacing: float
+    count: int
+
+    @property
+    def size(self) -> int:
+        """How many unknowns of a segment x are, knot after knot."""
+        return self.count * len(self.labels)
+
+    def roots(self, wander: Wander) -> np.ndarray:
+        """L of every component, (components, knots, knots), with w = L x: P = LᵀL."""
+        return np.stack([self._root(s, tau) for s, tau in zip(*wander, strict=True)])
+
+    def _root(self, s: float, tau: float) -> np.ndarray:
+        a = np.exp(-self.spacing / tau)
+        new = np.sqrt(-np.expm1(-2 * self.spacing / tau))
+        L = np.eye(self.count) / new - np.eye(self.count, k=-1) * a / new
+        L[0, 0] = 1.0
+        return L / s
+
+    def spread(self, each: np.ndarray) -> np.ndarray:
+        """Matrices (components, knots, knots) as one of all x."""
+        n = len(self.labels)
+        found = np.zeros((self.count, n, self.count, n))
+        for c, matrix in enumerate(each):
+            found[:, c, :, c] = matrix
+        return found.reshape(self.size, self.size)
+
+
+class Normal(NamedTuple):
+    """Normal equations of what the sensors say, at x = 0: H (segments, q, q), g (segments, q), with columns of starts,
+    then of knots `x`, which end the d that are each segment's own, then of what all share."""
+
+    H: np.ndarray
+    g: np.ndarray
+    x: slice
+    d: int
+
+
+def normal_equations(J: np.ndarray, r: np.ndarray, knots: np.ndarray, x: slice, d: int) -> Normal:
+    """From J and r where the knots are `knots`, (segments, size), without the residuals w."""
+    H = J.swapaxes(1, 2) @ J
+    g = np.einsum("srk,sr->sk", J, r) - np.einsum("skj,sj->sk", H[:, :, x], knots)
+    return Normal(H, g, x, d)
+
+
+def likeliest(given: Normal, knots: Knots, longest: float, begin: Wander | None = None) -> Wander:
+    """s and τ of the greatest restricted likelihood; τ from Δ/2 to `longest`, s."""
+    n = len(knots.labels)
+    seen = np.einsum("skk->k", given.H)[given.x].reshape(knots.count, n).max(axis=0)
+    unit = 1 / np.sqrt(np.maximum(seen / len(given.H), 1e-300))
+    bounds = [(np.log(SMALLEST), np.log(LARGEST))] * n + [(np.log(knots.spacing / 2), np.log(longest))] * n
+    if begin is None:
+        begin = Wander(3 * unit, np.full(n, np.clip(4 * knots.spacing, knots.spacing / 2, longest)))
+    place = np.concatenate([np.log(begin.deviation / unit), np.log(begin.time)])
+
+    def unlikely(place: np.ndarray) -> tuple[float, np.ndarray]:
+        return _unlikely(given, knots, Wander(np.exp(place[:n]) * unit, np.exp(place[n:])))
+
+    low, high = np.transpose(bounds)
+    found = optimize.minimize(unlikely, np.clip(place, low, high), jac=True, bounds=bounds, method="L-BFGS-B")
+    return Wander(np.exp(found.x[:n]) * unit, np.exp(found.x[n:]))
+
+
+def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.ndarray]:
+    """−2 log L up to a constant, and its derivatives by log s and log τ."""
+    H, g, x, d = given
+    L = knots.roots(wander)
+    P = L.swapaxes(1, 2) @ L
+    own = H[:, :d, :d].copy()
+    own[:, x, x] += knots.spread(P)
+    own += (1e-12 * np.einsum("skk->sk", own) + 1e-300)[:, None, :] * np.eye(d)
+    solved = np.linalg.solve(
+        own, np.concatenate([H[:, :d, d:], g[:, :d, None], np.eye(d)[:, x][None].repeat(len(H), 0)], 2)
+    )
+    m = H.shape[2] - d
+    across, mine, inverse = solved[..., :m], solved[..., m], solved[..., m + 1 :]
+    S = np.sum(H[:, d:, d:] - H[:, d:, :d] @ across, axis=0)
+    S += np.diag(1e-12 * np.diag(np.sum(H[:, d:, d:], axis=0)) + 1e-300)
+    b = np.sum(g[:, d:] - np.einsum("sij,sj->si", H[:, d:, :d], mine), axis=0)
+    shared = np.linalg.solve(S, b)
+    value = -np.einsum("sk,sk->", g[:, :d], mine) - b @ shared
+    value += np.sum(np.linalg.slogdet(own)[1]) + np.linalg.slogdet(S)[1]
+    best = across[:, x] @ shared - mine[:, x]
+    errors = inverse[:, x] + across[:, x] @ np.linalg.solve(S, across[:, x].swapaxes(1, 2))
+    moment = np.sum(best[:, :, None] * best[:, None, :] + errors, axis=0)
+    n, slopes = len(knots.labels), []
+    each = [moment.reshape(knots.count, n, knots.count, n)[:, c, :, c] for c in range(n)]
+    for c in range(n):
+        value += 2 * len(H) * np.sum(np.log(1 / np.diag(L[c])))
+        slopes.append(2 * knots.count * len(H) - 2 * np.sum(P[c] * each[c]))
+    for c in range(n):
+        turned = [knots._root(wander.deviation[c], wander.time[c] * np.exp(e)) for e in (1e-5, -1e-5)]
+        by_time = (turned[0].T @ turned[0] - turned[1].T @ turned[1]) / 2e-5
+        a = np.exp(-knots.spacing / wander.time[c])
+        apart = 2 * (knots.count - 1) * a**2 * knots.spacing / wander.time[c] / (1 - a**2)
+        slopes.append(np.sum(by_time * each[c]) - len(H) * apart)
+    return float(value), np.array(slopes)
+
+
+def prediction_errors(r: np.ndarray, F: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """What each sample, (segments, samples, channels), says that those before did not, over its deviation: the
+    innovations of a Kalman filter of which x, (size,) with the precision P, is the state.
+
+    r: residuals over the noise where x = 0; F: (segments, samples, size, channels), what x does to them.
+    """
+    covariance = np.repeat(np.linalg.inv(precision)[None], len(r), axis=0)
+    mean, found = np.zeros(covariance.shape[:2]), np.empty_like(r)
+    for i in range(r.shape[1]):
+        along = F[:, i].swapaxes(1, 2)
+        gain = covariance @ F[:, i]
+        L = np.linalg.cholesky(np.eye(r.shape[2]) + along @ gain)
+        found[:, i] = np.linalg.solve(L, (r[:, i] + np.einsum("scx,sx->sc", along, mean))[..., None])[..., 0]
+        half = np.linalg.solve(L, gain.swapaxes(1, 2))
+        mean -= np.einsum("scx,sc->sx", half, found[:, i])
+        covariance -= half.swapaxes(1, 2) @ half
+    return found

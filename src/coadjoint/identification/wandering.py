@@ -1,0 +1,133 @@
+"""What wanders in an identification: a force that the model lacks, or parameters."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from coadjoint.errors import ArgumentError
+from coadjoint.groups import SO3
+from coadjoint.identification.channels import is_vehicle
+from coadjoint.identification.unknowns import _arrays, _parsed
+from coadjoint.mechanics.copies import replaced
+from coadjoint.mechanics.forces import Forces
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.state import Force
+from coadjoint.mechanics.system import System
+
+if TYPE_CHECKING:
+    from coadjoint.identification.fit import Fit
+
+NAME = "process_noise"
+"""Of the parameter and of the force that a system is given."""
+
+AXES = ("X", "Y", "Z", "K", "M", "N")
+GROUPS = {"force": AXES[:3], "torque": AXES[3:]}
+
+
+class ProcessNoise(NamedTuple):
+    """What wanders: its standard deviation, in the unit of what it is, its correlation time, s, and what it was at the
+    times of the log, as the whole log tells; NaN where the log is not fitted."""
+
+    deviation: float
+    correlation_time: float
+    values: np.ndarray
+
+
+class Moved(NamedTuple):
+    """`labels`: what wanders. `places`, `component`: the numbers of the parameters, and by which of them each is
+    moved."""
+
+    labels: tuple[str, ...]
+    places: np.ndarray
+    component: np.ndarray
+
+
+def _on_rotations(motion: Any, p: Any) -> Force:
+    return Force(torque=p.process_noise[3:], force=p.process_noise[:3])
+
+
+def _on_poses(motion: Any, p: Any) -> Force:
+    return Force(torque=jnp.concatenate([p.process_noise[3:], p.process_noise[:3]]))
+
+
+def wandering(system: System, names: Sequence[str]) -> tuple[System, Moved | None]:
+    """The system, with a force that wanders where one is named, and what wanders; raises ArgumentError."""
+    if isinstance(names, str):
+        raise ArgumentError(f"Argument `process_noise` must be a list of names, such as [{names!r}], not {names!r}.")
+    asked = [one for name in names for one in GROUPS.get(name, (name,))]
+    if not asked or system.parameters is None:
+        return system, None
+    if any(name in AXES for name in asked):
+        system = _pushed(system)
+    assert system.parameters is not None
+    known = _arrays(system.parameters)
+    found: dict[str, int] = {}
+    for name in asked:
+        found |= {name: known[NAME][0] + AXES.index(name)} if name in AXES else _entries(name, known)
+    return system, Moved(tuple(found), np.array(list(found.values())), np.arange(len(found)))
+
+
+def without(system: System) -> System:
+    """The system without the force that wanders."""
+    parameters = system.parameters
+    if parameters is None or NAME not in parameters:
+        return system
+    forces = system.forces
+    assert forces is not None
+    names = tuple(name for name in forces.names if name != NAME)
+    rest = Forces(names, forces.functions[: len(names)]) if names else None
+    numbers = {name: value for name, value in parameters.asdict().items() if name != NAME}
+    return replaced(system, parameters=Parameters(**numbers), forces=rest)
+
+
+def wandered(fit: Fit, own: np.ndarray) -> dict[str, ProcessNoise]:
+    """What each component was, from the knots of all segments, (segments, own)."""
+    knots, wander, samples = fit.shooting.knots, fit.wander, fit.shooting.samples
+    if knots is None or wander is None:
+        return {}
+    x = own[:, fit.shooting.size :].reshape(len(own), knots.count, -1)
+    at = np.clip((samples.steps_away * samples.h / knots.spacing + 1e-9).astype(int), 0, knots.count - 1)
+    values, rows, found = x[np.arange(len(own))[:, None], at], samples.rows, {}
+    for c, label in enumerate(knots.labels):
+        along = np.full(len(fit.log), np.nan)
+        along[rows[rows >= 0]] = values[..., c][rows >= 0]
+        found[label] = ProcessNoise(float(wander.deviation[c]), float(wander.time[c]), along)
+    return found
+
+
+def _pushed(system: System) -> System:
+    """With a force and a torque in the body, of six numbers that are zero."""
+    if not is_vehicle(system):
+        raise ArgumentError(
+            "Argument `process_noise` names a force, but the system is no vehicle on SO(3) × ℝ³ or SE(3): give it a "
+            "parameter that acts as one, and name that."
+        )
+    old, p = system.forces, system.parameters
+    assert p is not None
+    own = _on_rotations if isinstance(system.group, SO3) else _on_poses
+    forces = Forces((*(old.names if old else ()), NAME), (*(old.functions if old else ()), own))
+    return replaced(system, forces=forces, parameters=Parameters(**p.asdict(), **{NAME: np.zeros(6)}))
+
+
+def _entries(name: str, known: dict[str, tuple[int, np.ndarray]]) -> dict[str, int]:
+    """The numbers that a name stands for, by their labels; raises ArgumentError."""
+    if not isinstance(name, str) or name.partition("[")[0] not in known:
+        near = difflib.get_close_matches(str(name), [*known, *GROUPS, *AXES], 1, 0.0)
+        raise ArgumentError(f"There is no `{name}` that process noise could move; the nearest is `{near[0]}`.")
+    places = _places(name, known)
+    if len(places) == 1:
+        return {name: places[0]}
+    return {f"{name}[{i}]": place for i, place in enumerate(places)}
+
+
+def _places(name: str, known: dict[str, tuple[int, np.ndarray]]) -> list[int]:
+    whole, index = _parsed(name, known)
+    first, array = known[whole]
+    if array.ndim > 1:
+        raise ArgumentError(f"Process noise moves numbers and entries of lists, but `{whole}` has shape {array.shape}.")
+    return list(range(first, first + array.size)) if index is None else [first + (index[0] if index else 0)]
