@@ -117,7 +117,7 @@ def by_hand(count: int) -> Callable[[int], Any]:
     @jax.jit
     def steps(n):
         xi, R = jnp.asarray(_velocities(count)), jnp.broadcast_to(eye, (count, 3, 3))
-        return jax.lax.fori_loop(0, n, step, (R, side(xi, R, h), xi))
+        return jax.lax.fori_loop(0, n, step, (R, INERTIA * xi, xi))
 
     return lambda n: jax.block_until_ready(steps(n))
 

@@ -75,9 +75,9 @@ def test_native_code_takes_chains_of_small_links_as_far_as_it_compiles_soon():
     ours, theirs = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind).final for kind in ("auto", "xla"))
     for one, other in zip(*map(jax.tree.leaves, (ours, theirs)), strict=True):
         assert np.max(np.abs(one - other), initial=0.0) < 1e-13
-    for count, coupling, pairs, native in (
-        (30, "chain", None, True), (LONG, "chain", None, False), (60, (), (), True), (61, (), (), False),
-        (20, "ring", None, True), (21, "ring", None, False),
+    for count, coupling, native in (
+        (30, "chain", True), (LONG, "chain", False), (60, (), True), (61, (), False), (20, "ring", True),
+        (21, "ring", False),
     ):  # fmt: skip
         assert Coupled(count, (3,), co.Power(co.SO3(), count, coupling).pairs).native is native, (
             count,
@@ -123,7 +123,7 @@ def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_ener
     applied = np.stack([0.3 * np.sin(middle), 0.1 + 0 * middle, 0.2 * middle], axis=1)
     power = np.einsum("ti,ti->t", applied, xi[:, 0]) - 0.1 * np.einsum("tni,tni->t", xi, xi)
     assert energy[-1] - energy[0] == pytest.approx(0.02 * np.sum(power[:-1]), rel=2e-3)
-    assert abs(energy[-1] - energy[0]) > 0.1 * abs(energy[0])
+    assert abs(energy[-1] - energy[0]) > 0.01
 
 
 def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():

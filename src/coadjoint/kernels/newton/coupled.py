@@ -43,8 +43,8 @@ UNROLLED = 8
 
 
 WRITTEN = 270
-"""Links times the square of a link's unknowns, up to which native code takes a chain of more than MAX_UNKNOWNS: 30 links
-on SO(3), which compile in some ten seconds."""
+"""Links times the square of a link's unknowns, up to which native code takes a chain of more than MAX_UNKNOWNS: 30
+links on SO(3), which compile in some ten seconds."""
 
 ALONE = 540
 """The same for links none of which are paired."""
