@@ -7,9 +7,13 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
+from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
+
+LONG = 31
+"""More links than native code takes."""
 
 WEIGHTS = np.array([1.0, 2.0, 1.5])
 
@@ -19,11 +23,11 @@ def chain(xi, a, p):
     return 0.5 * jnp.sum(p.inertia * xi * xi) + p.stiffness * jnp.sum(jnp.trace(a, axis1=1, axis2=2))
 
 
-def bodies(count, coupling="chain", pairs=None, lagrangian=chain):
+def bodies(count, coupling="chain", pairs=None, lagrangian=chain, stiffness=2.0, **more):
     """A chain of `count` bodies that turn about different axes."""
     system = co.System(
         co.Power(co.SO3(), count, coupling), lagrangian, advected=co.RelativePoses(pairs),
-        parameters={"inertia": WEIGHTS, "stiffness": np.float64(2.0)},
+        parameters={"inertia": WEIGHTS, "stiffness": stiffness}, **more,
     )  # fmt: skip
     s = np.linspace(0, np.pi, count)
     return system, system.state(xi=np.stack([np.sin(s), 0.5 * np.cos(s), 0.2 + 0 * s], axis=1))
@@ -37,7 +41,7 @@ def spatial_momentum(system, records):
 
 
 def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
-    system, start = bodies(21)
+    system, start = bodies(LONG)
     begun, method = co.Midpoint().begin(system, start, 0.05), co.Midpoint()
     program = StepProgram(replace_parameters(system, None), method, version="chain")
 
@@ -63,6 +67,68 @@ def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
     native, xla = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind) for kind in ("native", "xla"))
     for ours, theirs in zip(*map(jax.tree.leaves, (native.final, xla.final)), strict=True):
         assert np.max(np.abs(ours - theirs), initial=0.0) < 1e-13
+
+
+def test_native_code_takes_chains_of_small_links_as_far_as_it_compiles_soon():
+    """30 links on SO(3), 60 that are not paired, 20 on a ring, 10 on SE(3); and the motion of 21 is that by XLA."""
+    system, start = bodies(21)
+    ours, theirs = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind).final for kind in ("auto", "xla"))
+    for one, other in zip(*map(jax.tree.leaves, (ours, theirs)), strict=True):
+        assert np.max(np.abs(one - other), initial=0.0) < 1e-13
+    cases = [(30, "chain", True), (LONG, "chain", False), (60, (), True), (61, (), False)]
+    for count, coupling, native in (*cases, (20, "ring", True), (21, "ring", False)):
+        assert Coupled(count, (3,), co.Power(co.SO3(), count, coupling).pairs).native is native
+    assert Coupled(10, (6,), co.Power(co.SE3(), 10).pairs).native
+    assert not Coupled(11, (6,), co.Power(co.SE3(), 11).pairs).native
+
+
+def test_a_long_chain_composed_of_substeps_is_of_order_four():
+    system, start = bodies(LONG)
+
+    def end(h):
+        run = co.simulate(
+            system, start, dt=h, duration=0.8, method=co.Suzuki4(co.Midpoint()), monitors=False, accuracy=False
+        )
+        assert run.plan.backend == "xla"
+        return run.final.mu
+
+    exact, errors = end(0.0125), []
+    for h in (0.2, 0.1):
+        errors.append(np.max(np.abs(end(h) - exact)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
+
+
+def dragged(motion, p):
+    """A torque on the first link, and friction on all."""
+    return co.Force(torque=(-0.1 * motion.xi).at[0].add(motion.inputs))
+
+
+def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_energy():
+    """Theorem 7 to round-off; the energy changes by the work of the forces, to the order of the rule."""
+    system, start = bodies(LONG, forces=dragged)
+    torque = co.Signal(lambda t: jnp.stack([0.3 * jnp.sin(t), 0.1 + 0 * t, 0.2 * t]))
+    run = co.simulate(system, start, dt=0.02, steps=100, inputs=torque, accuracy=False)
+    assert run.plan.backend == "xla"
+    assert run.largest("balance") < 1e-14
+    assert run.largest("newton_residual") < 1e-14
+    energy, t = run.dataset.energy.values, run.dataset.time.values
+    xi = run.dataset.xi.values.reshape(len(t), LONG, 3)  # of the steps that start at the nodes, at their middle
+    middle = t + 0.01
+    applied = np.stack([0.3 * np.sin(middle), 0.1 + 0 * middle, 0.2 * middle], axis=1)
+    power = np.einsum("ti,ti->t", applied, xi[:, 0]) - 0.1 * np.einsum("tni,tni->t", xi, xi)
+    assert energy[-1] - energy[0] == pytest.approx(0.02 * np.sum(power[:-1]), rel=2e-3)
+    assert abs(energy[-1] - energy[0]) > 0.01
+
+
+def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():
+    values = np.array([1.5, 2.5])
+    system, start = bodies(LONG, stiffness=co.each(values))
+    together = co.simulate(system, start, dt=0.05, steps=40, monitors=False, accuracy=False)
+    for member, value in enumerate(values):
+        one, begin = bodies(LONG, stiffness=value)
+        alone = co.simulate(one, begin, dt=0.05, steps=40, monitors=False, accuracy=False)
+        for ours, theirs in ((together.final.mu[member], alone.final.mu), (together.final.a[member], alone.final.a)):
+            assert np.max(np.abs(ours - theirs)) < 1e-12
 
 
 def test_links_that_act_on_each_other_without_being_a_pair_are_named():

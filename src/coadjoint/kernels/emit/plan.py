@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.kernels.expressions.expression import Expr, Graph
 from coadjoint.kernels.newton.increments import Increment, Scheme, scheme
+from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import MAX_UNKNOWNS, Program, Stage
 from coadjoint.kernels.trace.symbolic import nodes
 from coadjoint.kernels.trace.tracer import Tracer, flat
@@ -147,7 +148,7 @@ def _stage(
     """What a `StagePlan` holds before `advance`, and what `advance` is given: z and `sound`."""
     graph = tracer.graph
     guess = tracer.trace(stage.guess, p, state, h)
-    if guess.ndim != 1 or guess.size > MAX_UNKNOWNS:
+    if guess.ndim != 1 or (guess.size > MAX_UNKNOWNS and isinstance(stage.structure, Dense)):
         raise Untraceable("guess", f"a stage has {guess.size} unknowns, more than {MAX_UNKNOWNS}")
     unknowns = tracer.symbols(f"z{number}.", guess)
     residual = tracer.trace(stage.residual, p, state, h, unknowns)

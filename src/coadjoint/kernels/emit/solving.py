@@ -10,6 +10,8 @@ from coadjoint.kernels.emit.emitter import DOUBLE, WHOLE, Emitter
 from coadjoint.kernels.emit.gauss import gauss
 from coadjoint.kernels.newton.increments import Increment
 
+BYTES = ir.IntType(8).as_pointer()
+
 
 def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     """δ, by the closed form where it is safe and with pivots otherwise."""
@@ -23,7 +25,9 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     b.cbranch(unsafe, careful, on).set_weights([1, 1 << 20])
     b.position_at_end(careful)
     with emit.scope():
-        matrix = emit.values(x for row in increment.jacobian for x in row)
+        entries = [x for row in increment.jacobian for x in row]
+        places = [i for i, x in enumerate(entries) if not x.is_constant(0.0)]
+        matrix = dict(zip(places, emit.values(entries[i] for i in places), strict=True))
         pivoted = _pivoted(emit, matrix, emit.values(increment.right), safe, delta)
     careful = b.block
     b.branch(on)
@@ -37,18 +41,22 @@ def increment_values(emit: Emitter, increment: Increment) -> list[Any]:
     return joined
 
 
-def _pivoted(emit: Emitter, matrix: list[Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
-    """The unsafe lanes by elimination with partial pivoting, one after the other."""
+def _pivoted(emit: Emitter, matrix: dict[int, Any], right: list[Any], safe: Any, delta: list[Any]) -> list[Any]:
+    """The unsafe lanes by elimination with partial pivoting, one after the other.
+
+    matrix: what is not zero, by its place in the rows end to end.
+    """
     b, n, width = emit.builder, len(right), emit.width
-    function = gauss(emit.module)
+    function, cleared = gauss(emit.module), emit.module.declare_intrinsic("llvm.memset", [BYTES, WHOLE])
     with b.goto_entry_block():
         a = b.alloca(DOUBLE, n * n)
         x = b.alloca(DOUBLE, n)
     results = list(delta)
     for lane in range(width):
         pick = (lambda v: v) if width == 1 else (lambda v, k=lane: b.extract_element(v, ir.IntType(32)(k)))
-        for place, values in ((a, matrix), (x, right)):
-            for i, value in enumerate(values):
+        b.call(cleared, [b.bitcast(a, BYTES), ir.IntType(8)(0), WHOLE(8 * n * n), ir.IntType(1)(0)])
+        for place, values in ((a, matrix), (x, dict(enumerate(right)))):
+            for i, value in values.items():
                 b.store(pick(value), b.gep(place, [WHOLE(i)]))
         b.call(function, [a, x, WHOLE(n)])
         solved = [b.load(b.gep(x, [WHOLE(i)])) for i in range(n)]

@@ -17,7 +17,7 @@ from coadjoint.kernels.expressions.operations import BINARY, UNARY
 from coadjoint.kernels.expressions.tables import Table
 from coadjoint.kernels.untraceable import TooLarge
 
-MAX_NODES = 120_000
+MAX_NODES = 125_000
 """A larger program would compile for minutes; it goes to XLA instead."""
 
 

@@ -42,6 +42,14 @@ UNROLLED = 8
 """How many blocks are solved in one turn of the loop."""
 
 
+WRITTEN = 270
+"""Links times the square of a link's unknowns, up to which native code takes a chain of more than MAX_UNKNOWNS: 30
+links on SO(3), which compile in some ten seconds."""
+
+ALONE = 540
+"""The same for links none of which are paired."""
+
+
 class Factors(NamedTuple):
     """S_i⁻¹, S_i⁻¹L_i, S_i⁻¹U_i of a block tridiagonal matrix, (M, b, b) each, with S_i = D_i − L_i S_{i−1}⁻¹U_{i−1}.
 
@@ -94,8 +102,13 @@ class Coupled:
 
     @property
     def native(self) -> bool:
-        """Whether there are so few unknowns that native code eliminates them all."""
-        return self.count * sum(self.sizes) <= MAX_UNKNOWNS
+        """Whether native code, which eliminates all unknowns, takes them: up to MAX_UNKNOWNS, and of a chain more.
+
+        The code of a link grows as the square of its unknowns, that of a chain as their number.
+        """
+        b = sum(self.sizes)
+        few = self.count * b <= MAX_UNKNOWNS
+        return few or (self.layout.width == 1 and self.count * b**2 <= (WRITTEN if self.pairs else ALONE))
 
     @property
     def layout(self) -> LinkOrder:

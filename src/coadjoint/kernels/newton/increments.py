@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from coadjoint.kernels.expressions import elimination
@@ -28,6 +28,27 @@ class Increment:
     def always_safe(self) -> bool:
         """Whether the closed form needs no check."""
         return self.safe.op == "const" and self.safe.value is True
+
+
+class Changing:
+    """Expressions that change at every step: some symbols, and what depends on them, as far as it was asked for."""
+
+    def __init__(self, symbols: set[Expr]) -> None:
+        self.nodes = set(symbols)
+        self._seen: set[Expr] = set()
+
+    def mark(self, roots: Iterable[Expr]) -> None:
+        """Find what changes among the roots and all that they depend on."""
+        stack, found = [x for x in roots if x not in self._seen], []
+        while stack:
+            node = stack.pop()
+            if node not in self._seen:
+                self._seen.add(node)
+                found.append(node)
+                stack.extend(x for x in node.args if x not in self._seen)
+        for node in sorted(found, key=lambda node: node.number):
+            if any(x in self.nodes for x in node.args):
+                self.nodes.add(node)
 
 
 @dataclass(frozen=True)
@@ -109,14 +130,14 @@ def linear_solve(graph: Graph, matrix: Matrix, right: Sequence[Expr], changing: 
 def _increment(
     graph: Graph, parts: list[list[int]], jacobian: Matrix, residual: Sequence[Expr], changing: set[Expr]
 ) -> Increment:
+    marked = Changing(changing)
     delta: list[Expr] = [graph.zero] * len(residual)
     right = [graph.neg(r) for r in residual]
     safe = graph.true
     solved: list[int] = []
     for part in parts:
-        known = [delta[j] for j in solved]
-        b = [graph.sub(right[i], dot(graph, [jacobian[i][j] for j in solved], known)) for i in part]
-        values, sound = _solve(graph, [[jacobian[i][j] for j in part] for i in part], b, changing)
+        b = [graph.sub(right[i], _known(graph, jacobian[i], delta, solved)) for i in part]
+        values, sound = _solve(graph, [[jacobian[i][j] for j in part] for i in part], b, marked)
         safe = graph.apply("and", safe, sound)
         for i, value in zip(part, values, strict=True):
             delta[i] = value
@@ -124,7 +145,13 @@ def _increment(
     return Increment(delta, safe, jacobian, right)
 
 
-def _solve(graph: Graph, a: Matrix, b: list[Expr], changing: set[Expr]) -> tuple[list[Expr], Expr]:
+def _known(graph: Graph, row: list[Expr], delta: list[Expr], solved: list[int]) -> Expr:
+    """What the unknowns that are solved for contribute to a row."""
+    there = [j for j in solved if row[j] is not graph.zero]
+    return dot(graph, [row[j] for j in there], [delta[j] for j in there])
+
+
+def _solve(graph: Graph, a: Matrix, b: list[Expr], changing: Changing) -> tuple[list[Expr], Expr]:
     """x with a x = b by elimination in blocks of up to three, and whether the pivot blocks were sound."""
     n = len(a)
     if n <= 3:
@@ -137,12 +164,10 @@ def _solve(graph: Graph, a: Matrix, b: list[Expr], changing: set[Expr]) -> tuple
     return [value for _, value in sorted(zip(order, values, strict=True), key=lambda pair: pair[0])], sound
 
 
-def _pivots(graph: Graph, a: Matrix, changing: set[Expr]) -> list[int]:
+def _pivots(graph: Graph, a: Matrix, changing: Changing) -> list[int]:
     """Unknowns to eliminate first: a block that never changes, such as a mass matrix, is inverted once in a run."""
-    dependent = set(changing)
-    for node in reachable(x for row in a for x in row):
-        if any(x in dependent for x in node.args):
-            dependent.add(node)
+    changing.mark(x for row in a for x in row)
+    dependent = changing.nodes
     chosen: list[int] = []
     for i in range(len(a)):
         steady = all(a[x][y] not in dependent for j in (*chosen, i) for x, y in ((i, j), (j, i)))
@@ -151,7 +176,7 @@ def _pivots(graph: Graph, a: Matrix, changing: set[Expr]) -> list[int]:
     return chosen or list(range(2 if len(a) == 4 else 3))
 
 
-def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: set[Expr]) -> tuple[list[Expr], Expr]:
+def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: Changing) -> tuple[list[Expr], Expr]:
     """Solve with the leading k×k block as pivot."""
     n = len(a)
     corner, right = [row[:k] for row in a[:k]], [row[k:] for row in a[:k]]
@@ -160,7 +185,12 @@ def _eliminate(graph: Graph, a: Matrix, b: list[Expr], k: int, changing: set[Exp
     first = [dot(graph, row, b[:k]) for row in inverse]
     across = [[dot(graph, row, column) for column in zip(*right, strict=True)] for row in inverse]
     columns = list(zip(*across, strict=True))
-    rest = [[graph.sub(row[k + j], dot(graph, row[:k], columns[j])) for j in range(n - k)] for row in a[k:]]
+    rest = [
+        row[k:]
+        if all(x is graph.zero for x in row[:k])
+        else [graph.sub(row[k + j], dot(graph, row[:k], columns[j])) for j in range(n - k)]
+        for row in a[k:]
+    ]
     left = [graph.sub(b[k + i], dot(graph, row[:k], first)) for i, row in enumerate(a[k:])]
     tail, sound = _solve(graph, rest, left, changing)
     head = [graph.sub(x, dot(graph, row, tail)) for x, row in zip(first, across, strict=True)]
