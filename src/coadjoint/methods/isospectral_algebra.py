@@ -24,6 +24,8 @@ class Algebra(abc.ABC):
     """
 
     group: LieGroup
+    copies = 1
+    """How many copies of one group there are."""
 
     @property
     @abc.abstractmethod
@@ -167,14 +169,14 @@ class Copies(Algebra):
     """Of Gᴺ, as co.Power(G, N) or as a product of N equal factors: the matrices of each, with a leading axis."""
 
     def __init__(self, group: Power | DirectProduct, factor: LieGroup, count: int):
-        self.group, self.inner, self.count = group, algebra_of(factor), count
+        self.group, self.inner, self.copies = group, algebra_of(factor), count
 
     @property
     def unknowns(self) -> int:
-        return self.count * self.inner.unknowns
+        return self.copies * self.inner.unknowns
 
     def _rows(self, x: Array) -> Array:
-        return jnp.reshape(x, (self.count, -1))
+        return jnp.reshape(x, (self.copies, -1))
 
     def _each(self, function: Callable[..., Any], *arguments: Any) -> Array:
         """The coordinates end to end of what is found for each copy."""
@@ -208,7 +210,7 @@ class Copies(Algebra):
         found = jax.vmap(self.inner.element)(D)
         if isinstance(self.group, Power):
             return found
-        return tuple(jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(self.count))
+        return tuple(jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(self.copies))
 
 
 class Reversed(Algebra):
@@ -216,6 +218,7 @@ class Reversed(Algebra):
 
     def __init__(self, group: Opposite):
         self.group, self.inner = group.group, algebra_of(group.group)
+        self.copies = self.inner.copies
 
     @property
     def unknowns(self) -> int:

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from coadjoint.groups.group import Array
-from coadjoint.kernels.newton.fixed_point import sizes
+from coadjoint.kernels.newton.fixed_point import largest, scales
 from coadjoint.mechanics.system import System
-from coadjoint.methods.isospectral_fields import brackets, moved
+from coadjoint.methods.isospectral_fields import brackets, moved, rows_of
 
 ROUND_OFF = 3e-16
 """What is left of the equations for Ŵ, relative to W̃, of which an error in each step adds up in the spectrum."""
@@ -29,7 +29,7 @@ class _Correction(NamedTuple):
     delta: Array
     odd: Array
     left: Array
-    size: Array
+    goes_on: Array
     iterations: Array
 
 
@@ -41,20 +41,24 @@ def correction(
     off: r, (unknowns,), what the equations are off at W̃, of unknowns z. By δ ← δ − (what is left of r), with products
     in a precision; NaN where that diverges.
     """
-    unit, scale = sizes(off, z)
-    unit, until = jnp.where(unit > 0, unit, 1.0), ROUND_OFF * scale  # single precision has no small numbers
+    rows = rows_of(system)
+    unit, until = jnp.max(jnp.abs(off)), ROUND_OFF * scales(z, rows)
+    unit = jnp.where(unit > 0, unit, 1.0)  # single precision has no small numbers
     forces = tuple(epsilon * slope for slope in slopes)
+
+    def too_large(left):
+        return jnp.any(unit * largest(left, rows) > until)
 
     def advance(now: _Correction) -> _Correction:
         delta = now.delta - now.left
         left = off / unit + delta - moved(system, *forces, delta, 1.0, precision)
         odd = brackets(system, *forces, delta, 1.0, precision).astype(off.dtype)
-        return _Correction(delta, odd, left, unit * sizes(left, left)[0], now.iterations + 1)
+        return _Correction(delta, odd, left, too_large(left), now.iterations + 1)
 
     nothing = jnp.zeros_like(off)
     end = lax.while_loop(
-        lambda now: (now.size > until) & (now.iterations < MOST),
+        lambda now: now.goes_on & (now.iterations < MOST),
         advance,
-        _Correction(nothing, nothing, off / unit, unit, jnp.asarray(0)),
+        _Correction(nothing, nothing, off / unit, too_large(off / unit), jnp.asarray(0)),
     )
     return jnp.where(end.iterations < MOST, unit * end.odd, jnp.nan)

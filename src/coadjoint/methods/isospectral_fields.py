@@ -30,6 +30,11 @@ def fields(system: System) -> int:
     return len(spaces)
 
 
+def rows_of(system: System) -> tuple[int, int]:
+    """How many fields the unknowns are, μ and every Θ, and of how many copies."""
+    return 1 + fields(system), algebra_of(system.group).copies
+
+
 def parts(system: System, a: Array) -> list[Array]:
     """The advected parameters one by one, (dim G,) each, of a (ambient V*,)."""
     dim = system.group.dim

@@ -20,7 +20,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
 from coadjoint.methods.isospectral_algebra import algebra_of
 from coadjoint.methods.isospectral_end import LARGE, SINGLE, correction
-from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved
+from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved, rows_of
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
@@ -125,7 +125,7 @@ class IsospectralMidpoint(Method, Whole):
         return "take a smaller dt: the iteration needs h‖ξ‖ below about 0.8", "take a smaller dt"
 
     def structure(self, system: System) -> FixedPoint:
-        return FixedPoint(self.tolerance)
+        return FixedPoint(self.tolerance, rows_of(system))
 
     def blocks(self, system: System) -> tuple[int, ...]:
         return (algebra_of(system.group).unknowns,) * (1 + fields(system))

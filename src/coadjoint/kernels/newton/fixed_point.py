@@ -38,6 +38,21 @@ def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
     return lax.reduce((jnp.abs(x), jnp.abs(y)), (jnp.zeros((), x.dtype), jnp.zeros((), y.dtype)), larger, (0,))
 
 
+def largest(x: jax.Array, rows: tuple[int, int]) -> jax.Array:
+    """|x|∞ of every copy of every field, (fields, copies), of numbers (m,)."""
+    return jnp.max(jnp.abs(jnp.reshape(x, (*rows, -1))), axis=2)
+
+
+def scales(z: jax.Array, rows: tuple[int, int]) -> jax.Array:
+    """What errors of unknowns z, (m,), are relative to, (fields, copies): a copy of a field to itself.
+
+    The first field, which the others drive, is compared with all fields of its copy; what is 0 with 1.
+    """
+    found = largest(z, rows)
+    found = found.at[0].set(jnp.max(found, axis=0)) if rows[0] > 1 else found
+    return jnp.where(found > 0, found, 1.0)
+
+
 class _Iterate(NamedTuple):
     unknowns: jax.Array
     iterations: jax.Array
@@ -57,9 +72,12 @@ class FixedPoint:
     z, have met round-off and end, too. Derivatives follow from the implicit function theorem: linear equations with
     ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the same iteration to 1e-14, whatever the tolerance; where
     that does not converge they are NaN.
+
+    rows: how many fields, and copies of each, the unknowns are, which are compared each with its own size (`scales`).
     """
 
     tolerance: float = 1e-14
+    rows: tuple[int, int] = (1, 1)
     native = False
     limit = f"{MOST} iterations of a fixed point"
 
@@ -103,6 +121,13 @@ class FixedPoint:
         end = self._iterated(residual, start, most)
         return jnp.where(end.settled, end.unknowns, jnp.nan)
 
+    def _size(self, off: jax.Array, z: jax.Array) -> jax.Array:
+        """The largest |r|∞/|z|∞ of a copy of a field, one number."""
+        if self.rows == (1, 1):
+            off_by, scale = sizes(off, z)
+            return off_by / jnp.where(scale > 0, scale, 1.0)
+        return jnp.max(largest(off, self.rows) / scales(z, self.rows))
+
     def _iterated(
         self,
         residual: Callable[[jax.Array], jax.Array],
@@ -115,8 +140,7 @@ class FixedPoint:
         def advance(iterate: _Iterate) -> _Iterate:
             off = residual(iterate.unknowns)
             z = iterate.unknowns - off
-            largest, scale = sizes(off, z)
-            size = largest / jnp.where(scale > 0, scale, 1.0)
+            size = self._size(off, z)
             stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
             shrank = jnp.where(size < iterate.size, size / iterate.size, 1.0)
             shrinks = jnp.where(iterate.iterations > 0, shrank, iterate.shrinks)
