@@ -32,7 +32,8 @@ POSITION, SLOW = ("north", "east", "depth"), ("u", "v", "w", "p", "q", "r")
 @dataclass(frozen=True)
 class Experiment:
     """`truth`: what is sought of the vehicle, with the values of its file; `guess`: what the search begins with, times
-    the truth. `dt`: step of the fit, s. `begun`: state at t = 0. `inputs`: commands by the names of the log."""
+    the truth. `dt`, `segment`: step and segments of the fit, s. `begun`: state at t = 0. `inputs`: commands by the
+    names of the log."""
 
     body: Callable[..., Body]
     vehicle: str
@@ -41,6 +42,7 @@ class Experiment:
     commands: np.ndarray
     begun: np.ndarray
     dt: float
+    segment: float | None
 
     @property
     def time(self) -> np.ndarray:
@@ -94,7 +96,7 @@ class Experiment:
         return self.craft.start(position=tuple(self.begun[:3]), speed=float(self.begun[12]), actuators=actuators)
 
     def identified(self, log: Log, **options: Any) -> Identification:
-        """With the search begun off the truth, from segments of 20 s."""
+        """With the search begun off the truth."""
         system: Any = self.craft.system
         for name, factor in self.guess.items():
             path, _, index = name.rstrip("]").partition("[")
@@ -103,7 +105,7 @@ class Experiment:
             new, where = np.array(old), tuple(map(int, index.split(","))) if index else ()
             new[where] *= factor
             system = system.replace(**{section: {key: new}} if section else {key: new})
-        given = {"coloured": ["velocity", "rates"], "dt": self.dt, "segment": 20.0} | options
+        given = {"coloured": ["velocity", "rates"], "dt": self.dt, "segment": self.segment} | options
         return identify(
             system, log, start=self.start, parameters=list(self.truth), biases=list(BIASES), delays=["position"],
             longest_delay=0.2, **given,
@@ -167,7 +169,7 @@ def remus(duration: float = 60.0) -> Experiment:
     begun = np.concatenate([[0, 0, 20.0], np.eye(3).ravel(), [1.5, 0, 0, 0, 0, 0], [0.0, 0, 18]])
     truth = {"hull.axial_drag": 0.42, "hull.crossflow_drag": 1.1, "added_mass[1,1]": 29.4376, "added_mass[5,5]": 3.4262}
     guess = {"hull.axial_drag": 1.3, "hull.crossflow_drag": 0.73, "added_mass[1,1]": 1.3, "added_mass[5,5]": 1.3}
-    return Experiment(Remus, "remus_100", truth, guess, commands, begun, 0.0125)
+    return Experiment(Remus, "remus_100", truth, guess, commands, begun, 0.0125, None)
 
 
 def bluerov(duration: float = 60.0) -> Experiment:
@@ -181,4 +183,4 @@ def bluerov(duration: float = 60.0) -> Experiment:
     added = {"added_mass[0,0]": 6.3567, "added_mass[1,1]": 7.1206, "added_mass[5,5]": 0.2215}
     truth = drag | {"damping.linear[2]": 33.0} | added
     guess = dict(zip(truth, (0.7, 0.7, 0.7, 1.4, 1.3, 1.3, 1.3), strict=True))
-    return Experiment(BlueRov, "bluerov2_heavy_von_benzon", truth, guess, commands, begun, 0.0125)
+    return Experiment(BlueRov, "bluerov2_heavy_von_benzon", truth, guess, commands, begun, 0.0125, 20.0)

@@ -115,8 +115,8 @@ def exact() -> Log:
 
 
 def test_derivatives_by_knots_are_those_of_differences(exact):
-    system, moved = wandering(SYSTEM, ["force", "N", "linear[1]"])
-    assert moved is not None and moved.labels == ("X", "Y", "Z", "N", "linear[1]")
+    system, moved = wandering(SYSTEM, ["force", "N", "linear[1]", "mass"])
+    assert moved is not None and moved.labels == ("X", "Y", "Z", "N", "linear[1]", "mass")
     asked = setting(
         unknowns(system, ["linear"], []), exact.between(0.0, 12.0), STATE, Channels(VEHICLE), co.Midpoint(), "held",
         0.05, 0.0, wandering=moved,
@@ -129,7 +129,7 @@ def test_derivatives_by_knots_are_those_of_differences(exact):
     found = shooting.predict(zero, own)
     assert found is not None
     slopes = shooting.slopes(zero, found)
-    for column in (shooting.size, shooting.size + 4, shooting.size + 16, shooting.own - 1, 3):
+    for column in (shooting.size, shooting.size + 4, shooting.size + 5, shooting.size + 19, shooting.own - 1, 3):
         pair: list[Any] = []
         for h in (1e-5, -1e-5):
             there = own.copy()
@@ -162,8 +162,9 @@ def pushed(made, seed):
     return made.simulated(pushes=np.concatenate([force, np.zeros((n, 3))], axis=1)), force
 
 
-@pytest.mark.budget(20)
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(40), marks=pytest.mark.further)])
+@pytest.mark.budget(15)
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(6), marks=pytest.mark.further)])
 def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
     """REMUS 100 by equations outside the library, with sensors that are off: with the force, misses are binomial, 5 %
     of the intervals; without it they are many more."""
@@ -175,6 +176,7 @@ def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
             found = made.identified(log, segment=10.0, process_noise=noise)
             inside[i] += sum(found[name].covers(value) for name, value in made.all.items())
         near.append([np.corrcoef(found.process_noise[axis].values, force[:, j])[0, 1] for j, axis in enumerate("XYZ")])
+        print(f"{seed + 1} logs: {inside} of {(seed + 1) * len(made.all)}, {np.mean(near):.2f}", flush=True)
         deviations = [one.deviation for one in found.process_noise.values()]
         assert min(deviations) > 0.5 * S and max(deviations) < 2 * S
     count = len(seeds) * len(made.all)
