@@ -1,8 +1,8 @@
 """A cantilever that is let go, by Exudyn's geometrically exact beams in a plane: where its end is after 1 s.
 
 Run as: python benchmarks/rods_by_exudyn.py [ELEMENTS,STEP …] by a Python that has `exudyn`; a line for each, with
-seconds of processor time. The rod is that of `rods.planar(elements=…, length=1, EI=1, EA=400, GA=200, mass=1, inertia=0.01,
-ends="clamped", gravity=2)`, the method the generalised-α method without damping (spectral radius 1).
+seconds of processor time. The rod is that of `rods.planar(elements=…, length=1, EI=1, EA=400, GA=200, mass=1,
+inertia=0.01, ends="clamped", gravity=2)`, the method the generalised-α method without damping (spectral radius 1).
 """
 
 from __future__ import annotations
