@@ -43,7 +43,7 @@ def correction(
     """
     unit, scale = sizes(off, z)
     unit, until = jnp.where(unit > 0, unit, 1.0), ROUND_OFF * scale  # single precision has no small numbers
-    forces = tuple(epsilon * slope for slope in slopes)
+    forces = epsilon * slopes[0], epsilon * slopes[1]
 
     def advance(now: _Correction) -> _Correction:
         delta = now.delta - now.left
