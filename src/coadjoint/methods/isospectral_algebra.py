@@ -139,13 +139,13 @@ class Unitary(Algebra):
         return self.hull.parts(z)
 
     def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of 2εPW + ε² PWP."""
+        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
         return self._part(product(P, W), P, 2 * epsilon, epsilon**2)
 
     def _part(self, Z: ComplexMatrix, P: ComplexMatrix, first: Array, second: Array) -> Array:
-        """The coordinates (unknowns,) of the anti-Hermitian part of aZ + bZP, of Z and P (n, n) and two numbers."""
-        A, B = product(Z, P)
-        return self.hull.coordinates(ComplexMatrix(first * Z.real + second * A, first * Z.imaginary + second * B))
+        """The coordinates (unknowns,) of the anti-Hermitian part of Z(a + bP), of Z and P (n, n) and two numbers."""
+        one = first * jnp.eye(self.hull.size, dtype=P.real.dtype)
+        return self.hull.coordinates(product(Z, ComplexMatrix(one + second * P.real, second * P.imaginary)))
 
     def bracket(self, P: ComplexMatrix, W: ComplexMatrix) -> Array:
         """The coordinates (unknowns,) of [P, W] = PW − (PW)†, of P and W (n, n)."""

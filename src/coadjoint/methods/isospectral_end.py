@@ -44,7 +44,7 @@ def correction(
     rows = rows_of(system)
     unit, until = jnp.max(jnp.abs(off)), ROUND_OFF * scales(z, rows)
     unit = jnp.where(unit > 0, unit, 1.0)  # single precision has no small numbers
-    forces = tuple(epsilon * slope for slope in slopes)
+    forces = epsilon * slopes[0], epsilon * slopes[1]
 
     def too_large(left):
         return jnp.any(unit * largest(left, rows) > until)

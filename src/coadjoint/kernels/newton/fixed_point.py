@@ -25,12 +25,17 @@ SHRINKS = 0.95
 LEAST = 0.1
 """The least by which r is taken to shrink once more, where it shrank faster."""
 
+FEW = 2048
+"""The most numbers whose largest is found in one pass without vector instructions."""
+
 OF_TANGENTS = 1e-14
 """The tolerance of derivatives, whatever that of the equations."""
 
 
 def sizes(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """|x|∞ and |y|∞ of numbers (m,) both, in one pass, which XLA leaves whole: of one alone it makes several."""
+    """|x|∞ and |y|∞ of numbers (m,) both: of few in one pass, which XLA leaves whole, unlike that of one alone."""
+    if x.size > FEW:
+        return jnp.max(jnp.abs(x)), jnp.max(jnp.abs(y))
 
     def larger(first, second):
         return jnp.maximum(first[0], second[0]), jnp.maximum(first[1], second[1])
