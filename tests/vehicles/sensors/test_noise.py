@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from coadjoint.errors import ArgumentError
-from coadjoint.vehicles.sensors import Altimeter, Compass, Depth, Dvl, Errors, Gps, Imu, Usbl
+from coadjoint.vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Errors, Gps, Imu, Usbl
 from coadjoint.vehicles.sensors.allan import allan_deviation, expected_allan_deviation
 from coadjoint.vehicles.sensors.errors import ALLAN_PEAK
 from coadjoint.vehicles.sensors.noise import Noise
@@ -75,7 +75,9 @@ EVERY = [
     Imu(name="imu", rate=50, gyroscope=Errors(noise=[1e-3, 2e-3, 3e-3]), accelerometer=Errors(noise_density=0.01)),
     Depth(name="depth", rate=10, depth=Errors(noise=0.02)),
     Compass(name="compass", rate=10, heading=Errors(noise=0.03)),
+    Ahrs(name="ahrs", rate=10, tilt=Errors(noise=[0.01, 0.02]), heading=Errors(noise=0.03)),
     Dvl(name="dvl", rate=5, velocity=Errors(noise=0.01)),
+    DvlBeams(name="beams", rate=5, beam_angle=0.4, velocity=Errors(noise=0.02)),
     Gps(name="gps", rate=1, fix=Errors(noise=[2.5, 3.5])),
     Usbl(name="usbl", rate=0.2, beacon=(0, 0, 10), range=Errors(noise=0.3), direction=Errors(noise=0.02)),
     Altimeter(name="altimeter", rate=5, range=Errors(noise=0.05)),
