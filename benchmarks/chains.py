@@ -7,13 +7,9 @@ of one thread, each size in a process of its own with an empty folder for machin
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -21,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
+from benchmarks.fresh import fresh
 from coadjoint.models import rods
 
-ROOT = Path(__file__).parents[1]
 LIMIT = 400
 """Seconds of a process, above which a size is not waited for."""
 
@@ -155,20 +151,6 @@ def measure(family: str, count: int) -> dict[str, Any]:
     return {"unknowns": system.unknowns, "by": plans[0], "set_up": made + set_up, "step": step}
 
 
-def fresh(family: str, count: int) -> dict[str, Any] | None:
-    """The same in a process of its own; None where it takes too long."""
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "COADJOINT_CACHE": folder, "OMP_NUM_THREADS": "1"}
-        command = [sys.executable, "-W", "ignore", "-m", "benchmarks.chains", "--one", family, str(count)]
-        try:
-            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=LIMIT)
-        except subprocess.TimeoutExpired:
-            return None
-    if done.returncode:
-        raise RuntimeError(f"{family} {count}: {done.stderr.strip().splitlines()[-1:]}")
-    return json.loads(done.stdout.splitlines()[-1])
-
-
 def main() -> None:
     if sys.argv[1:2] == ["--one"]:
         print(json.dumps(measure(sys.argv[2], int(sys.argv[3]))))
@@ -176,7 +158,10 @@ def main() -> None:
     for family in sys.argv[1:] or FAMILIES:
         print(f"\n{family}\n\n| N | unknowns | by | set-up, s | µs/step | by hand, dense |\n|--:|--:|---|--:|--:|--:|")
         for count in FAMILIES[family][1]:
-            row, dense = fresh(family, count), fresh("hand", count) if family == "springs" else None
+            row, dense = (
+                fresh("chains", family, count, LIMIT),
+                fresh("chains", "hand", count, LIMIT) if family == "springs" else None,
+            )
             if row is None:
                 print(f"| {count} | | | over {LIMIT} s | | |", flush=True)
                 continue

@@ -8,22 +8,18 @@ code.
 from __future__ import annotations
 
 import json
-import os
 import resource
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
 import coadjoint as co
+from benchmarks.fresh import fresh
 from coadjoint.simulation.run import Run
 
-ROOT = Path(__file__).parents[1]
 LIMIT = 400
 """Seconds of a process, above which a size is not waited for."""
 
@@ -112,20 +108,6 @@ def measure(family: str, size: int) -> dict[str, float | str]:
     }
 
 
-def fresh(family: str, size: int) -> dict | None:
-    """The same in a process of its own with an empty folder for machine code; None where it takes too long."""
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "COADJOINT_CACHE": folder, "OMP_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "benchmarks.large", "--one", family, str(size)]
-        try:
-            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=LIMIT)
-        except subprocess.TimeoutExpired:
-            return None
-    if done.returncode:
-        raise RuntimeError(f"{family} {size}: {done.stderr.strip().splitlines()[-1:]}")
-    return json.loads(done.stdout.splitlines()[-1])
-
-
 def main() -> None:
     if sys.argv[1:2] == ["--one"]:
         print(json.dumps(measure(sys.argv[2], int(sys.argv[3]))))
@@ -134,7 +116,7 @@ def main() -> None:
         _, sizes, title = FAMILIES[family]
         print(f"\n{title}\n\n| size | unknowns | by | set-up, s | steps/s | memory, GB |\n|---|---|---|---|---|---|")
         for size in sizes:
-            row = fresh(family, size)
+            row = fresh("large", family, size, LIMIT)
             if row is None:
                 print(f"| {size} | | | over {LIMIT} s | | |", flush=True)
                 break
