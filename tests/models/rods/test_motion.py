@@ -175,7 +175,10 @@ def test_points_on_rods_and_thin_links_on_so3_move_alike():
         (lambda: rods.cosserat(**{**SOFT, "inertia": 0.1}, elements=2), "`inertia` must have shape (3,)"),
         (lambda: rods.cosserat(**{**SOFT, "length": [1, 2, 3]}, elements=2), "`length` must have shape (2,)"),
         (lambda: rods.planar(**PLANE, elements=4, ends="ring", load=(1, 0)), "has no free end for a `load`"),
-        (lambda: rods.planar(**PLANE, elements=4, motion=lambda t: t), "moves a clamped first end, but this rod has ends .free."),
+        (
+            lambda: rods.planar(**PLANE, elements=4, motion=lambda t: t),
+            "moves a clamped first end, but this rod has ends 'free'",
+        ),
         (lambda: rods.planar(**PLANE, elements=4, rest_curvature=(1, 2)), "must have shape () or (4,)"),
         (lambda: rods.pendulums(links=0, length=1, mass=1, inertia=(1, 1, 1)), "`links` must be a whole number"),
         (lambda: rods.points(links=2, length=1, mass=0), "Argument `mass` must be positive, but is 0."),
