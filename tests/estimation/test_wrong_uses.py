@@ -159,7 +159,7 @@ def test_arrays_that_do_not_fit_are_told():
     for given, of in ((rows[0], random), (rows[:, 1:], random), (rows, 3)):
         with pytest.raises(co.ArgumentError, match="A step is drawn from rows"):
             one.drawn(given, 0.1, of)
-    with pytest.raises(co.ArgumentError, match="Velocities of rows"):
+    with pytest.raises(co.ArgumentError, match="velocities of rows"):
         one.with_velocities(rows, np.zeros((1, 2)), np.zeros((1, 1)))
     with pytest.raises(co.ArgumentError, match="`dt` of a prediction must be a positive number"):
         filter.predict(True)

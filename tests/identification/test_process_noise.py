@@ -114,6 +114,28 @@ def exact() -> Log:
     return synthetic_log(run, noise=NOISE, seed=1)
 
 
+def test_knots_last_whole_steps_whatever_the_segment(exact):
+    """33 s of 40 knots at most, on steps of 0.05 s: what is held is what is told."""
+    system, moved = wandering(SYSTEM, ["force"])
+    asked = setting(
+        unknowns(system, ["linear"], []), exact.between(0.0, 33.0), STATE, Channels(VEHICLE), co.Midpoint(), "held",
+        0.05, 0.0, wandering=moved,
+    )  # fmt: skip
+    for h in (0.05, 0.025):
+        shooting = asked.shooting(h, 33.0, "new")
+        assert shooting.knots is not None
+        held = shooting._wandering(np.zeros((shooting.runs, shooting.knots.size)))
+        assert held is not None and held.steps * h == pytest.approx(shooting.knots.spacing, rel=1e-12)
+        assert shooting.knots.spacing * shooting.knots.count >= 32.9
+
+
+def test_a_name_of_the_system_s_own_is_its_parameter_and_not_a_force():
+    numbers = {"K": 1.0, "force": 2.0}
+    own = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ xi + p.K + p.force, parameters=numbers)
+    system, moved = wandering(own, ["K", "force"])
+    assert system is own and moved is not None and moved.labels == ("K", "force")
+
+
 def test_derivatives_by_knots_are_those_of_differences(exact):
     system, moved = wandering(SYSTEM, ["force", "N", "linear[1]", "mass"])
     assert moved is not None and moved.labels == ("X", "Y", "Z", "N", "linear[1]", "mass")
@@ -196,7 +218,7 @@ def test_nothing_wanders_where_nothing_does(exact):
         assert abs(found[name].value - plain[name].value) < 1.0 * plain[name].standard_error
         assert abs(found[name].value - true) < 4 * found[name].standard_error
         assert found[name].standard_error < 1.6 * plain[name].standard_error
-    assert "wandering over" in str(found)
+    assert "wanders " in str(found)
     assert {name for name, _ in found.system.forces or ()} == {name for name, _ in SYSTEM.forces or ()}
     assert found.system.parameters is not None and "process_noise" not in found.system.parameters
 

@@ -227,10 +227,14 @@ class Filter:
         """Carry out orders, and what they write, (members, size); where one fails the filter stays as it was."""
         rows, P, output = self.rows.copy(), self.P.copy(), np.empty((len(self.rows), max(size, 1)))
         self._engine.follow(rows, P, np.ascontiguousarray(orders, np.int64), np.ascontiguousarray(data), output)
-        if not np.all(np.isfinite(rows)):
+        bad = ~np.all(np.isfinite(rows), axis=1)
+        if np.any(bad):
+            times = self.process.time(rows[bad])
+            first = np.min(times, where=np.isfinite(times), initial=np.inf)
+            when = f" up to t = {first:g} s" if np.isfinite(first) else ""
             raise StepError(
-                f"The estimate at t = {self.t:g} s does not stay finite: what is measured is too far from what is "
-                "expected; `gate` of its Measurement leaves such values out."
+                f"The estimate does not stay finite{when}: what is measured is too far from what is expected; `gate` "
+                "of its Measurement leaves such values out."
             )
         self.rows, self.P = rows, P
         return output

@@ -149,10 +149,12 @@ class ModelProcess(Process):
         Raises ArgumentError for other shapes.
         """
         size, d, q = len(self._first), *self._sizes
-        if [np.shape(part) for part in (xi, nu)] != [(*np.shape(rows)[:-1], d), (*np.shape(rows)[:-1], q)]:
+        rows = np.asarray(rows, float)
+        several = rows.shape[:-1]
+        if [np.shape(part) for part in (rows, xi, nu)] != [(*several, size), (*several, d), (*several, q)]:
             raise ArgumentError(
-                f"Velocities of rows {np.shape(rows)} are xi (…, {d}) and nu (…, {q}), but have the shapes "
-                f"{np.shape(xi)} and {np.shape(nu)}."
+                f"Rows are (…, {size}), and velocities of rows are xi (…, {d}) and nu (…, {q}), but the shapes are "
+                f"{rows.shape}, {np.shape(xi)} and {np.shape(nu)}."
             )
         given = np.concatenate([rows, xi, nu], axis=-1).reshape(-1, size + d + q)
         return self._by_velocities(np.zeros((len(given), 0)), given)[0].reshape(rows.shape)

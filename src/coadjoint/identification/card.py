@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def card(found: Identification) -> str:
     """What `print(found)` shows."""
     log = found.log
-    width = max(9, *map(len, found.estimates))
+    width = max(9, *map(len, (*found.estimates, *found.process_noise)))
     lines = [
         f"Identification of {found.system.name}",
         f"  log       {len(log)} samples over {log.duration:g} s, {len(found.simulated)} columns",
@@ -32,8 +32,11 @@ def card(found: Identification) -> str:
         after = f"   over {time:.3g} s" if time else ""
         value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
         lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}{after}")
+    if found.process_noise:
+        lines += ["", f"  {'wanders':<{width}}  {'deviation':>11}"]
     for name, one in found.process_noise.items():
-        lines.append(f"  {name:<{width}}  {one.deviation:>11.4g} wandering over {one.correlation_time:.3g} s")
+        unit = dict.fromkeys("XYZ", " N") | dict.fromkeys("KMN", " N m")
+        lines.append(f"  {name:<{width}}  {one.deviation:>11.4g}{unit.get(name, '')} over {one.correlation_time:.3g} s")
     for warning in found.warnings:
         lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
     return "\n".join(lines)

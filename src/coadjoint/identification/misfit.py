@@ -91,8 +91,8 @@ def sentences(found: tuple[Misfit, ...]) -> list[str]:
     more = f" {', '.join(others)} {'are' if len(others) > 1 else 'is'} missed, too." if others else ""
     return [
         f"The model misses {worst.column} where {worst.input} acts: what it leaves correlates with {worst.shape}{late} "
-        f"({worst.correlation:+.2f}, {worst.score:.0f} times what chance does). Look at the law of {worst.input}; the "
-        f"intervals hold for a model that is right.{more}"
+        f"(R = {abs(worst.correlation):.2f}, {worst.score:.0f} times what chance does). Look at the law of "
+        f"{worst.input}; the intervals hold for a model that is right.{more}"
     ]
 
 

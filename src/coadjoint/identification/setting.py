@@ -85,14 +85,14 @@ class Setting:
         begun = {name: self.log.actual.get(name, values)[rows] for name, values in self.log.inputs.items()}
         reference = self._reference(cut.starts, h)
         if knots == "new":
-            knots = self._knots(float(cut.steps_away.max()) * h)
+            knots = self._knots(float(cut.steps_away.max()) * h, h)
         return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun, knots)
 
-    def _knots(self, longest: float) -> Knots | None:
-        """Those of what wanders, over the longest of all segments, s."""
+    def _knots(self, longest: float, h: float) -> Knots | None:
+        """Those of what wanders, over the longest of all segments, s; each lasts a whole number of steps h."""
         if self.wandering is None:
             return None
-        spacing = max(KNOT * self.log.interval, longest / MOST)
+        spacing = float(np.ceil(max(KNOT * self.log.interval, longest / MOST) / h - 1e-9)) * h
         return Knots(*self.wandering, spacing, max(1, int(np.ceil(longest / spacing - 1e-6))))
 
     def _reference(self, times: np.ndarray, h: float) -> Reference:

@@ -59,16 +59,23 @@ def wandering(system: System, names: Sequence[str]) -> tuple[System, Moved | Non
     """The system, with a force that wanders where one is named, and what wanders; raises ArgumentError."""
     if isinstance(names, str):
         raise ArgumentError(f"Argument `process_noise` must be a list of names, such as [{names!r}], not {names!r}.")
-    asked = [one for name in names for one in GROUPS.get(name, (name,))]
-    if not asked or system.parameters is None:
+    if not names or system.parameters is None:
         return system, None
-    if any(name in AXES for name in asked):
+    own = _arrays(system.parameters)
+    asked = [one for name in names for one in ((name,) if name in own else GROUPS.get(name, (name,)))]
+    pushed = [name for name in asked if name in AXES and (name not in names or name not in own)]
+    if clash := [name for name in pushed if name in own]:
+        raise ArgumentError(
+            f"Argument `process_noise` names a force along `{clash[0]}`, but the system has a parameter of that name: "
+            "name that, or the other components one by one."
+        )
+    if pushed:
         system = _pushed(system)
     assert system.parameters is not None
     known = _arrays(system.parameters)
     found: dict[str, int] = {}
     for name in asked:
-        found |= {name: known[NAME][0] + AXES.index(name)} if name in AXES else _entries(name, known)
+        found |= {name: known[NAME][0] + AXES.index(name)} if name in pushed else _entries(name, known)
     return system, Moved(tuple(found), np.array(list(found.values())), np.arange(len(found)))
 
 
@@ -109,6 +116,8 @@ def _pushed(system: System) -> System:
         )
     old, p = system.forces, system.parameters
     assert p is not None
+    if NAME in p:
+        raise ArgumentError(f"The system has a parameter `{NAME}`, which identification needs for itself: rename it.")
     own = _on_rotations if isinstance(system.group, SO3) else _on_poses
     forces = Forces((*(old.names if old else ()), NAME), (*(old.functions if old else ()), own))
     return replaced(system, forces=forces, parameters=Parameters(**p.asdict(), **{NAME: np.zeros(6)}))

@@ -19,7 +19,7 @@ SINGLE = 1e-10
 """The largest tolerance with which corrections are exact to round-off in single precision."""
 
 LARGE = 128**2
-"""How many unknowns there are where products in single precision take less time."""
+"""How many unknowns of a copy there are where products in single precision take less time."""
 
 MOST = 100
 """The most iterations; with a contraction by 0.7 half of them do."""

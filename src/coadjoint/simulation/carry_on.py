@@ -39,7 +39,7 @@ def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy:
     try:
         before = run.seconds
         if not ended:
-            _log.info("%s begins, %d steps %s.", run.title, run.plan.steps, run.plan.solution or "by native")
+            _log.info("%s begins, %d steps %s.", run.title, run.plan.steps, run.plan.solution or "by native code")
             loop.drive(run.position)
         if isinstance(sink, Sampler):
             run.accuracy = judged(run, sink)

@@ -25,6 +25,9 @@ SHRINKS = 0.95
 LEAST = 0.1
 """The least by which r is taken to shrink once more, where it shrank faster."""
 
+AGEING = 1.25
+"""By how much a carried rate grows in a step that took one iteration, which measures none."""
+
 FEW = 2048
 """The most numbers whose largest is found in one pass without vector instructions."""
 
@@ -73,10 +76,10 @@ class FixedPoint:
 
     Convergence is linear: where r shrank by ρ, the next r is ρr, which is not computed for its size alone, and the
     error left is 1/(1 − ρ) times the tolerance. Of the first iteration ρ is that of the step before, in proportion to
-    h: ρ/|h|, 1/s, is carried over. Iterations of which two in turn leave 0.95 of r or more, once that is below 1e-11 of
-    z, have met round-off and end, too. Derivatives follow from the implicit function theorem: linear equations with
-    ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the same iteration to 1e-14, whatever the tolerance; where
-    that does not converge they are NaN.
+    h: ρ/|h|, 1/s, is carried over, and grows by a quarter in each step that measures none. Iterations of which two
+    in turn leave 0.95 of r or more, once that is below 1e-11 of z, have met round-off and end, too. Derivatives follow
+    from the implicit function theorem: linear equations with ∂r/∂z = 1 − ∂G, and with its transpose, are solved by the
+    same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN.
 
     rows: how many fields, and copies of each, the unknowns are, which are compared each with its own size (`scales`).
     """
@@ -118,6 +121,8 @@ class FixedPoint:
             return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
 
         unknowns, (iterations, code, shrinks) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
+        # A rate that a single iteration did not measure grows, so that it is measured again some steps later.
+        shrinks = jnp.where(iterations > 1, shrinks, jnp.minimum(AGEING * shrinks, 1.0))
         kept = () if isinstance(carried, tuple) else lax.stop_gradient(shrinks / length)
         return Root(unknowns, iterations.astype(int), code.astype(int), kept)
 

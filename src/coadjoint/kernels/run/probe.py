@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.emit.plan import specialised
+from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.packing import Layout, pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import ensemble, native, xla
@@ -37,9 +38,10 @@ class Probe:
     ):  # fmt: skip
         self.backend, self.program, self.monitors = backend, program, monitors
         self.parameters, self.axes, self.count = parameters, axes, count
-        # What a step carries over is no part of records; here every row begins with nothing of it.
+        # Factors that a step carries over are no part of records; here every row begins with none.
         self._stage = program.stages[0]
         self._carried = jax.tree.map(np.zeros_like, self._stage.carried(state))
+        self._bears = isinstance(self._carried, Factors)
         self.layout: Layout = pack(self._bare(state))[0]
         if axes is None:
             self._shape, numbers = pack(parameters)
@@ -49,11 +51,11 @@ class Probe:
         self._kernel = self._compiled(state) if backend == "native" else None
 
     def _bare(self, state: Any) -> Any:
-        return state if self._carried == () else self._stage.carry(state, None)
+        return self._stage.carry(state, None) if self._bears else state
 
     def _whole(self, row: np.ndarray) -> Any:
         state = self.layout.unpack(row)
-        return state if self._carried == () else self._stage.carry(state, self._carried)
+        return self._stage.carry(state, self._carried) if self._bears else state
 
     def _compiled(self, state: Any) -> Kernel:
         """The machine code of the run."""

@@ -69,6 +69,8 @@ class DampedMidpoint(IsospectralMidpoint):
 
     @property
     def claims(self) -> Claims:
+        if not (self.viscosity or self.drag or self.stirring):
+            return super().claims
         return super().claims._replace(symplectic=False, momentum=False, energy="changed")
 
     def damping_rate(self, system: System) -> float:

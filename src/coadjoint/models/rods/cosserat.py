@@ -237,7 +237,9 @@ def _require_end(layout: RodLayout, load: Any, moment: Any, motion: Any) -> None
     size, found, why = 2 if layout.planar else 3, None, ""
     try:
         with float64_scope():
-            found = [np.shape(leaf) for leaf in jax.tree.leaves(jax.eval_shape(motion, 0.0))]
+            pose = jax.eval_shape(motion, 0.0)
+        parts = pose if isinstance(pose, (tuple, list)) else (pose,)
+        found = [getattr(part, "shape", type(part).__name__) for part in parts]
     except jax.errors.TracerArrayConversionError:
         why = "but uses NumPy on t"
     except Exception as error:
