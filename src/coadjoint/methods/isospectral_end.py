@@ -21,6 +21,9 @@ SINGLE = 1e-10
 LARGE = 128**2
 """How many unknowns of a copy there are where products in single precision take less time."""
 
+NEAR = 100.0
+"""What is left, over ROUND_OFF, below which it is round-off once it no longer shrinks."""
+
 MOST = 100
 """The most iterations; with a contraction by 0.7 half of them do."""
 
@@ -29,6 +32,7 @@ class _Correction(NamedTuple):
     delta: Array
     odd: Array
     left: Array
+    size: Array
     goes_on: Array
     iterations: Array
 
@@ -46,19 +50,21 @@ def correction(
     unit = jnp.where(unit > 0, unit, 1.0)  # single precision has no small numbers
     forces = epsilon * slopes[0], epsilon * slopes[1]
 
-    def too_large(left):
-        return jnp.any(unit * largest(left, rows) > until)
+    def size_of(left):
+        return jnp.max(unit * largest(left, rows) / until)
 
     def advance(now: _Correction) -> _Correction:
         delta = now.delta - now.left
         left = off / unit + delta - moved(system, *forces, delta, 1.0, precision)
         odd = brackets(system, *forces, delta, 1.0, precision).astype(off.dtype)
-        return _Correction(delta, odd, left, too_large(left), now.iterations + 1)
+        size = size_of(left)
+        goes_on = (size > 1) & ((size > NEAR) | (size < now.size))
+        return _Correction(delta, odd, left, size, goes_on, now.iterations + 1)
 
-    nothing = jnp.zeros_like(off)
+    nothing, begun = jnp.zeros_like(off), size_of(off / unit)
     end = lax.while_loop(
         lambda now: now.goes_on & (now.iterations < MOST),
         advance,
-        _Correction(nothing, nothing, off / unit, too_large(off / unit), jnp.asarray(0)),
+        _Correction(nothing, nothing, off / unit, begun, begun > 1, jnp.asarray(0)),
     )
     return jnp.where(end.iterations < MOST, unit * end.odd, jnp.nan)

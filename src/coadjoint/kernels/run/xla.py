@@ -127,7 +127,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     shapes, seen_shapes = jax.eval_shape(observe, state)
 
     def rows(shape):
-        return jnp.zeros((capacity + 1, *shape.shape), shape.dtype)
+        return jnp.zeros((capacity, *shape.shape), shape.dtype)
 
     def limits(sign):
         watched = {**seen_shapes, **shapes.certificates}
@@ -137,10 +137,10 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
         result, seen = observe(carry.state)
         good = result.code == 0
         row, phase = carry.done // save_every, carry.done % save_every
-        row = jnp.where(good & (phase == 0), row, capacity)  # the last row takes what is not kept
+        keep = good & (phase == 0)
 
         def store(buffer, value):
-            return lax.dynamic_update_index_in_dim(buffer, value, row, 0)
+            return buffer.at[row].set(jnp.where(keep, value, buffer[row]))
 
         watched = {**seen, **result.certificates}
 
