@@ -207,8 +207,7 @@ class IsospectralMidpoint(Method, Whole):
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
         before = lifted(system, record.mu, record.a)
         off = z - before - moved(system, *slopes, z, epsilon)
-        fields, copies = rows_of(system)
-        large = len(z) >= LARGE * fields * copies
+        large = len(z) >= LARGE * np.prod(rows_of(system))
         precision = jnp.float32 if self.tolerance <= SINGLE and large else jnp.float64
         rest = correction(system, *jax.lax.stop_gradient((slopes, off, z, epsilon)), precision)
         mu, a = momenta_of(system, 2 * (brackets(system, *slopes, z, epsilon) + rest))

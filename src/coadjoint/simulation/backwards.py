@@ -25,9 +25,8 @@ def require_forward(system: System, method: Method, state: State, h: float) -> l
     """Raise ArgumentError where substeps go backwards and something damps; a warning where it is allowed but unsafe.
 
     A method allows it by `negative_substeps="allow"`. Steps may damp by themselves (`Step.damping_rate`). Forces
-    dissipate where their fastest rate λ, the largest real
-    part of an eigenvalue of −M⁻¹ ∂F/∂v with v = (ξ, ν), M = ∂²ℓ/∂v², is positive at the start or at random velocities
-    of that size.
+    dissipate where their fastest rate λ, the largest real part of an eigenvalue of −M⁻¹ ∂F/∂v with v = (ξ, ν),
+    M = ∂²ℓ/∂v², is positive at the start or at random velocities of that size.
     """
     backwards = -h * min(fraction for _, fraction in method.stages)
     if h <= 0 or backwards <= 0:
