@@ -138,6 +138,22 @@ def _(group: SE3, xi: Array) -> Element:
     return _tau(SO3(), omega), x
 
 
+@_dtau_inverse_dual.register
+def _(group: SE2, xi: Array, mu: Array) -> Array:
+    """((1 + θ²/4) m + ½ q·Jv, q) of ξ = (θ, v) and μ = (m, p), with q = p + ½ θJp and J the quarter turn."""
+    theta, v, p = xi[0], xi[1:], mu[1:]
+    q = p + 0.5 * theta * jnp.stack([-p[1], p[0]])
+    return jnp.concatenate([(1 + 0.25 * theta**2) * mu[:1] + 0.5 * (v[0] * q[1] - v[1] * q[0]), q])
+
+
+@_dtau_inverse_dual.register
+def _(group: SE3, xi: Array, mu: Array) -> Array:
+    """(m + ½ ω×m + ¼ ω (ω·m) + ½ v×q, q) of ξ = (ω, v) and μ = (m, p), with q = p + ½ ω×p."""
+    omega, v = xi[:3], xi[3:]
+    q = mu[3:] + 0.5 * jnp.cross(omega, mu[3:])
+    return jnp.concatenate([_dtau_inverse_dual(SO3(), omega, mu[:3]) + 0.5 * jnp.cross(v, q), q])
+
+
 @_tau.register
 def _(group: UnitQuaternion, xi: Array) -> Element:
     """(1 + ¼ξ)(1 − ¼ξ)⁻¹ = (1 − |ξ|²/16, ½ξ) / (1 + |ξ|²/16)."""

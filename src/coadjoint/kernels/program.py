@@ -75,6 +75,11 @@ class Structure(Protocol):
         """How XLA solves them, for cards and messages."""
         ...
 
+    @property
+    def many_small(self) -> bool:
+        """Whether XLA makes of them hundreds of small loops, so that compiling them takes longest."""
+        ...
+
     def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: Any = ()) -> Any:
         """`newton.solver.Root` of residual(z) = 0 from `guess` (m,), differentiable by the implicit function theorem.
 

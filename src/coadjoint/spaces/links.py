@@ -15,6 +15,7 @@ from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.spaces.rows import LinkRows
 from coadjoint.spaces.several import Several
 from coadjoint.spaces.space import Space, checked_vector
 
@@ -51,7 +52,7 @@ class Links(Space):
     def _map(self, group: LieGroup, function: Callable[..., Array], *arguments: Any) -> Array:
         """function(G, …) of every link, end to end; what is no flat array is an element."""
         power = _power(group)
-        rows = [x if isinstance(x, _Element) else _Rows(jnp.reshape(x, (power.count, -1))) for x in arguments]
+        rows = [x if isinstance(x, _Element) else _Value(jnp.reshape(x, (power.count, -1))) for x in arguments]
         found = jax.vmap(lambda *parts: function(power.factor, *parts))(*(row.values for row in rows))
         return jnp.reshape(found, -1)
 
@@ -116,12 +117,12 @@ class Links(Space):
         return np.concatenate([check(power.factor, row, name) for row in rows])
 
 
-class _Rows:
+class _Value:
     def __init__(self, values: Any):
         self.values = values
 
 
-class _Element(_Rows):
+class _Element(_Value):
     """An element of Gᴺ among arguments."""
 
 
@@ -183,9 +184,14 @@ class RelativePoses(Space):
 
     def _ends(self, group: LieGroup, tree: Any, still: Any) -> tuple[Any, Any]:
         """Of a tree with an axis of links what belongs to both ends of each pair; `still`: ground's."""
-        whole = jax.tree.map(lambda leaf, ground: jnp.concatenate([leaf, ground[None]]), tree, still)
-        first, second = np.array(self.of(group), int).reshape(-1, 2).T
-        return jax.tree.map(lambda leaf: leaf[first], whole), jax.tree.map(lambda leaf: leaf[second], whole)
+        first, second = self._rows(group)
+        whole = jax.tree.map(lambda leaf, ground: jnp.concatenate([ground[None], leaf]), tree, still)
+        return jax.tree.map(first.of, whole), jax.tree.map(second.of, whole)
+
+    def _rows(self, group: LieGroup) -> tuple[LinkRows, LinkRows]:
+        """The ends of the pairs as rows of an array whose first row is ground's, and the others the links'."""
+        first, second = np.array(self.of(group), int).reshape(-1, 2).T - GROUND
+        return LinkRows(first), LinkRows(second)
 
     def act(self, group: LieGroup, g: Element, x: Array) -> Array:
         G = _power(group).factor
@@ -212,11 +218,10 @@ class RelativePoses(Space):
             (m,) = jax.vjp(lambda eta: _moved(G, at, eta), jnp.zeros(G.dim))[1](covector)
             return -m, G.Ad_dual(at, m)
 
-        ends = np.array(self.of(group), int).reshape(-1, 2)
-        found = jnp.concatenate(jax.vmap(lifted)(e, self.view(group, b)))
-        # The ground is the row after those of the links, which nothing asks for.
-        rows = jnp.zeros((count + 1, G.dim)).at[ends.T.reshape(-1)].add(found)
-        return jnp.reshape(rows[:count], -1)
+        first, second = self._rows(group)
+        at_first, at_second = jax.vmap(lifted)(e, self.view(group, b))
+        rows = first.summed(at_first, count + 1) + second.summed(at_second, count + 1)
+        return jnp.reshape(rows[1:], -1)
 
     def lifted(self, group: LieGroup, xi: Array, x: Array, v: Array) -> Array:
         raise GroupError("Poses between links are advected parameters: as additional dynamics they have no velocity.")

@@ -20,6 +20,7 @@ class Inverse:
     """A structure that knows the inverse, and carries the number of steps over."""
 
     native = False
+    many_small = False
 
     def root(self, residual, guess, h, blocks, carried=()):
         unknowns = jnp.asarray(np.linalg.inv(MATRIX) @ RIGHT)

@@ -99,6 +99,7 @@ class Coupled:
     pairs: tuple[tuple[int, int], ...]
 
     limit = f"{MOST} Newton iterations"
+    many_small = True
 
     @property
     def native(self) -> bool:

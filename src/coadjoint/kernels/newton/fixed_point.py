@@ -88,6 +88,7 @@ class FixedPoint:
     rows: tuple[int, int] = (1, 1)
     native = False
     limit = f"{MOST} iterations of a fixed point"
+    many_small = False
 
     @property
     def words(self) -> str:

@@ -29,6 +29,7 @@ class Dense:
 
     native = True
     limit = f"{MAX_ITERATIONS} Newton iterations"
+    many_small = False
     words = "Newton's method with a dense Jacobian"
 
     def root(

@@ -13,6 +13,7 @@ from jax import lax
 
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
+from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 from coadjoint.kernels.trace.forked import require_own_xla
 
@@ -108,7 +109,6 @@ class _Carry(NamedTuple):
     highest: dict[str, jax.Array]
 
 
-@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
 def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
     @partial(jax.jit, inline=True)  # traced once for its shapes and for the loop
     def observe(state):
@@ -167,6 +167,9 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     return lax.while_loop(lambda c: (c.done < steps) & (c.code == 0), advance, start)
 
 
+_compiled_loop = compiled("capacity", "monitored")(_loop)
+
+
 def run(
     program: Program, parameters: Any, state: Any, h: float, records: int, save_every: int, monitors: bool = True
 ) -> Chunk:
@@ -174,7 +177,7 @@ def run(
     require_own_xla()
     with jax.enable_x64(True):
         numbers = (np.float64(h), np.int64(records * save_every), np.int64(save_every))
-        end = _loop(program, parameters, state, *numbers, capacity=capacity(state), monitored=monitors)
+        end = _compiled_loop(program, parameters, state, *numbers, capacity=capacity(state), monitored=monitors)
         end = jax.tree.map(np.asarray, end)
     steps = int(end.done)
     valid = min(-(-steps // save_every), records)
@@ -226,7 +229,7 @@ def _joined(before: Chunk, now: Chunk, keep: bool) -> Chunk:
     )
 
 
-@partial(jax.jit, static_argnames=("program", "capacity", "monitored"))
+@compiled("capacity", "monitored")
 def _loops(program: Program, parameters, states, h, steps, save_every, *, capacity: int, monitored: bool) -> _Carry:
     def one(parameters, state):
         return _loop(program, parameters, state, h, steps, save_every, capacity=capacity, monitored=monitored)

@@ -88,13 +88,10 @@ def curve(rod: System, first: Any, strain: Any) -> Any:
     group: Any = rod.group
     p: Any = rod.parameters
 
-    def along(g: Any, step: Any) -> Any:
-        further = group.factor.compose(g, group.factor.exp(step))
-        return further, further
-
     def whole(first: Any, steps: Any) -> Any:
-        _, others = jax.lax.scan(along, first, steps)
-        return jax.tree.map(lambda one, rest: jnp.concatenate([one[None], rest]), first, others)
+        moved = jax.vmap(group.factor.exp)(steps)
+        poses = jax.tree.map(lambda one, rest: jnp.concatenate([one[None], rest]), first, moved)
+        return jax.lax.associative_scan(jax.vmap(group.factor.compose), poses)
 
     return evaluate(whole, first, np.asarray(strain) * np.asarray(p.length)[:, None])
 

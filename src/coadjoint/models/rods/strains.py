@@ -2,30 +2,49 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array
 
-_SWITCH = 1 / 16
-_TERMS = 14
+_SWITCH = 1 / 4
+_TERMS = 26
 
 
-def _arctangent_ratios(t: Array) -> tuple[Array, Array]:
-    """f = arctan(τ)/τ and q = (1 − f)/τ² of t = τ², arrays of any shape, smooth through τ = 0.
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _arctangent_ratio(k: int, t: Array) -> Array:
+    """A_k = ∫₀¹ u²ᵏ/(1 + tu²) du = Σ_j (−t)ʲ/(2j + 2k + 1), an array of any shape, smooth through t = 0.
 
-    Below t = 1/16 by the series of the arctangent, above it in closed form.
+    A₀ = arctan(τ)/τ of t = τ²; A_{k+1} = (1/(2k + 1) − A_k)/t; dA_k/dt = ½ ((2k + 1) A_{k+1} − 1/(1 + t)). Below
+    t = 1/4 by the series, above it in closed form.
     """
     near = t < _SWITCH
     inner = jnp.where(near, t, 0.0)
     series = jnp.zeros_like(inner)
-    for k in reversed(range(_TERMS)):
-        series = series * -inner + 1 / (2 * k + 3)
+    for j in reversed(range(_TERMS)):
+        series = series * -inner + 1 / (2 * (j + k) + 1)
     outer = jnp.where(near, 1.0, t)
     tangent = jnp.sqrt(outer)
-    q = jnp.where(near, series, (1 - jnp.arctan(tangent) / tangent) / outer)
+    closed = jnp.arctan(tangent) / tangent
+    for j in range(k):
+        closed = (1 / (2 * j + 1) - closed) / outer
+    return jnp.where(near, series, closed)
+
+
+@_arctangent_ratio.defjvp
+def _(k, primals, tangents):
+    (t,), (along,) = primals, tangents
+    slope = 0.5 * ((2 * k + 1) * _arctangent_ratio(k + 1, t) - 1 / (1 + t))
+    return _arctangent_ratio(k, t), slope * along
+
+
+def _arctangent_ratios(t: Array) -> tuple[Array, Array]:
+    """f = arctan(τ)/τ and q = (1 − f)/τ² of t = τ²."""
+    q = _arctangent_ratio(1, t)
     return 1 - t * q, q
 
 

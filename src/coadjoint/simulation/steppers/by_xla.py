@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.program import Code, Program, Told
 from coadjoint.kernels.run import xla
+from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.forked import require_own_xla
 from coadjoint.simulation.steppers.buffers import Buffers
 
@@ -40,7 +41,7 @@ class XlaEngine:
         return failed | (0 if np.all(np.isfinite(buffers.observations)) else Told.NOT_FINITE)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2, 3))
+@compiled("watch", "layouts", "commanded")
 def _advance(
     program: Program, watch: Any, layouts: Any, commanded: Any, parameters, states, statuses, commands, h, steps
 ) -> tuple[Any, Any, Any]:
