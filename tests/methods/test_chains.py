@@ -11,6 +11,9 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.run import xla
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.preparing import prepare
+
+LINKS = Coupled(4, (3,), ((0, 1), (1, 2), (2, 3)))
 
 LONG = 31
 """More links than native code takes."""
@@ -129,6 +132,39 @@ def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():
         alone = co.simulate(one, begin, dt=0.05, steps=40, monitors=False, accuracy=False)
         for ours, theirs in ((together.final.mu[member], alone.final.mu), (together.final.a[member], alone.final.a)):
             assert np.max(np.abs(ours - theirs)) < 1e-12
+
+
+@pytest.mark.parametrize("stiffness", [2.0, co.each([2.0, 3.0])], ids=["alone", "together"])
+def test_a_chain_that_native_code_takes_carries_its_factors_by_xla(stiffness):
+    system, start = bodies(4, stiffness=stiffness)
+
+    def begun(backend):
+        run = prepare(system, start, co.Midpoint(), 0.05, 10, 1, False, None, None, backend)
+        return run.position.state.memory
+
+    assert begun("native") is None
+    several = np.shape(start.t) if isinstance(stiffness, float) else (2,)
+    for ours, one in zip(begun("xla"), LINKS.nothing(), strict=True):
+        assert np.shape(ours) == (*several, *np.shape(one))
+
+
+def test_its_motion_by_xla_is_that_of_native_code():
+    system, start = bodies(4)
+    ours, theirs = (
+        co.simulate(system, start, dt=0.05, steps=30, backend=kind, monitors=False, accuracy=False).final
+        for kind in ("native", "xla")
+    )
+    assert np.max(np.abs(ours.mu - theirs.mu)) < 1e-13
+
+
+def test_a_pair_that_a_discrete_lagrangian_joins_is_named_too():
+    def discrete(xi, h):
+        return h * (0.5 * jnp.sum(xi**2) + 0.1 * xi[3] @ xi[17])
+
+    system = co.System(co.Power(co.SO3(), 24), discrete_lagrangian=discrete)
+    start = system.state(xi=0.1 * np.ones((24, 3)))
+    with pytest.raises(ArgumentError, match="links 3 and 17 act on each other, but `coupling` of Power"):
+        co.simulate(system, start, dt=0.05, steps=1, method=co.Variational(start="velocity"), accuracy=False)
 
 
 def test_links_that_act_on_each_other_without_being_a_pair_are_named():

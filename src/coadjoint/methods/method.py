@@ -163,6 +163,10 @@ class Method(ABC):
         begun = velocity_start(system, state, *self.recorded, h) if velocities else momentum_start(system, state)
         return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))
 
+    def begin_by_xla(self, system: System, begun: State) -> State:
+        """What `begin` has found with what steps by XLA carry over in addition to those of native code."""
+        return reduce(lambda state, step: step.remember_by_xla(system, state), [step for step, _ in self.stages], begun)
+
 
 def velocity_start(system: System, state: State, step: Step, fraction: float, h: float) -> State:
     """(μ₀, π₀) for which the first step has exactly ξ₀ and ν₀ as unknowns: the residual is affine in (μ, π)."""

@@ -68,12 +68,18 @@ class Step(ABC):
         self.difference_map.require_fit(system.group)
 
     def remember(self, system: System, state: State) -> State:
-        """The state with the memory that a run of this step starts with: where factors are carried over, none yet."""
+        """The state with the memory that a run of this step starts with; of links, checked that they are coupled so."""
         how = self.structure(system)
         if not isinstance(how, Coupled):
             return state
         require_coupling(system, self, state, how)
-        return state if how.native or state.memory is not None else state.replace(memory=how.nothing())
+        return state if how.native else self.remember_by_xla(system, state)
+
+    def remember_by_xla(self, system: System, state: State) -> State:
+        """The state with the memory of a run by XLA: factors of links are carried over, at the start none yet."""
+        how = self.structure(system)
+        without = not isinstance(how, Coupled) or state.memory is not None
+        return state if without else state.replace(memory=how.nothing())
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
         """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.

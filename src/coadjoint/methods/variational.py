@@ -75,7 +75,7 @@ class Variational(Method, Whole):
                     "`symmetric`, or use co.Midpoint() with a Lagrangian."
                 )
             _require_symmetric(evaluate(partial(self._sides, system), state)[None])
-        return state
+        return super().remember(system, state)
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
         def sides(parameters: Any, state: State) -> Array:

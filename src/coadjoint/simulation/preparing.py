@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
@@ -83,6 +85,7 @@ def prepare(
     constants = _constants(system, watching)
     with tracing_once(traces), as_read(program.version):
         chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
+    state = method.begin_by_xla(system, state) if chosen == "xla" else state
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     crossed: dict[str, list[State]] = {name: [] for name, _ in watched[until is not None :]}
     return Run(system, method, start, plan, Position(state), Memory(), warnings, ALONE, crossed=crossed)
@@ -230,6 +233,9 @@ def _prepare_members(
     with as_read(program.version):
         given = program, constants, members.states, monitors or bool(watched), backend
         chosen = kernels.choose(*given, axes=(axes, True))
+    if chosen == "xla":
+        states = evaluate(jax.vmap(lambda state: method.begin_by_xla(first, state)), members.states)
+        members = replace(members, states=states)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     position = MembersPosition.at_start(members.states, count)
     crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}

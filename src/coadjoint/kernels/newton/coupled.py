@@ -124,7 +124,7 @@ class Coupled:
         return (
             f"Newton's method for {self.count} links with {len(self.pairs)} pairs, {plan.colours * b} directional "
             f"derivatives in {plan.colours} colours, {plan.rows} block rows of {links}, {plan.width * b} unknowns "
-            f"each{'' if self.native else '; factors go on from step to step'}"
+            "each; factors go on from step to step"
         )
 
     def nothing(self) -> Factors:
