@@ -157,6 +157,18 @@ def test_its_motion_by_xla_is_that_of_native_code():
     assert np.max(np.abs(ours.mu - theirs.mu)) < 1e-13
 
 
+def test_the_card_tells_how_often_factors_were_computed():
+    """Once in a slow motion; in a fast one as often as iterations went beyond eight with the same ones, at least."""
+    system, start = bodies(4)
+    slow, fast = (
+        co.simulate(system, begun, dt=dt, steps=30, backend="xla", monitors=False, accuracy=False)
+        for begun, dt in ((start, 0.01), (system.state(xi=6 * start.xi), 0.08))
+    )
+    assert slow.summary()["factor_renewals"] == 1
+    assert fast.summary()["factor_renewals"] > 5
+    assert f"go on from step to step, computed anew {fast.summary()['factor_renewals']} times" in str(fast)
+
+
 def test_a_pair_that_a_discrete_lagrangian_joins_is_named_too():
     def discrete(xi, h):
         return h * (0.5 * jnp.sum(xi**2) + 0.1 * xi[3] @ xi[17])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.mechanics.invariance import in_words
 from coadjoint.simulation import step_sizes
 from coadjoint.simulation.budget import budget, momentum_gap, sentence
@@ -33,6 +34,8 @@ def certificate(run: Run) -> dict[str, Any]:
         "seconds": run.seconds,
         "set_up_seconds": run.set_up_seconds,
     }
+    if (renewals := factor_renewals(run)) is not None:
+        found["factor_renewals"] = renewals
     if run.plan.until:
         found["event"] = run.event
     if run.crossed:
@@ -133,7 +136,17 @@ def card(run: Run) -> str:
 
 def solution_line(run: Run | Ensemble) -> list[tuple[str, str]]:
     """How the equations of a step were solved, where that is not Newton's method in machine code."""
-    return [("solved", run.plan.solution)] if run.plan.solution else []
+    if not run.plan.solution:
+        return []
+    renewals = factor_renewals(run)
+    anew = "" if renewals is None else f", computed anew {renewals:,} times"
+    return [("solved", run.plan.solution + anew)]
+
+
+def factor_renewals(run: Run | Ensemble) -> int | None:
+    """How many times factors that go on from step to step were computed, by all members; None where there are none."""
+    memory = run.position.state.memory
+    return int(np.sum(memory.renewals)) if isinstance(memory, Factors) else None
 
 
 def _change(c: dict[str, Any], name: str, relative: bool) -> str:

@@ -54,7 +54,8 @@ class Factors(NamedTuple):
     """S_i⁻¹, S_i⁻¹L_i, S_i⁻¹U_i of a block tridiagonal matrix, (M, b, b) each, with S_i = D_i − L_i S_{i−1}⁻¹U_{i−1}.
 
     h: the length of the stage that they were computed for; 0 of none. changes: by how much the unknowns of the last two
-    stages, (2, m), differ from where their iterations would have started without these.
+    stages, (2, m), differ from where their iterations would have started without these. renewals: how many times
+    factors have been computed since the start.
     """
 
     inverse: Any
@@ -62,12 +63,13 @@ class Factors(NamedTuple):
     upper: Any
     h: Any
     changes: Any
+    renewals: Any
 
 
 class _Iterate(NamedTuple):
     """age: iterations with these factors. near: whether the last increment was below NEAR. due: renew the factors.
 
-    fresh: whether they were renewed in this stage.
+    renewals: how many times they were renewed in this stage.
     """
 
     unknowns: jax.Array
@@ -77,7 +79,7 @@ class _Iterate(NamedTuple):
     near: jax.Array
     due: jax.Array
     age: jax.Array
-    fresh: jax.Array
+    renewals: jax.Array
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class Coupled:
     def nothing(self) -> Factors:
         """Factors of the shapes that are carried, of no matrix."""
         blocks = np.zeros((self.layout.rows, *2 * (self.layout.width * sum(self.sizes),)))
-        return Factors(blocks, blocks, blocks, np.zeros(()), np.zeros((2, self.count * sum(self.sizes))))
+        return Factors(blocks, blocks, blocks, np.zeros(()), np.zeros((2, self.count * sum(self.sizes))), np.zeros(()))
 
     def by_links(self, z: jax.Array) -> jax.Array:
         """Unknowns or equations (m,) as (N, b)."""
@@ -239,7 +241,8 @@ class Coupled:
             change = end.unknowns - start
             earlier = jnp.where(before.h == h, before.changes[0], change)
             # Factors that led nowhere are not used again.
-            kept = Factors(*factors, jnp.where(code == 0, h, 0.0), jnp.stack([change, earlier]))
+            renewals = before.renewals + end.renewals
+            kept = Factors(*factors, jnp.where(code == 0, h, 0.0), jnp.stack([change, earlier]), renewals)
             return end.unknowns, (end.iterations.astype(float), code.astype(float), kept)
 
         def tangent_solve(linear, right):
@@ -259,7 +262,8 @@ class Coupled:
 
         def advance(carry):
             it, factors = carry
-            factors, fresh = renewed(it, factors), it.fresh | it.due
+            factors, renewals = renewed(it, factors), it.renewals + it.due
+            fresh = renewals > 0
             age, was_near = jnp.where(it.due, 0, it.age), it.near & ~it.due
             increment = self.solve(factors, -function(it.unknowns))
             new = it.unknowns + increment
@@ -275,13 +279,12 @@ class Coupled:
             lost = lost | jnp.any(stalled & ~small) & ~fresh | ~finite
             kept = jnp.where(finite | settled, jnp.where(lost & ~near, it.unknowns, new), start)
             due = ~settled & (lost | (age + 1 >= RENEWED))
-            return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age + 1, fresh), factors
+            return _Iterate(kept, it.iterations + 1, settled, sizes, near, due, age + 1, renewals), factors
 
         known, never = before.h == h, jnp.asarray(False)
         ahead = jnp.where(known, 2.0 * before.changes[0] - before.changes[1], 0.0)
-        first = _Iterate(
-            start + ahead, jnp.asarray(0), never, sizes_of(start, parts), never, ~known, jnp.asarray(0), never
-        )
+        none = jnp.asarray(0)
+        first = _Iterate(start + ahead, none, never, sizes_of(start, parts), never, ~known, none, none)
         return lax.while_loop(
             lambda carry: ~carry[0].settled & (carry[0].iterations < MOST), advance, (first, before[:3])
         )
