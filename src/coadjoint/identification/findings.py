@@ -205,9 +205,8 @@ def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimat
     quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
     estimates = {}
     for unknown, x, error in zip(found.fit.each, found.solution.place.shared, spread.error, strict=True):
-        low, high = unknown.interval(float(x), quantile * error)
-        standard_error, label = float(error) * unknown.slope(float(x)), unknown.label
-        estimates[label] = Estimate(label, unknown.value(float(x)), low, high, standard_error, unknown.prior)
+        numbers = (unknown.value(x), *unknown.interval(x, quantile * error), error * unknown.slope(x), unknown.prior)
+        estimates[unknown.label] = Estimate(unknown.label, *map(float, numbers))
     return estimates
 
 
