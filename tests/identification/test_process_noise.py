@@ -117,7 +117,7 @@ def test_intervals_of_strength_hold_the_truth_and_so_do_those_of_what_wandered()
 
 
 def test_a_strength_at_the_end_of_what_is_sought_has_no_error():
-    """Of what does not wander s stands at its lower bound, and its τ is anything; at the longest τ the other s holds."""
+    """Of what does not wander s stands at its lower bound, and its τ is anything; at the longest τ only s has one."""
     still = Wander(np.array([1e-9, 0.5]), np.array([1.0, 2.0]))
     J, r, _ = linear(still, 40, seed=2, wandered=True)
     given = normal_equations(J, r, np.zeros((40, KNOTS.size)), slice(2, 2 + KNOTS.size), 2 + KNOTS.size)

@@ -20,6 +20,9 @@ COARSE = 0.3
 ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
 """|correlation| of two parameters, interval over estimate, lag-one correlation of residuals, that give a warning."""
 
+NOTHING = 0.05
+"""Of where the search began: an interval within it that holds zero tells that it is none."""
+
 STRONGEST = 3
 """How many names a sentence on parameters that cannot be separated holds."""
 
@@ -35,20 +38,28 @@ def hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lo
             shared |= row > 1e-2
             strongest = sorted(sorted(np.flatnonzero(row > 1e-2), key=lambda i: -row[i])[:STRONGEST])
             others = int(np.sum(row > 1e-2)) - len(strongest)
-            listed = " and ".join(names[i] for i in strongest) + (f", with {others} others" if others else "")
-            found[f"The log cannot separate {listed}: keep one of them at its known value."] = None
+            listed = " and ".join(names[i] for i in strongest) + (
+                f", with {others} other{'s' if others > 1 else ''}" if others else ""
+            )
+            found[
+                f"The log cannot separate {listed}: keep one of them at its known value, or take a log in which what "
+                "they do differs, as commands that change apart."
+            ] = None
     alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
     return list(found) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
 
 
 def vague(estimates: dict[str, Estimate]) -> list[str]:
     """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative. Sensors may well
-    be without bias and delay."""
+    be without bias and delay, and what is as good as nothing beside where the search began, as the effectiveness of a
+    thruster that is out, is well known."""
     sentences = []
     for e in estimates.values():
         if e.name.startswith(SENSORS):
             continue
         if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
+            if e.high - e.low < 2 * NOTHING * abs(e.prior):
+                continue
             sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
         elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
             half = (e.high - e.low) / 2 / abs(e.value)

@@ -168,7 +168,12 @@ def judged(found: Fitted, level: float) -> Identification:
         level=level,
         iterations=found.trips,
         settled=not found.unsettled,
-        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *sentences(missed), *warnings),
+        warnings=(
+            *fit.log.notes,
+            *gaps(fit.log, shooting.samples),
+            *sentences(fit.log, innovations, missed),
+            *warnings,
+        ),
     )
 
 

@@ -207,7 +207,8 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
         )
     return (
         f"Least squares did not converge in {trips} iterations: check axes and units of the log, start from better "
-        "parameters, seek fewer, or take shorter segments."
+        "parameters, seek fewer, or take shorter segments; what the model lacks, such as a thruster that is out, must "
+        "be sought, too."
     )
 
 

@@ -81,8 +81,14 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
     return tuple(sorted(found, key=lambda one: -one.score))
 
 
-def sentences(found: tuple[Misfit, ...]) -> list[str]:
-    """A sentence on what the model misses, and which command it goes with."""
+def sentences(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misfit, ...]) -> list[str]:
+    """A sentence on what the model misses, and which command it goes with; or that the log is too short to tell."""
+    most = max((int(np.isfinite(w).sum()) for w in innovations.values()), default=0)
+    if log.inputs and most < FEWEST:
+        return [
+            f"The log is too short to tell whether the model misses what {' or '.join(log.inputs)} do: no column holds "
+            f"more than {most} samples that are fitted, and {FEWEST} are needed."
+        ]
     if not found:
         return []
     worst = found[0]
