@@ -14,6 +14,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
+from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.run.kalman import Model
 
 
@@ -244,10 +245,7 @@ class Process(ABC):
 
 def _input(value: Any, name: str, shape: tuple[int, int]) -> np.ndarray:
     """(members, size), or (size,) for all; raises ArgumentError."""
-    try:
-        found = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        found = np.asarray(np.nan)
+    found = numbers(value)
     members, size = shape
     if found.shape not in ((), (size,), shape) or found.size not in (size, members * size):
         raise ArgumentError(
