@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.momenta import by_numpy, by_quflow, fluid, matrix, problem, spectrum
+from benchmarks.momenta import by_numpy, fluid, fluid_rows, matrix, problem, quflow_steps, spectrum
 
 import coadjoint as co
 
@@ -25,4 +25,22 @@ def test_steps_of_fluids_are_as_long_as_said_and_quflow_is_left_out_where_it_is_
     before, after = (spectrum(matrix(system, mu)) for mu in (start.mu, path.final.mu))
     np.testing.assert_allclose(after, before, atol=1e-14)
     monkeypatch.setattr("benchmarks.momenta.find_spec", lambda name: None)
-    assert by_quflow(matrix(system, start.mu), h, 1) is None
+    assert quflow_steps() is None and len(fluid_rows(4, rounds=1)) == 1
+
+
+def test_quflow_takes_the_same_steps_from_the_same_start_and_its_change_of_the_spectrum_is_beside_ours(monkeypatch):
+    """Of one that doubles W, whose eigenvalues change by as much as they are."""
+    asked = []
+
+    def wrong(W, h, steps, maxit, tol, compsum):
+        asked.append((h, steps, tol, compsum))
+        return 2 * W
+
+    monkeypatch.setattr("benchmarks.momenta.quflow_steps", lambda: wrong)
+    _, _, h = fluid(4)
+    rows = [row.split("|")[2:6] for row in fluid_rows(4, rounds=1)]
+    assert [row[0].strip() for row in rows] == ["1e-14", "quflow, its own", "quflow, 1e-14 of W"]
+    assert float(rows[0][3]) < 1e-13 and float(rows[0][2]) == 1.0
+    assert [float(row[3]) for row in rows[1:]] == [1.0, 1.0]
+    assert {(used, steps) for used, steps, _, _ in asked} == {(h, 1250), (h, 2500)}
+    assert all(compsum for *_, compsum in asked) and {tol for _, _, tol, _ in asked} > {"auto"}

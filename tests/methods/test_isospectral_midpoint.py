@@ -14,7 +14,9 @@ from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import matrix_coordinates
 from coadjoint.kernels.newton.fixed_point import AGEING, FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods.isospectral_midpoint import STEPS, _weights
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.models import fluids
 from coadjoint.simulation.trajectory import computed
 from systems import generator
 
@@ -218,3 +220,69 @@ def test_the_fixed_point_expects_what_the_step_before_has_seen():
     for expected in (8.0, 1e30):
         iterations, code, carried = evaluate(root, expected, 0.1)
         assert (iterations, code) == (2, 0) and carried == pytest.approx(2.0, rel=1e-6)
+
+
+def test_what_the_fixed_point_found_last_is_that_at_its_last_iterate():
+    """r of that leads to the solution, which is to half of the tolerance then; it has no derivatives."""
+
+    def root(right, finds):
+        def residual(z):
+            off = z - 0.2 * z - right
+            return (off, {"at": z, "twice": 2 * z}) if finds else off
+
+        h, carried = jnp.asarray(0.1), jnp.asarray(2.0)
+        return FixedPoint(1e-6, finds=finds).root(residual, right / 0.8 + 1.2e-5, h, (2,), carried)
+
+    right = np.array([1.0, 2.0])
+    end, plain = (evaluate(lambda right, finds=finds: root(right, finds), right) for finds in (True, False))
+    assert (end.iterations, plain.iterations, plain.found) == (2, 1, ())
+    last = end.found["at"]
+    np.testing.assert_array_equal(end.found["twice"], 2 * last)
+    np.testing.assert_allclose(last - (0.8 * last - right), end.unknowns, rtol=1e-15)
+    assert 1e-6 < np.max(np.abs(last - end.unknowns)) < 3e-6
+    slope = evaluate(lambda right, along: jax.jvp(lambda x: root(x, True), (right,), (along,))[1], right, right)
+    np.testing.assert_allclose(slope.unknowns, right / 0.8, rtol=1e-13)
+    assert not np.any(slope.found["at"])
+
+
+def test_a_guess_is_the_polynomial_through_as_many_steps_as_are_not_wild():
+    """Of degree 6 through seven equal steps; of steps back and forth fewer, of which none is wild."""
+    times = 0.4 - 0.1 * np.arange(1.0, STEPS + 1)
+    for degree in range(STEPS):
+        weights = evaluate(_weights, times, np.float64(0.4))
+        assert weights @ (times**degree) == pytest.approx(0.4**degree, rel=1e-9)
+    for back in ([0.0, 0.1, 0.0, 0.1, 0.05, 0.2, 0.3], [0.0, 0.1, 0.001, 0.101, 0.05, 0.2, 0.25]):
+        weights = evaluate(_weights, np.array(back), np.float64(0.3))
+        np.testing.assert_allclose(weights, [-2.0, 3.0, *np.zeros(STEPS - 2)], atol=1e-12)
+
+
+def test_the_rates_of_steps_are_exact_to_round_off_of_themselves():
+    """So weights of 127 leave a guess that one iteration ends; differences of momenta leave more than twice as many."""
+    fluid = fluids.euler(8)
+    start = fluids.start(fluid, fluids.random_vorticity(1, 5))
+    method, steps = co.IsospectralMidpoint(), 400
+    run = co.trajectory(fluid, start, dt=0.05, steps=steps, method=method)
+    assert np.sum(run.iterations) < 1.4 * steps
+    rates, z = run.final.memory.rates, np.asarray(run.records.memory.middle)[-1]
+    difference = (z - run.records.mu[-1]) / 0.05
+    assert 0 < np.max(np.abs(rates[0] - difference)) < 1e-14 * np.max(np.abs(z)) / 0.05
+
+
+def test_a_step_is_the_same_with_and_without_what_its_iteration_found():
+    """By `advance` of a record alone, and of one that has it, of which the spectrum is kept as well."""
+    system, start = system_on(co.Un(4))
+    method = co.IsospectralMidpoint(tolerance=1e-6)
+    state = path(system, start, 9, method).final
+
+    def both(state):
+        guess, rate = method.guess(system, state, H), state.memory.shrinks
+        root = method.structure(system).root(lambda z: method.evaluated(system, state, H, z), guess, H, (16,), rate)
+        given = method.solved(state, root.found)
+        return [method.advance(system, method.record(system, s, H, root.unknowns), H) for s in (state, given)]
+
+    alone, given = evaluate(both, state)
+    assert jax.tree.structure(alone) == jax.tree.structure(given) == jax.tree.structure(state)
+    assert 0 < np.max(np.abs(alone.mu - given.mu)) < 1e-6
+    for end in (alone, given):
+        before, after = (np.linalg.eigvalsh(-1j * matrix(co.Un(4), mu)) for mu in (start.mu, end.mu))
+        np.testing.assert_allclose(after, before, rtol=0, atol=1e-14)

@@ -177,7 +177,7 @@ def test_a_fluid_goes_on_from_the_harmonics_of_its_end_and_any_scale_of_shares_i
     c, small = (fluids.random_vorticity(3, 3, 1.0, scale * shares) for scale in (1.0, 1e-308))
     np.testing.assert_allclose(small, c, rtol=1e-14)
     start = fluids.start(fluid, c)
-    end = co.trajectory(fluid, start, dt=0.05, steps=20, method=co.IsospectralMidpoint()).final
+    end = co.trajectory(fluid, start, dt=0.05, steps=60, method=co.IsospectralMidpoint()).final
     found = fluids.vorticity(fluid, end)
     assert found[0, 0] != 0
     np.testing.assert_allclose(fluids.start(fluid, found).mu, end.mu, rtol=0, atol=1e-14)

@@ -83,6 +83,8 @@ class Structure(Protocol):
     def root(self, residual: Any, guess: Unknowns, h: Scalar, blocks: tuple[int, ...], carried: Any = ()) -> Any:
         """`newton.solver.Root` of residual(z) = 0 from `guess` (m,), differentiable by the implicit function theorem.
 
+        residual: `Stage.equations`.
+
         h: the length of the stage. blocks: as in `Stage`. carried: what the last step left in its `Root.carried`, a
         PyTree of fixed shapes, () where nothing is carried over.
         """
@@ -124,6 +126,14 @@ class Stage(Protocol):
 
     def residual(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Unknowns:
         """The equations of the stage, shape (m,), zero at the solution."""
+        ...
+
+    def equations(self, parameters: Parameters, state: State, h: Scalar) -> Any:
+        """The function of z that `structure` solves: the residual, or more where it asks for more."""
+        ...
+
+    def solved(self, state: State, found: Any) -> State:
+        """The state with what its solution found besides the unknowns, `Root.found`: `advance` starts from it."""
         ...
 
     def chart(self, parameters: Parameters, state: State, h: Scalar, z: Unknowns) -> Scalar:

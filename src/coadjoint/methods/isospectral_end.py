@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 
 from coadjoint.groups.group import Array
 from coadjoint.kernels.newton.fixed_point import largest, scales
 from coadjoint.mechanics.system import System
-from coadjoint.methods.isospectral_fields import brackets, moved, rows_of
+from coadjoint.methods.isospectral_fields import Moves, moves, rows_of
 
-ROUND_OFF = 3e-16
+ROUND_OFF = 1e-16
 """What is left of the equations for Ŵ, relative to W̃, of which an error in each step adds up in the spectrum."""
 
 SINGLE = 1e-10
@@ -21,50 +22,73 @@ SINGLE = 1e-10
 LARGE = 128**2
 """How many unknowns of a copy there are where products in single precision take less time."""
 
-NEAR = 100.0
-"""What is left, over ROUND_OFF, below which it is round-off once it no longer shrinks."""
-
 MOST = 100
-"""The most iterations; with a contraction by 0.7 half of them do."""
+"""The most iterations; with a contraction by 0.7 all of them do."""
+
+
+class RightSides(NamedTuple):
+    """What the equations say at some unknowns: the slopes there, and how these move them.
+
+    at: the unknowns, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). moves: what
+    moves the unknowns by them.
+    """
+
+    at: Array
+    xi: Array
+    along_a: Array
+    moves: Moves
 
 
 class _Correction(NamedTuple):
     delta: Array
     odd: Array
-    left: Array
+    rest: Array
     size: Array
-    goes_on: Array
+    shrinks: Array
     iterations: Array
 
 
 def correction(
     system: System, slopes: tuple[Array, Array], off: Array, z: Array, epsilon: Array, precision: Any
-) -> Array:
-    """ε[P̃, δ], (unknowns,), of δ = Ŵ − W̃ where P̃ stays: δ − ε[P̃, δ] − ε² P̃δP̃ = −r.
+) -> tuple[Array, Array]:
+    """Lδ and the part of it that is odd in ε, (unknowns,) each, of δ with δ − Lδ = −r, where P̃ stays.
 
-    off: r, (unknowns,), what the equations are off at W̃, of unknowns z. By δ ← δ − (what is left of r), with products
-    in a precision; NaN where that diverges.
+    L δ = ε[P̃, δ] + ε² P̃δP̃, by `moves`. off: r, (unknowns,), what the equations are off at W̃, of
+    unknowns z. By δ = −(r + Lr + L²r + …) until the next is round-off, with products in a precision; NaN where that
+    diverges.
     """
     rows = rows_of(system)
     unit, until = jnp.max(jnp.abs(off)), ROUND_OFF * scales(z, rows)
     unit = jnp.where(unit > 0, unit, 1.0)  # single precision has no small numbers
     forces = epsilon * slopes[0], epsilon * slopes[1]
 
-    def size_of(left):
-        return jnp.max(unit * largest(left, rows) / until)
+    def moved_by(rest):
+        return Moves(*(part.astype(off.dtype) for part in moves(system, *forces, rest, 1.0, precision)))
+
+    def size_of(rest):
+        return jnp.max(unit * largest(rest, rows) / until)
 
     def advance(now: _Correction) -> _Correction:
-        delta = now.delta - now.left
-        left = off / unit + delta - moved(system, *forces, delta, 1.0, precision)
-        odd = brackets(system, *forces, delta, 1.0, precision).astype(off.dtype)
-        size = size_of(left)
-        goes_on = (size > 1) & ((size > NEAR) | (size < now.size))
-        return _Correction(delta, odd, left, size, goes_on, now.iterations + 1)
+        rest, odd = moved_by(now.rest)
+        size = size_of(rest)
+        return _Correction(now.delta + now.rest, now.odd + odd, rest, size, size / now.size, now.iterations + 1)
 
-    nothing, begun = jnp.zeros_like(off), size_of(off / unit)
+    nothing, begun = jnp.zeros_like(off), -off / unit
     end = lax.while_loop(
-        lambda now: now.goes_on & (now.iterations < MOST),
+        lambda now: (now.size * now.shrinks > 1) & (now.iterations < MOST),
         advance,
-        _Correction(nothing, nothing, off / unit, begun, begun > 1, jnp.asarray(0)),
+        _Correction(nothing, nothing, begun, size_of(begun), jnp.asarray(1.0), jnp.asarray(0)),
     )
-    return jnp.where(end.iterations < MOST, unit * end.odd, jnp.nan)
+    scale, last = jnp.where(end.iterations < MOST, unit, jnp.nan), moved_by(end.rest).odd
+    return scale * (end.delta + end.rest + last) + off, scale * (end.odd + last)
+
+
+@jax.custom_jvp
+def valued(value: Array, other: Array) -> Array:
+    """`value`, with the derivatives of `other`."""
+    return value
+
+
+@valued.defjvp
+def _valued_slope(primals, tangents):
+    return primals[0], tangents[1]

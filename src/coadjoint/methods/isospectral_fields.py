@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -54,32 +54,42 @@ def momenta_of(system: System, z: Array) -> tuple[Array, Array]:
     return mu, jnp.concatenate(thetas) if thetas else jnp.zeros(0)
 
 
-def moved(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
-) -> Array:
-    """What moves the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
+class Moves(NamedTuple):
+    """What moves the unknowns, (unknowns,) each: all of it, and the part that is odd in ε."""
 
-    ε[P, W] + ε² PWP + Σ (ε[B, Θ] + ε²(BΘP + PΘB)) and ε[P, Θ] + ε² PΘP of every Θ. epsilon: half a step, one number.
+    whole: Array
+    odd: Array
+
+
+def moves(
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+) -> Moves:
+    """`moved` and `brackets`, of one conversion to a precision, so that no product is made twice in a loop.
+
     precision: the type of the numbers that are multiplied.
     """
     algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
-    of_mu, others = algebra.moved(P, W, epsilon), []
+    of_mu, odd, others, brackets = algebra.moved(P, W, epsilon), algebra.bracket(P, W), [], []
     for B, theta in pairs:
-        of_mu = of_mu + algebra.forced(B, theta, P, epsilon)
+        of_mu, odd = of_mu + algebra.forced(B, theta, P, epsilon), odd + algebra.bracket(B, theta)
         others.append(algebra.moved(P, theta, epsilon))
-    return jnp.concatenate([of_mu, *others])
+        brackets.append(algebra.bracket(P, theta))
+    return Moves(jnp.concatenate([of_mu, *others]), epsilon * jnp.concatenate([odd, *brackets]))
+
+
+def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float) -> Array:
+    """What moves the unknowns z, (unknowns,) both, by ξ (dim G,) and ∂ℋ/∂a (ambient V*,).
+
+    ε[P, W] + ε² PWP + Σ (ε[B, Θ] + ε²(BΘP + PΘB)) and ε[P, Θ] + ε² PΘP of every Θ. epsilon: half a step, one number.
+    """
+    return moves(system, xi, along_a, z, epsilon).whole
 
 
 def brackets(
     system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
 ) -> Array:
     """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
-    algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
-    of_mu, others = algebra.bracket(P, W), []
-    for B, theta in pairs:
-        of_mu = of_mu + algebra.bracket(B, theta)
-        others.append(algebra.bracket(P, theta))
-    return epsilon * jnp.concatenate([of_mu, *others])
+    return moves(system, xi, along_a, z, epsilon, precision).odd
 
 
 def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[Any]]:

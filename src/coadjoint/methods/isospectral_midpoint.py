@@ -19,27 +19,28 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.increments import Whole
 from coadjoint.methods.isospectral_algebra import algebra_of
-from coadjoint.methods.isospectral_end import LARGE, SINGLE, correction
-from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved, rows_of
+from coadjoint.methods.isospectral_end import LARGE, SINGLE, RightSides, correction, valued
+from coadjoint.methods.isospectral_fields import brackets, fields, lifted, momenta_of, moved, moves, rows_of
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 
 LONG_AGO = 1e30
 """How long ago, in s, a step is taken to be that has not happened: in extrapolations it has no weight."""
 
-STEPS = 6
+STEPS = 7
 """How many steps before say where the iteration begins."""
 
-WILD = 100.0
-"""The most that the weights of an extrapolation come to in size; those of six equal steps come to 63."""
+WILD = 150.0
+"""The most that the weights of an extrapolation come to in size; those of seven equal steps come to 127."""
 
 
 class LastSteps(NamedTuple):
     """The memory of the method: the unknowns z of the step that starts at a record, and how fast they came about.
 
-    middle: z, (unknowns,). along_a: ∂ℋ/∂a at them, (ambient V*,). rates: (z − z_k)/h of the last six steps, the last
-    one first, z_k made of μ_k and a_k, (6, unknowns), 1/s. times: the middles of these steps, (6,), s. shrinks: what an
-    iteration of the last step left of its equations, over |h|, one number, 1/s.
+    middle: z, (unknowns,). along_a: ∂ℋ/∂a at them, (ambient V*,). rates: (z − z_k)/h of the last seven steps, the last
+    one first, z_k made of μ_k and a_k, (7, unknowns), 1/s. times: the middles of these steps, (7,), s. shrinks: what an
+    iteration of the last step left of its equations, over |h|, one number, 1/s. found: within a step, what its
+    iteration found last.
     """
 
     middle: Array
@@ -47,6 +48,7 @@ class LastSteps(NamedTuple):
     rates: Array
     times: Array
     shrinks: Array
+    found: RightSides | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class IsospectralMidpoint(Method, Whole):
         W̃ = W_k + ε[P̃, W̃] + ε² P̃W̃P̃,   P̃ = −∂ℋ/∂W̃,   W_{k+1} = C W_k C†,   C = (1 − εP̃)⁻¹(1 + εP̃):
 
     W_k = (1 − εP̃)W̃(1 + εP̃), W_{k+1} = (1 + εP̃)W̃(1 − εP̃). W̃ is found by fixed-point iteration from what the last
-    six steps say, and then by the same iteration to round-off with P̃ as it is, so that W_{k+1} = W_k + 2ε[P̃, W̃] is
+    seven steps say, and then by the same iteration to round-off with P̃ as it is, so that W_{k+1} = W_k + 2ε[P̃, W̃] is
     that of a unitary C: the spectrum of W, all its Casimirs, stays to round-off whatever the tolerance. A step costs
     some products of matrices and gradients of ℋ, and no Jacobian. It must be short enough for the iteration,
     ε‖P̃‖ < 0.4 or so.
@@ -125,7 +127,7 @@ class IsospectralMidpoint(Method, Whole):
         return "take a smaller dt: the iteration needs h‖ξ‖ below about 0.8", "take a smaller dt"
 
     def structure(self, system: System) -> FixedPoint:
-        return FixedPoint(self.tolerance, rows_of(system))
+        return FixedPoint(self.tolerance, rows_of(system), finds=True)
 
     def blocks(self, system: System) -> tuple[int, ...]:
         return (algebra_of(system.group).unknowns,) * (1 + fields(system))
@@ -136,6 +138,9 @@ class IsospectralMidpoint(Method, Whole):
 
     def carry(self, after: State, carried: Array) -> State:
         return after.replace(memory=after.memory._replace(shrinks=carried))
+
+    def solved(self, state: State, found: RightSides) -> State:
+        return state.replace(memory=state.memory._replace(found=found))
 
     def require_fit(self, system: System) -> None:
         algebra_of(system.group)
@@ -171,7 +176,7 @@ class IsospectralMidpoint(Method, Whole):
         return state.replace(g=state.g if self.carry_g else None, memory=evaluate(memory, state.mu, state.a, state.t))
 
     def guess(self, system: System, state: State, h: Array) -> Array:
-        """z_k and what the polynomial through the rates of the last six steps adds to it."""
+        """z_k and what the polynomial through the rates of the last steps adds to it."""
         last = state.memory
         return lifted(system, state.mu, state.a) + h * (_weights(last.times, state.t + 0.5 * h) @ last.rates)
 
@@ -189,7 +194,15 @@ class IsospectralMidpoint(Method, Whole):
 
     def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
         """z − G(z), (unknowns,), G the right sides of the equations for W̃ and Θ̃."""
-        return z - lifted(system, state.mu, state.a) - moved(system, *self._slopes(system, state, h, z), z, 0.5 * h)
+        return self.evaluated(system, state, h, z)[0]
+
+    def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
+        """z − G(z), (unknowns,), and what it is made of."""
+        found = self._right_sides(system, z, self._slopes(system, state, h, z), h)
+        return z - lifted(system, state.mu, state.a) - found.moves.whole, found
+
+    def _right_sides(self, system: System, z: Array, slopes: tuple[Array, Array], h: Array) -> RightSides:
+        return RightSides(z, *slopes, moves(system, *slopes, z, 0.5 * h))
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         xi, along_a = self._slopes(system, state, h, z)
@@ -201,24 +214,28 @@ class IsospectralMidpoint(Method, Whole):
     def advance(self, system: System, record: State, h: Array) -> State:
         """C W_k C† = W_k + 2ε[P̃, Ŵ], where Ŵ = W_k + ε[P̃, Ŵ] + ε² P̃ŴP̃ with P̃ as it is, which Ŵ leaves alone.
 
-        [P̃, Ŵ] = [P̃, W̃] + [P̃, δ], the second by `correction`: so the spectrum is kept however close W̃ is to Ŵ. With a
-        tolerance up to 1e-10 δ is so small that single precision has it to round-off. Derivatives are those at W̃.
+        P̃ is that where the iteration was last, at W: of what it found there [P̃, Ŵ] = [P̃, W] + [P̃, δ], the second by
+        `correction`. So the spectrum is kept however close W is to Ŵ. With a tolerance up to 1e-10 δ is so small that
+        single precision has it to round-off. Derivatives are those at W̃.
         """
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
-        before = lifted(system, record.mu, record.a)
-        off = z - before - moved(system, *slopes, z, epsilon)
+        found = record.memory.found or self._right_sides(system, z, slopes, h)
+        found = jax.lax.stop_gradient(found)
+        off = found.at - jax.lax.stop_gradient(lifted(system, record.mu, record.a)) - found.moves.whole
         large = len(z) >= LARGE * np.prod(rows_of(system))
         precision = jnp.float32 if self.tolerance <= SINGLE and large else jnp.float64
-        rest = correction(system, *jax.lax.stop_gradient((slopes, off, z, epsilon)), precision)
-        mu, a = momenta_of(system, 2 * (brackets(system, *slopes, z, epsilon) + rest))
+        whole, odd = correction(system, (found.xi, found.along_a), off, z, epsilon, precision)
+        taken = valued(found.moves.odd, brackets(system, *slopes, z, epsilon))
+        mu, a = momenta_of(system, 2 * (taken + odd))
         g = None
         if record.g is not None:
             algebra = algebra_of(system.group)
-            g = system.group.compose(record.g, algebra.element(algebra.turn(-record.xi, epsilon)))
-        rate = jax.lax.stop_gradient((record.memory.middle - before) / h)
+            turn = algebra.turn(-valued(found.xi, record.xi), epsilon)
+            g = system.group.compose(record.g, algebra.element(turn))
         last = record.memory._replace(
-            rates=jnp.concatenate([rate[None], record.memory.rates[:-1]]),
+            rates=jnp.concatenate([((found.moves.whole + whole) / h)[None], record.memory.rates[:-1]]),
             times=jnp.concatenate([(record.t + epsilon)[None], record.memory.times[:-1]]),
+            found=None,
         )
         return record.later(h, g=g, mu=record.mu + mu, a=record.a + a, memory=jax.lax.stop_gradient(last))
 
@@ -256,9 +273,11 @@ class IsospectralMidpoint(Method, Whole):
 
 
 def _weights(times: Array, t: Array) -> Array:
-    """Lagrange's weights (k,) of values at `times` (k,) for the value at t."""
+    """Lagrange's weights (k,) of values at `times` (k,) for the value at t, of as many of the first as are not wild."""
     count = len(times)
     apart = times[:, None] - times[None] + jnp.eye(count)
-    towards = t - jnp.broadcast_to(times, (count, count))
-    weights = jnp.prod(jnp.where(np.eye(count, dtype=bool), 1.0, towards / apart), axis=1)
-    return jnp.where(jnp.sum(jnp.abs(weights)) < WILD, weights, np.eye(1, count)[0])
+    ratios = jnp.where(np.eye(count, dtype=bool), 1.0, (t - times) / apart)
+    taken = np.tri(count, dtype=bool)
+    weights = jnp.where(taken, jnp.prod(jnp.where(taken[:, None], ratios, 1.0), axis=2), 0.0)
+    tame = jnp.sum(jnp.abs(weights), axis=1) < WILD
+    return weights[count - 1 - jnp.argmax(tame[::-1])]

@@ -187,11 +187,20 @@ class StepStage:
         """The state with what the solution of its step leaves for the next one."""
         return self.step.carry(after, carried)
 
+    def equations(self, parameters: Constants, state: State, h: Array) -> Callable[[Array], Any]:
+        """The function of z that `structure` solves. h: the length of the stage, one number, as below."""
+        system = self._system(parameters)
+        return lambda z: self.step.evaluated(system, state, h, z)
+
+    def solved(self, state: State, found: Any) -> State:
+        """The state with what its solution found besides the unknowns."""
+        return self.step.solved(state, found)
+
     def _system(self, parameters: Constants) -> System:
         return replace_parameters(self.skeleton, parameters.system)
 
     def guess(self, parameters: Constants, state: State, h: Array) -> Array:
-        """Where Newton's iteration begins, (unknowns,). h: the length of the stage, one number, as below."""
+        """Where Newton's iteration begins, (unknowns,)."""
         return self.step.guess(self._system(parameters), state, h)
 
     def residual(self, parameters: Constants, state: State, h: Array, z: Array) -> Array:

@@ -61,6 +61,14 @@ class Step(ABC):
         """The state after a step with what its solution leaves for the next one; with None without it."""
         return after if carried == () else after.replace(memory=carried)
 
+    def evaluated(self, system: System, state: State, h: Array, z: Array) -> Any:
+        """What `structure` is given of the unknowns z (unknowns,): `residual`."""
+        return self.residual(system, state, h, z)
+
+    def solved(self, state: State, found: Any) -> State:
+        """The state with what `structure` found besides the unknowns, for `record` and `advance`."""
+        return state
+
     def require_fit(self, system: System) -> None:
         """Raise GroupError or ArgumentError where the step does not fit the system, or its map is wrong."""
         if system.verify:

@@ -133,7 +133,7 @@ def test_an_iteration_starts_where_the_last_three_solutions_point_to():
     with jax.enable_x64(True):
         found, carried, codes = np.zeros(14), how.nothing(), []
         for t in 0.1 * np.arange(6):
-            found, _, code, carried = root(t, found, 0.1, carried)
+            found, _, code, carried, _ = root(t, found, 0.1, carried)
             codes.append(int(code))
         ahead = 2 * np.asarray(carried.changes[0]) - np.asarray(carried.changes[1])
         following = np.linalg.solve(A, s[0] + 0.6 * s[1] + 0.36 * s[2])

@@ -68,6 +68,7 @@ class _Iterate(NamedTuple):
     size: jax.Array
     shrinks: jax.Array
     stalled: jax.Array
+    found: Any
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,14 @@ class FixedPoint:
     same iteration to 1e-14, whatever the tolerance; where that does not converge they are NaN.
 
     rows: how many fields, and copies of each, the unknowns are, which are compared each with its own size (`scales`).
+    finds: whether residual(z) is a pair of r and what else is found at z, a PyTree: that of the last evaluation, at
+    z + r of the solution z, is `Root.found`, without derivatives. As it serves in the place of what would be found at
+    the solution, and is off by as much as r shrinks once, the next |r|∞ is to be half of the tolerance then.
     """
 
     tolerance: float = 1e-14
     rows: tuple[int, int] = (1, 1)
+    finds: bool = False
     native = False
     limit = f"{MOST} iterations of a fixed point"
     many_small = False
@@ -97,23 +102,24 @@ class FixedPoint:
 
     def root(
         self,
-        residual: Callable[[jax.Array], jax.Array],
+        residual: Callable[[jax.Array], Any],
         guess: jax.Array,
         h: jax.Array,
         blocks: tuple[int, ...],
         carried: Any = (),
     ) -> Root:
         """residual(z) = 0 from `guess`, both (m,); blocks have no part in it. carried: ρ/|h|, one number, or ()."""
+        evaluated = residual if self.finds else lambda z: (residual(z), ())
         length = lax.stop_gradient(jnp.abs(h))
         expected = (
             jnp.asarray(1.0) if isinstance(carried, tuple) else jnp.minimum(lax.stop_gradient(carried) * length, 1.0)
         )
 
-        def settle(function, start):
-            end = self._iterated(function, start, expected=expected)
-            found = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
-            code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), found, Code.NOT_FINITE)
-            return end.unknowns, (end.iterations.astype(float), code.astype(float), end.shrinks)
+        def settle(_, start):
+            end = self._iterated(evaluated, start, expected=expected)
+            how = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
+            code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), how, Code.NOT_FINITE)
+            return end.unknowns, (end.iterations.astype(float), code.astype(float), end.shrinks, end.found)
 
         def linear_solve(linear, right):
             return FixedPoint(OF_TANGENTS).solution(lambda z: linear(z) - right, right, MOST_OF_TANGENTS)
@@ -121,15 +127,17 @@ class FixedPoint:
         def tangent_solve(linear, right):
             return lax.custom_linear_solve(linear, right, linear_solve, transpose_solve=linear_solve)
 
-        unknowns, (iterations, code, shrinks) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
+        unknowns, (iterations, code, shrinks, found) = lax.custom_root(
+            lambda z: evaluated(z)[0], guess, settle, tangent_solve, has_aux=True
+        )
         # A rate that a single iteration did not measure grows, so that it is measured again some steps later.
         shrinks = jnp.where(iterations > 1, shrinks, jnp.minimum(AGEING * shrinks, 1.0))
         kept = () if isinstance(carried, tuple) else lax.stop_gradient(shrinks / length)
-        return Root(unknowns, iterations.astype(int), code.astype(int), kept)
+        return Root(unknowns, iterations.astype(int), code.astype(int), kept, lax.stop_gradient(found))
 
     def solution(self, residual: Callable[[jax.Array], jax.Array], start: jax.Array, most: int = MOST) -> jax.Array:
         """z with residual(z) = 0 from `start`, both (m,), without derivatives; NaN where the iteration diverges."""
-        end = self._iterated(residual, start, most)
+        end = self._iterated(lambda z: (residual(z), ()), start, most)
         return jnp.where(end.settled, end.unknowns, jnp.nan)
 
     def _size(self, off: jax.Array, z: jax.Array) -> jax.Array:
@@ -141,28 +149,29 @@ class FixedPoint:
 
     def _iterated(
         self,
-        residual: Callable[[jax.Array], jax.Array],
+        evaluated: Callable[[jax.Array], tuple[jax.Array, Any]],
         start: jax.Array,
         most: int = MOST,
         expected: jax.Array | float = 1.0,
     ) -> _Iterate:
-        """expected: by how much the first iteration is taken to shrink r, one number."""
+        """evaluated: z ↦ r and what else is found. expected: by how much the first iteration is taken to shrink r."""
 
         def advance(iterate: _Iterate) -> _Iterate:
-            off = residual(iterate.unknowns)
+            off, found = evaluated(iterate.unknowns)
             z = iterate.unknowns - off
             size = self._size(off, z)
             stalled = (size > SHRINKS * iterate.size) & (size <= ROUND_OFF)
             shrank = jnp.where(size < iterate.size, size / iterate.size, 1.0)
             shrinks = jnp.where(iterate.iterations > 0, shrank, iterate.shrinks)
             # A NaN compares false and would never end the loop.
-            small = size * jnp.maximum(shrinks, LEAST) <= self.tolerance
+            small = size * jnp.maximum(shrinks, LEAST) <= (0.5 if self.finds else 1.0) * self.tolerance
             settled = small | (stalled & iterate.stalled) | ~jnp.isfinite(size)
-            return _Iterate(z, iterate.iterations + 1, settled, size, shrinks, stalled)
+            return _Iterate(z, iterate.iterations + 1, settled, size, shrinks, stalled, found)
 
-        no = jnp.asarray(False)
+        no, shapes = jnp.asarray(False), jax.eval_shape(lambda z: evaluated(z)[1], start)
+        nothing = jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
         return lax.while_loop(
             lambda i: ~i.settled & (i.iterations < most),
             advance,
-            _Iterate(start, jnp.asarray(0), no, jnp.asarray(jnp.inf), jnp.asarray(expected), no),
+            _Iterate(start, jnp.asarray(0), no, jnp.asarray(jnp.inf), jnp.asarray(expected), no, nothing),
         )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,12 +16,16 @@ from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE,
 
 
 class Root(NamedTuple):
-    """Where Newton ended: unknowns (m,), iterations done, the code, and what is carried over to the next step."""
+    """Where Newton ended: unknowns (m,), iterations done, the code, and what is carried over to the next step.
+
+    found: what the structure found besides the unknowns, for `Stage.solved`.
+    """
 
     unknowns: jax.Array
     iterations: jax.Array
     code: jax.Array
     carried: Any = ()
+    found: Any = ()
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,14 @@ class DenseStage:
     """What a stage with such equations says of them: nothing is carried over from one step to the next."""
 
     structure: Structure = Dense()
+
+    def equations(self, parameters: Any, state: Any, h: Any) -> Any:
+        """The function z ↦ residual(z)."""
+        return partial(cast(Any, self).residual, parameters, state, h)
+
+    def solved(self, state: Any, found: Any) -> Any:
+        """The state as it is."""
+        return state
 
     def carried(self, state: Any) -> Any:
         """()."""

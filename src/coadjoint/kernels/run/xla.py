@@ -75,12 +75,13 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
     certificates: dict[str, jax.Array] = {}
     for stage in program.stages:
         part = stage.fraction * h
-        residual, guess = partial(stage.residual, parameters, state, part), stage.guess(parameters, state, part)
-        root = stage.structure.root(residual, guess, part, stage.blocks, stage.carried(state))
+        equations, guess = stage.equations(parameters, state, part), stage.guess(parameters, state, part)
+        root = stage.structure.root(equations, guess, part, stage.blocks, stage.carried(state))
         inside = stage.chart(parameters, state, part, root.unknowns) < 1.0
         found = (root.code == 0) & inside
         z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns
-        after = stage.advance(parameters, state, part, z, jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0)
+        sound = jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0
+        after = stage.advance(parameters, stage.solved(state, root.found), part, z, sound)
         after = stage.carry(after, root.carried)
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
         here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))

@@ -14,6 +14,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods import IsospectralMidpoint
+from coadjoint.methods.isospectral_end import RightSides
 from coadjoint.methods.method import Claims
 from coadjoint.models.fluids.euler import planetary, size_of
 from coadjoint.models.fluids.harmonics import checked, from_coefficients, on_diagonal
@@ -109,8 +110,8 @@ class DampedMidpoint(IsospectralMidpoint):
         columns = jnp.einsum("jil,lj->ij", harmonics, parts)
         return state.replace(mu=rest + straight(columns).reshape(-1))
 
-    def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
-        return super().residual(system, self._settled(system, state, 0.5 * h), h, z)
+    def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
+        return super().evaluated(system, self._settled(system, state, 0.5 * h), h, z)
 
     def advance(self, system: System, record: State, h: Array) -> State:
         inner = super().advance(system, self._settled(system, record, 0.5 * h), h)
