@@ -106,6 +106,13 @@ def finite(value: Any, name: str, whose: str) -> np.ndarray:
 
 def _float64(value: Any) -> np.ndarray:
     try:
-        return np.asarray(value, dtype=float)
+        return as_numbers(value)
     except (TypeError, ValueError):
         return np.asarray(np.nan)
+
+
+def as_numbers(value: Any) -> np.ndarray:
+    """Numbers as float64, but no texts of numbers; raises TypeError and ValueError."""
+    if np.asarray(value).dtype.kind in "SU":
+        raise TypeError("texts are no numbers")
+    return np.asarray(value, dtype=float)
