@@ -58,8 +58,8 @@ def read_log(
         return read_bag(path, axes=axes, ignore=ignore, **options)
     if Path(path).suffix.lower() == ".nc":
         raise FileError(
-            f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that ends "
-            "in .mcap or .csv."
+            f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that "
+            "ends in .mcap or .csv."
         )
     if options:
         raise ArgumentError(
