@@ -12,6 +12,7 @@ STOREYS = (
         "log",
         "interrupts",
         "disk",
+        "memory",
         "manifest",
         "lazy",
         "paths",

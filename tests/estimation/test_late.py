@@ -130,3 +130,12 @@ def test_angles_go_the_shorter_way():
         Filter(
             process, start, measurements={"heading": Measurement(angle.function, 0.01, angles=[1, 0])}, deviations={}
         )
+
+
+def test_a_late_time_may_be_a_whole_number_of_numpy():
+    whole, real = filter(), filter()
+    for one, t in ((whole, np.int64(1)), (real, 1.0)):
+        for _ in range(20):
+            one.predict(H)
+        one.update({"usbl": [1.0, 2.0]}, t=t)
+    assert np.array_equal(whole.rows, real.rows)

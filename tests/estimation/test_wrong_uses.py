@@ -127,6 +127,23 @@ WRONG = {
     "before": (lambda: run(measured={"place": ([-1.0], [0.5])}, until=1.0), "before the filter"),
     "until": (lambda: run(measured={}), "needs `until`"),
     "end": (lambda: run(until=-2.0), "after the last time of the log"),
+    "a time that is True": (lambda: filter().update({}, t=True), "`t` must be a number of seconds, but is True"),
+    "a time in words": (lambda: filter().update({}, t="2.0"), "`t` must be a number of seconds, but is '2.0'"),
+    "a complex time": (lambda: filter().update({}, t=np.complex128(0)), "`t` must be a number of seconds, but is"),
+    "a step that is True": (lambda: filter().predict(True), "positive number of seconds, but is True"),
+    "a value in words": (lambda: filter().update({"place": "4.2"}), "`place` of `measured` must be numbers, but is"),
+    "a value that is True": (lambda: filter().update({"place": True}), "`place` of `measured` must be numbers"),
+    "times in words": (lambda: run(measured={"place": (["1.0"], [0.5])}), "both numbers, but is"),
+    "values that are truth": (lambda: run(measured={"place": ([1.0], [False])}), "both numbers, but is"),
+    "an end that is True": (lambda: run(until=True), "`until` must be a number of seconds, but is True"),
+    "dt that is True": (lambda: run(dt=True), "`dt` must be a positive number of seconds, but is True"),
+    "an input in words": (lambda: filter().predict(0.1, {"push": "1.0"}), "`push` must be finite numbers, but is"),
+    "deviations in words": (lambda: RandomWalk("0.1"), "finite and not negative"),
+    "variances in words": (lambda: Measurement(lambda m: m.q, "0.1"), "must be a positive number"),
+    "memory that is True": (
+        lambda: Filter(process(), start(), measurements={}, deviations={}, memory=True),
+        "`memory` must be a number of seconds",
+    ),
     "every": (lambda: run(save_every=0), "positive whole number"),
 }
 

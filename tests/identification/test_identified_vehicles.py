@@ -94,7 +94,10 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     both = ["inertia[0,0]", "added_mass[3,3]"]
     assert main([*asked, *both, "--noise", "u=0.01", "--settle", "1", "--process-noise", "X", "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert 0 < found["process_noise"]["X"]["deviation"] < 0.5 and found["process_noise"]["X"]["correlation_time_s"] > 0
+    wanders = found["process_noise"]["X"]
+    assert 0 < wanders["deviation"] < 0.5 and wanders["correlation_time_s"] > 0 and wanders["unit"] == "N"
+    assert wanders["deviation_interval"][0] <= wanders["deviation"] and len(wanders["correlation_time_interval_s"]) == 2
+    assert found["settled"] is True
     assert [found["parameters"][name]["high"] for name in both] == [None, None]
     drag = found["parameters"]["hull.axial_drag"]
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01

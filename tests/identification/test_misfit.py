@@ -14,7 +14,7 @@ from tests.torpedo import NOISE, damping, zigzags
 import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
-from coadjoint.identification.misfit import misfits, portmanteau
+from coadjoint.identification.misfit import _features, misfits, portmanteau
 
 
 def stalling(motion, p):
@@ -111,8 +111,21 @@ def test_what_all_thrusters_do_together_is_found_where_none_alone_is_clear():
     log = Log(t, {"q": random.normal(size=600) + 0.6 * force}, {"thrusters": commands})
     (one,) = misfits(log, dict(log.columns))
     assert (one.column, one.input, one.lag) == ("q", "thrusters", 0.0)
-    assert one.shape.startswith("(thrusters − 15") and one.shape.endswith(")²")
+    assert one.shape == "(thrusters − their means)²" and type(one.correlation) is float
     assert 0.3 < one.correlation < 0.7 and one.score > 5
+
+
+def test_what_a_shape_counts_from_is_told_of_each_command():
+    """Means of two widths are 1480 and 1530 µs: no mean of both counts for either. A third changes its sign."""
+    t = 0.1 * np.arange(600)
+    wave = np.sin(t)
+    for commands, together in (
+        (np.stack([1480 + 60 * wave, 1530 + 20 * wave], axis=1), "(pulses − their means)²"),
+        (np.stack([1480 + 60 * wave, 20 * wave], axis=1), "(pulses − the means of those that keep their sign)²"),
+    ):
+        shapes = {(one.input, one.shape) for one in _features(Log(t, {"u": t}, {"pulses": commands}))}
+        first = commands[:, 0].mean()
+        assert ("pulses", together) in shapes and ("pulses[1]", f"(pulses[1] − {first:.4g})²") in shapes
 
 
 def test_white_innovations_are_no_misfit_of_many_commands_either():

@@ -54,7 +54,7 @@ def test_the_bound_is_what_least_squares_attain(experiment):
 
 
 @pytest.mark.budget(8)
-@pytest.mark.timeout(3600)
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
 def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
     """Misses are binomial, 5 % of the intervals: at most so many as happen once in 2000 times; of a hundred logs each
@@ -83,7 +83,7 @@ def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
 
 
 @pytest.mark.budget(8)
-@pytest.mark.timeout(3600)
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
 def test_another_law_is_named(experiment, seeds):
     """In nine of ten logs the first misfit is that of the actuator whose law differs."""

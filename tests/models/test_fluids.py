@@ -206,7 +206,7 @@ def test_what_does_not_fit_in_memory_is_refused_before_it_is_tried(monkeypatch):
     """4 GB: steps of N = 4096 need 60 arrays of N² numbers, all harmonics of N = 1200 N³/3."""
     fluid = fluids.euler(100)
     start = fluids.start(fluid, fluids.random_vorticity(1, degree=3))
-    monkeypatch.setattr("coadjoint.models.memory.installed", lambda: 4e9)
+    monkeypatch.setattr("coadjoint.memory.installed", lambda: 4e9)
     monkeypatch.setattr("coadjoint.simulation.ensemble.MEMORY_LIMIT", 1e8)
     for call, sentence in (
         (

@@ -134,9 +134,16 @@ def _summary(found: Identification) -> dict[str, Any]:
         "noise": found.noise,
         "correlation_time_s": found.correlation_times,
         "process_noise": {
-            n: {"deviation": one.deviation, "correlation_time_s": one.correlation_time}
+            n: {
+                "deviation": one.deviation,
+                "deviation_interval": [_number(end) for end in one.deviation_interval],
+                "unit": one.unit,
+                "correlation_time_s": one.correlation_time,
+                "correlation_time_interval_s": [_number(end) for end in one.correlation_time_interval],
+            }
             for n, one in found.process_noise.items()
         },
         "lag_one_correlation": found.whiteness,
+        "settled": found.settled,
         "warnings": list(found.warnings),
     }

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.numbers import numbers
 from coadjoint.kernels.trace.evaluate import traced
 
 
@@ -88,7 +89,7 @@ def _of(h: Any) -> Any:
 
 def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
     """A standard deviation or a density as float64; raises ArgumentError unless it is finite and not negative."""
-    found = _float64(value)
+    found = numbers(value)
     if not np.all(np.isfinite(found) & (found >= 0)):
         raise ArgumentError(
             f"Argument `{name}` of {whose} must be numbers that are finite and not negative, but is {shown(value)}."
@@ -98,21 +99,7 @@ def not_negative(value: Any, name: str, whose: str) -> np.ndarray:
 
 def finite(value: Any, name: str, whose: str) -> np.ndarray:
     """Numbers as float64; raises ArgumentError unless they are finite."""
-    found = _float64(value)
+    found = numbers(value)
     if not np.all(np.isfinite(found)):
         raise ArgumentError(f"Argument `{name}` of {whose} must be finite numbers, but is {shown(value)}.")
     return found
-
-
-def _float64(value: Any) -> np.ndarray:
-    try:
-        return as_numbers(value)
-    except (TypeError, ValueError):
-        return np.asarray(np.nan)
-
-
-def as_numbers(value: Any) -> np.ndarray:
-    """Numbers as float64, but no texts of numbers; raises TypeError and ValueError."""
-    if np.asarray(value).dtype.kind in "SU":
-        raise TypeError("texts are no numbers")
-    return np.asarray(value, dtype=float)

@@ -18,6 +18,7 @@ from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.estimation.engines import FilterEngine, PreparedMeasurement
 from coadjoint.estimation.filtered import Filtered, filtered
 from coadjoint.estimation.measurements import Measurement, semidefinite
+from coadjoint.estimation.numbers import float64, is_number, numbers
 from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
 from coadjoint.estimation.timetable import SAME, Timetable, require_readings, require_times, series
@@ -153,8 +154,10 @@ class Filter:
 
         Raises StepError where the model has no step from the estimate, ArgumentError for other names.
         """
-        if isinstance(dt, bool) or not (isinstance(dt, (int, float, np.number)) and 0.0 < dt < np.inf):
-            raise ArgumentError(f"Argument `dt` of a prediction must be a positive number of seconds, but is {dt!r}.")
+        if not (is_number(dt) and 0.0 < dt < np.inf):
+            raise ArgumentError(
+                f"Argument `dt` of a prediction must be a positive number of seconds, but is {shown(dt)}."
+            )
         self._require_inputs(inputs)
         before, given = (self.t, self.rows, self.P), dict(inputs or {})
         for name in self._awaited - set(given):
@@ -182,11 +185,10 @@ class Filter:
         """
         if not isinstance(measured, Mapping):
             raise ArgumentError(f"Argument `measured` must be name → value, but is {shown(measured)}.")
-        if not isinstance(t, (int, float, np.number, type(None))):
+        if t is not None and not is_number(t):
             raise ArgumentError(f"Argument `t` must be a number of seconds, but is {shown(t)}.")
         for name, value in measured.items():
-            self._measurement(name)
-            series(name, ([0.0], [value]), "measured", self._sizes, self.members)
+            self._value(name, value)
         kept = self.rows, self.P, self._past.copy()
         try:
             if t is None or abs(t - self.t) <= SAME:
@@ -216,10 +218,7 @@ class Filter:
         return found
 
     def _take(self, name: str, value: Any) -> Innovation:
-        self._measurement(name)
-        one = series(name, ([0.0], [value]), "measured", self._sizes, self.members)
-        data = one.values if one.values.ndim == 2 else one.values[0]
-        told = self._follow([(CORRECT, self._numbers[name], 0, 0)], data, 2)
+        told = self._follow([(CORRECT, self._numbers[name], 0, 0)], self._value(name, value), 2)
         nis, used = told[:, 0], told[:, 1] > 0
         self._past.took(name, value)
         return Innovation(float(nis[0]), bool(used[0])) if self.members is None else Innovation(nis, used)
@@ -282,9 +281,16 @@ class Filter:
             raise ArgumentError(f"Argument `{argument}` must be name → (times, values), but is {shown(given)}.")
         return {name: series(name, one, argument, sizes, self.members) for name, one in dict(given or {}).items()}
 
-    def _measurement(self, name: str) -> None:
+    def _value(self, name: str, value: Any) -> np.ndarray:
+        """What was measured, (1, m), or (members, m)."""
         if name not in self._sizes:
             raise ArgumentError(f"There is no measurement `{name}`: there are {', '.join(self._sizes) or 'none'}.")
+        try:
+            found = float64(value)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"`{name}` of `measured` must be numbers, but is {shown(value)}.") from None
+        one = series(name, ([0.0], [found]), "measured", self._sizes, self.members)
+        return one.values if one.values.ndim == 2 else one.values[0]
 
     def _require_inputs(self, inputs: Any) -> None:
         if not isinstance(inputs, (Mapping, type(None))):
@@ -333,10 +339,7 @@ def _first(process: Process, row: np.ndarray, deviations: Any, covariance: Any) 
         raise ArgumentError("Give a filter either `deviations` or `covariance` of its errors at the start.")
     if covariance is None:
         return process.first_covariance(row, deviations)
-    try:
-        P = np.asarray(covariance, dtype=float)
-    except (TypeError, ValueError):
-        P = np.asarray(np.nan)
+    P = numbers(covariance)
     if P.shape != (process.width, process.width) or not semidefinite(P):
         raise ArgumentError(
             f"Argument `covariance` must be a symmetric matrix ({process.width}, {process.width}) without negative "

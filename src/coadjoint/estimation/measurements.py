@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.estimation.numbers import is_number, numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +41,14 @@ class Measurement:
             raise ArgumentError(
                 f"co.estimation.Measurement takes a function of the motion, but got {shown(self.function)}."
             )
-        try:
-            found = np.asarray(self.covariance, dtype=float)
-        except (TypeError, ValueError):
-            found = np.asarray(np.nan)
+        found = numbers(self.covariance)
         if not positive(found):
             raise ArgumentError(
                 "Argument `covariance` of co.estimation.Measurement must be a positive number, positive variances (m,) "
                 f"or a symmetric positive definite matrix (m, m), but is {shown(self.covariance)}."
             )
         object.__setattr__(self, "covariance", found)
-        if self.gate is not None and not (isinstance(self.gate, (int, float)) and 0.0 < self.gate < 1.0):
+        if self.gate is not None and not (is_number(self.gate) and 0.0 < self.gate < 1.0):
             raise ArgumentError(
                 "Argument `gate` of co.estimation.Measurement must be a probability between 0 and 1, as 0.999, but "
                 f"is {shown(self.gate)}."

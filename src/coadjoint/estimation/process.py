@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.drifts import as_numbers, not_negative
+from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
+from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.kernels.run.kalman import Model
 
 
@@ -95,7 +96,7 @@ class Process(ABC):
     def rows_of(self, states: Any) -> np.ndarray:
         """Rows as they are given; a process may take states with an axis of nodes, too. Raises ArgumentError."""
         try:
-            return as_numbers(states)
+            return float64(states)
         except (TypeError, ValueError):
             raise ArgumentError(
                 "Argument `truth` must be rows of numbers, such as a copy of the `rows` that the filter found with the "
@@ -258,10 +259,7 @@ class Process(ABC):
 
 def _input(value: Any, name: str, shape: tuple[int, int]) -> np.ndarray:
     """(members, size), or (size,) for all; raises ArgumentError."""
-    try:
-        found = as_numbers(value)
-    except (TypeError, ValueError):
-        found = np.asarray(np.nan)
+    found = numbers(value)
     members, size = shape
     if found.shape not in ((), (size,), shape) or found.size not in (size, members * size):
         raise ArgumentError(

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.drifts import as_numbers
+from coadjoint.estimation.numbers import float64, is_number
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
+from coadjoint.memory import require_room
 
 SAME = 1e-9
 """Times that differ by less, s, are one."""
@@ -33,12 +34,6 @@ def require_times(t: float, what: str) -> None:
             f"{what} at t = {t:.10g} s, but a filter counts from a time near 0, at most {LATEST:g} s away, where "
             "numbers tell short steps: subtract the time at which the log begins."
         )
-
-
-def require_room(needed: float, what: str, remedy: str) -> None:
-    """Raise ArgumentError where a log would take more than `LARGEST` bytes of memory."""
-    if not needed <= LARGEST:
-        raise ArgumentError(f"A log of {what} would take {needed / 1e9:.3g} GB of memory: {remedy}.")
 
 
 def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float, first: bool) -> None:
@@ -82,9 +77,11 @@ def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], membe
         known = ", ".join(sizes) or "none"
         raise ArgumentError(f"There is no `{name}` that could be among `{argument}`: there are {known}.")
     try:
-        times, values = (as_numbers(part) for part in given)
+        times, values = (float64(part) for part in given)
     except (TypeError, ValueError):
-        raise ArgumentError(f"`{name}` of `{argument}` must be (times, values), but is {shown(given)}.") from None
+        raise ArgumentError(
+            f"`{name}` of `{argument}` must be (times, values), both numbers, but is {shown(given)}."
+        ) from None
     size, count = sizes[name], len(np.atleast_1d(times))
     if times.ndim != 1 or len(np.atleast_1d(values)) != count:
         raise ArgumentError(
@@ -130,12 +127,12 @@ class Timetable:
     """The nodes of a log: multiples of dt after the start, and the times of measurements and inputs between them."""
 
     def __init__(self, begin: float, dt: Any, until: Any, measured: dict[str, Series], inputs: dict[str, Series]):
-        if not (isinstance(dt, (int, float, np.floating)) and 0.0 < dt < np.inf):
+        if not (is_number(dt) and 0.0 < dt < np.inf):
             raise ArgumentError(f"Argument `dt` must be a positive number of seconds, but is {shown(dt)}.")
         ends = [one.times[-1] for one in measured.values() if len(one.times)]
         if until is None and not ends:
             raise ArgumentError("Without measurements a run needs `until`, the time at which it ends.")
-        if not isinstance(until, (int, float, np.number, type(None))):
+        if until is not None and not is_number(until):
             raise ArgumentError(f"Argument `until` must be a number of seconds, but is {shown(until)}.")
         end = float(max(ends) if until is None else until)
         require_times(end, "The log ends")
@@ -148,7 +145,7 @@ class Timetable:
                     "out what is earlier, or begin the filter there."
                 )
         count = (end - begin) / float(dt)
-        require_room(OF_A_NODE * count, f"{count:.3g} steps of {dt:g} s", "take a longer dt")
+        require_room(f"A log of {count:.3g} steps of {dt:g} s", OF_A_NODE * count, "take a longer dt", LARGEST)
         grid = begin + float(dt) * np.arange(int(np.ceil((end - begin) / dt - SAME)) + 1)
         others = [one.times for one in (*measured.values(), *inputs.values())]
         times = np.unique(np.concatenate([grid, [end], *others]))
@@ -176,7 +173,8 @@ class Timetable:
         found = [_rows(np.arange(1, nodes), 0, PREDICT, steps + np.arange(nodes - 1), 0, 0)]
         kept, width = np.arange(0, nodes, every), n * n if whole else n
         rows, P = 0, len(kept) * size
-        require_room(8.0 * len(kept) * (size + width) * members, f"{len(kept):,} nodes", "raise save_every")
+        needed = 8.0 * len(kept) * (size + width) * members
+        require_room(f"A log of {len(kept):,} nodes", needed, "raise save_every", LARGEST)
         at = np.arange(len(kept))
         found.append(_rows(kept, 2, SAVE, rows + at * size, P + at * width, int(whole)))
         output, nis = P + len(kept) * width, {}

@@ -33,10 +33,13 @@ def card(found: Identification) -> str:
         value, unit = (np.degrees(sigma), unit.replace("rad", "deg")) if unit.startswith("rad") else (sigma, unit)
         lines.append(f"  {name:<{width}}  {value:>11.4g} {unit:<6} {known:<10} {found.whiteness[name]:>6.2f}{after}")
     if found.process_noise:
-        lines += ["", f"  {'wanders':<{width}}  {'deviation':>11}"]
+        interval = f"{found.level:.0%} interval"
+        lines += ["", f"  {'wanders':<{width}}  {'deviation':>11}  {interval:^25}  correlation time"]
     for name, one in found.process_noise.items():
-        unit = dict.fromkeys("XYZ", " N") | dict.fromkeys("KMN", " N m")
-        lines.append(f"  {name:<{width}}  {one.deviation:>11.4g}{unit.get(name, '')} over {one.correlation_time:.3g} s")
+        low, high = (f"{value:.4g} {one.unit}".rstrip() for value in one.deviation_interval)
+        time = "{:.3g} s, {:.3g} .. {:.3g} s".format(one.correlation_time, *one.correlation_time_interval)
+        value = f"{one.deviation:.4g} {one.unit}".rstrip()
+        lines.append(f"  {name:<{width}}  {value:>11}  {low:>11} .. {high:<10}  {time}")
     for warning in found.warnings:
         lines += ["", *textwrap.wrap(warning, 100, initial_indent="  ! ", subsequent_indent="    ")]
     return "\n".join(lines)

@@ -8,32 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from coadjoint.identification import doubtful
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.fitting import Fitted
 from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
 from coadjoint.identification.misfit import Misfit, misfits, sentences
-from coadjoint.identification.sensing import SENSORS
-from coadjoint.identification.smoothing import noise as rough_noise
 from coadjoint.identification.tied import SIGN
 from coadjoint.identification.wandering import ProcessNoise, wandered, without
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
 """Directions with this singular value or less are not determined at all; 1 is a parameter that no start can undo."""
-
-COARSE = 0.3
-"""How many standard errors a shift by the step size must reach for a warning."""
-
-ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
-"""|correlation| of two parameters, interval over estimate, lag-one correlation of residuals, that give a warning."""
-
-STRONGEST = 3
-"""How many names a sentence on parameters that cannot be separated holds."""
-
-WILD, SWALLOWED = 20.0, 0.7
-"""Residuals over the noise between neighbouring samples, and over the signal's own spread, that give a warning."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +48,7 @@ class Identification:
     `process_noise`: what wandered, by name. `innovations`: measured less simulated, less what the coloured noise before
     and what wandered tell, over the noise; NaN where nothing was measured. `misfits`: columns whose innovations follow
     a command. `whiteness`: their lag-one correlation.
+    `settled`: whether the noise that was estimated stayed as it was in the last round of least squares.
     `warnings`: sentences on what the log does not tell. `residuals` and `simulated`: columns at the log's times.
     """
 
@@ -81,6 +69,7 @@ class Identification:
     dt: float
     level: float
     iterations: int
+    settled: bool
     warnings: tuple[str, ...]
 
     def __getitem__(self, name: str) -> Estimate:
@@ -153,10 +142,11 @@ def judged(found: Fitted, level: float) -> Identification:
     whiteness = {n: _lag_one(surprise[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
-    warnings = [*_hidden(estimates, hidden, spread.V, spread.lost), *_vague(estimates)]
-    warnings += _alike(estimates, correlation, hidden) + _coloured(whiteness, fit.there, names)
-    warnings += _missed(fit.log, names, rms, found.estimated)
-    warnings += _misjudged(names, rms, sigma, found.estimated) + _coarse(estimates, found.shift, shooting.samples.h)
+    warnings = [*doubtful.hidden(estimates, hidden, spread.V, spread.lost), *doubtful.vague(estimates)]
+    warnings += doubtful.alike(estimates, correlation, hidden) + doubtful.coloured(whiteness, fit.there, names)
+    warnings += doubtful.missed(fit.log, names, rms, found.estimated)
+    warnings += doubtful.unsettled(found.unsettled) + doubtful.misjudged(names, rms, sigma, found.estimated)
+    warnings += doubtful.coarse(estimates, found.shift, shooting.samples.h)
     innovations = _by_rows(fit, np.where(fit.there, -surprise, np.nan))
     missed = misfits(fit.log, innovations)
     return Identification(
@@ -167,7 +157,7 @@ def judged(found: Fitted, level: float) -> Identification:
         singular_values=spread.values,
         noise=dict(zip(names, map(float, sigma), strict=True)),
         correlation_times={names[i]: float(fit.times[i]) for i in fit.sensing.coloured},
-        process_noise=wandered(fit, place.own),
+        process_noise=wandered(fit, place, level),
         innovations=innovations,
         misfits=missed,
         assumed=tuple(n for n, own in zip(names, found.estimated, strict=True) if not own),
@@ -177,7 +167,13 @@ def judged(found: Fitted, level: float) -> Identification:
         dt=shooting.samples.h,
         level=level,
         iterations=found.trips,
-        warnings=(*fit.log.notes, *gaps(fit.log, shooting.samples), *sentences(missed), *warnings),
+        settled=not found.unsettled,
+        warnings=(
+            *fit.log.notes,
+            *gaps(fit.log, shooting.samples),
+            *sentences(fit.log, innovations, missed),
+            *warnings,
+        ),
     )
 
 
@@ -205,9 +201,8 @@ def _estimates(found: Fitted, spread: Spread, level: float) -> dict[str, Estimat
     quantile = float(stats.t.ppf(0.5 + level / 2, max(freedom, 1)))
     estimates = {}
     for unknown, x, error in zip(found.fit.each, found.solution.place.shared, spread.error, strict=True):
-        low, high = unknown.interval(float(x), quantile * error)
-        standard_error, label = float(error) * unknown.slope(float(x)), unknown.label
-        estimates[label] = Estimate(label, unknown.value(float(x)), low, high, standard_error, unknown.prior)
+        numbers = (unknown.value(x), *unknown.interval(x, quantile * error), error * unknown.slope(x), unknown.prior)
+        estimates[unknown.label] = Estimate(unknown.label, *map(float, numbers))
     return estimates
 
 
@@ -225,96 +220,3 @@ def _lag_one(off: np.ndarray, there: np.ndarray) -> float:
     both = there[:, 1:] & there[:, :-1]
     total = float(np.sum(off**2)) / max(int(there.sum()), 1)
     return float(np.sum((off[:, 1:] * off[:, :-1])[both]) / max(int(both.sum()), 1) / total) if total > 0 else 0.0
-
-
-def _hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lost: np.ndarray) -> list[str]:
-    names, shared = list(estimates), np.zeros(len(estimates), bool)
-    found: dict[str, None] = {}
-    for row in np.abs(V[lost]):
-        if np.sum(row > 1e-2) > 1:
-            shared |= row > 1e-2
-            strongest = sorted(sorted(np.flatnonzero(row > 1e-2), key=lambda i: -row[i])[:STRONGEST])
-            others = int(np.sum(row > 1e-2)) - len(strongest)
-            listed = " and ".join(names[i] for i in strongest) + (f", with {others} others" if others else "")
-            found[f"The log cannot separate {listed}: keep one of them at its known value."] = None
-    alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
-    return list(found) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
-
-
-def _vague(estimates: dict[str, Estimate]) -> list[str]:
-    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative. Sensors may well
-    be without bias and delay."""
-    sentences = []
-    for e in estimates.values():
-        if e.name.startswith(SENSORS):
-            continue
-        if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
-            sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
-        elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
-            half = (e.high - e.low) / 2 / abs(e.value)
-            sentences.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
-    return sentences
-
-
-def _missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndarray) -> list[str]:
-    """Where residuals are no noise: far above what neighbouring samples have of it, or as large as the signal."""
-    found = []
-    for name, off, own in zip(names, rms, estimated, strict=True):
-        if not own:
-            continue
-        turning, values = log.units.get(name) == "rad", log.columns[name][np.isfinite(log.columns[name])]
-        typical = rough_noise(log, name)
-        signal = float(np.std(np.unwrap(values) if turning else values))
-        far = off > WILD * typical or (off > SWALLOWED * signal and off > 3 * typical) or (turning and off > 1.0)
-        if far:
-            found.append(f"{name} ({np.degrees(off):.3g}°)" if turning else f"{name} ({off:.3g})")
-    if not found:
-        return []
-    return [
-        f"The simulation misses {', '.join(found)} by far more than the noise between neighbouring samples: check axes "
-        "and units of the log, and that every command is there; do not rely on the intervals."
-    ]
-
-
-def _alike(estimates: dict[str, Estimate], correlation: np.ndarray, hidden: np.ndarray) -> list[str]:
-    names = list(estimates)
-    pairs = [(i, j) for i in range(len(names)) for j in range(i) if not (hidden[i] or hidden[j])]
-    return [
-        f"{names[j]} and {names[i]} are hard to tell apart: correlation {correlation[i, j]:.3f}."
-        for i, j in pairs
-        if abs(correlation[i, j]) > ALIKE
-    ]
-
-
-def _coloured(whiteness: dict[str, float], there: np.ndarray, names: tuple[str, ...]) -> list[str]:
-    counts = there.sum(axis=(0, 1))
-    found = [
-        f"{name} ({whiteness[name]:.2f})"
-        for name, count in zip(names, counts, strict=True)
-        if abs(whiteness[name]) > max(COLOURED, 4 / np.sqrt(count))
-    ]
-    if not found:
-        return []
-    return [
-        f"Residuals of {', '.join(found)} follow one another (lag-one correlation): the model or the noise is not as "
-        "assumed, and the intervals may be too narrow."
-    ]
-
-
-def _misjudged(names: tuple[str, ...], rms: np.ndarray, sigma: np.ndarray, estimated: np.ndarray) -> list[str]:
-    return [
-        f"The noise of {name} was given as {s:.3g}, but the residuals have {r:.3g}."
-        for name, r, s, own in zip(names, rms, sigma, estimated, strict=True)
-        if not own and not 0.7 < r / s < 1.3
-    ]
-
-
-def _coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[str]:
-    """Where the step size shifts a parameter by much of its standard error."""
-    if not len(shift) or not np.nanmax(shift) > COARSE:
-        return []
-    worst = int(np.nanargmax(shift))
-    return [
-        f"The step dt = {h:g} s shifts {list(estimates)[worst]} by {shift[worst]:.1f} standard errors: take a smaller "
-        "one, or leave it out."
-    ]

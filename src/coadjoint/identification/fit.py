@@ -9,7 +9,7 @@ import numpy as np
 from coadjoint.identification import rotations
 from coadjoint.identification.coloured import neighbours, whitened
 from coadjoint.identification.least_squares import Estimates
-from coadjoint.identification.process_noise import Wander, likeliest, normal_equations, prediction_errors
+from coadjoint.identification.process_noise import Normal, Wander, likeliest, normal_equations, prediction_errors
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.shooting import Prediction, Shooting
 from coadjoint.identification.unknowns import Unknown
@@ -197,18 +197,30 @@ class Fit:
         knots = self.shooting.knots
         if knots is None:
             return 0.0
-        old, self.wander = self.wander, None
-        found = self.residual(place)
-        if found is None:
-            self.wander = old
+        given, old = self.normal_equations(place), self.wander
+        if given is None:
             return 0.0
-        x = slice(self.shooting.size, self.own)
-        given = normal_equations(self.jacobian(place, found[1]), found[0], place.own[:, x], x, self.own)
-        self.wander = likeliest(given, knots, LONGEST_TIME * self.log.duration, old)
+        self.wander = likeliest(given, knots, self.longest_time, old)
         if old is None:
             return np.inf
         roots = [np.linalg.norm(knots.roots(one), axis=(1, 2)) for one in (old, self.wander)]
         return float(np.max(np.abs(np.log(roots[1] / roots[0]))))
+
+    @property
+    def longest_time(self) -> float:
+        """The longest correlation time of process noise, s."""
+        return LONGEST_TIME * self.log.duration
+
+    def normal_equations(self, place: Estimates) -> Normal | None:
+        """Of what the sensors say at a place, without what drives the knots."""
+        kept, self.wander = self.wander, None
+        found = self.residual(place)
+        x = slice(self.shooting.size, self.own)
+        given = None
+        if found is not None:
+            given = normal_equations(self.jacobian(place, found[1]), found[0], place.own[:, x], x, self.own)
+        self.wander = kept
+        return given
 
     def surprise(self, place: Estimates, found: Prediction) -> np.ndarray:
         """What the samples say that those before did not: `innovations`, and those of a Kalman filter where parameters

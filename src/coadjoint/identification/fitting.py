@@ -16,7 +16,7 @@ from coadjoint.identification.smoothing import noise as rough_noise
 ATTEMPTS = 3
 """How often the search begins, each time from the parameters with which the one before got stuck."""
 
-ROUNDS, SAME = 6, 0.01
+ROUNDS, SAME = 20, 0.01
 """How often noise is estimated anew from residuals, until it changes by less than this."""
 
 QUIETEST = 1e-8
@@ -49,6 +49,8 @@ class Fitted(NamedTuple):
     trips: int
     shift: np.ndarray
     """By how many standard errors each parameter is shifted by the step size, about; empty where nobody asked."""
+    unsettled: dict[str, float]
+    """What of the noise still changed in the last round of least squares, and by what part."""
 
 
 def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fitted:
@@ -132,9 +134,8 @@ def _shift(fit: Fit, place: Estimates, asked: Setting, segment: float | None) ->
 def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bool) -> Fitted:
     """Rounds of least squares, each with the noise that the one before found; unless it is the `final` attempt, none
     goes on from where the one before got stuck, whose residuals are no noise."""
-    sigma, solution = fit.sigma, None
+    solution, unsettled = None, {}
     for _ in range(ROUNDS):
-        fit.sigma = sigma
         fit.settle(place)
         solution = least_squares(fit, place, fit.accepted)
         if solution is None:
@@ -144,38 +145,39 @@ def _rounds(fit: Fit, place: Estimates, open_: np.ndarray, trips: int, final: bo
             )
         place, trips = solution.place, trips + solution.trips
         if not (solution.converged or final):
+            return Fitted(fit, solution, fit.sigma, open_, trips, np.zeros(0), unsettled)
+        unsettled = _judge_noise(fit, solution, open_)
+        if not unsettled:
             break
-        estimate = _estimated(solution, fit, fit.own)
-        changed = np.abs(estimate / sigma - 1)[open_]
-        sigma = np.where(open_, estimate, sigma)
-        times = _correlation_times(fit, place, sigma)
-        settled = np.all(np.abs(times - fit.times) <= SAME_TIME * fit.times)
-        fit.times, fit.sigma = times, sigma
-        settled = fit.find_process_noise(place) <= SAME_TIME and settled
-        if settled and not np.any(changed > SAME):
-            break
-    assert solution is not None
-    if np.any(fit.times) or fit.wander is not None:
-        again = fit.residual(place)
-        assert again is not None
-        found = solution._replace(residual=again[0], jacobian=fit.jacobian(place, again[1]))
-        return Fitted(fit, found, sigma, open_, trips, np.zeros(0))
-    # Residuals and derivatives in terms of the noise that was found last.
-    last = fit.sigma / sigma
-    r = (solution.residual.reshape(fit.there.shape) * last).reshape(solution.residual.shape)
-    J = (solution.jacobian.reshape(*fit.there.shape, -1) * last[:, None]).reshape(solution.jacobian.shape)
-    fit.sigma = sigma
-    return Fitted(fit, solution._replace(residual=r, jacobian=J), sigma, open_, trips, np.zeros(0))
+    again = fit.residual(place)
+    assert again is not None and solution is not None
+    found = solution._replace(residual=again[0], jacobian=fit.jacobian(place, again[1]))
+    return Fitted(fit, found, fit.sigma, open_, trips, np.zeros(0), unsettled)
 
 
-def _correlation_times(fit: Fit, place: Estimates, sigma: np.ndarray) -> np.ndarray:
+def _judge_noise(fit: Fit, solution: Solution, open_: np.ndarray) -> dict[str, float]:
+    """Give the fit the noise of a solution: σ, correlation times, process noise. Returned is what changed by more than
+    SAME and SAME_TIME, and by what part."""
+    names, sigma, times = fit.shooting.channels.names, fit.sigma, fit.times
+    fit.sigma = np.where(open_, _estimated(solution, fit, fit.own), sigma)
+    fit.times = _correlation_times(fit, solution.place)
+    parts = np.abs(fit.sigma / sigma - 1), np.abs(fit.times - times) / np.maximum(times, 1e-300)
+    found = {f"noise of {n}": float(part) for n, part in zip(names, parts[0], strict=True) if part > SAME}
+    found |= {
+        f"correlation time of {n}": float(part) for n, part in zip(names, parts[1], strict=True) if part > SAME_TIME
+    }
+    wandered = fit.find_process_noise(solution.place)
+    return found | ({"process noise": wandered} if wandered > SAME_TIME else {})
+
+
+def _correlation_times(fit: Fit, place: Estimates) -> np.ndarray:
     """Correlation times of the channels whose noise may follow itself, s; 0 of the others."""
     times = fit.times.copy()
     found = fit.predict(place) if fit.sensing.coloured else None
     if found is None:
         return times
     off, slopes, d = fit.differences(found, place.shared), fit.slopes(place, found), fit.own
-    parts = whitened(slopes, fit.near, times) / sigma
+    parts = whitened(slopes, fit.near, times) / fit.sigma
     each = np.einsum("snac,snbc->csab", parts, parts)
     rows = fit.jacobian(place, found)[:, parts.shape[1] * parts.shape[3] :]
     driving = rows.swapaxes(1, 2) @ rows
@@ -205,7 +207,8 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
         )
     return (
         f"Least squares did not converge in {trips} iterations: check axes and units of the log, start from better "
-        "parameters, seek fewer, or take shorter segments."
+        "parameters, seek fewer, or take shorter segments; what the model lacks, such as a thruster that is out, must "
+        "be sought, too."
     )
 
 

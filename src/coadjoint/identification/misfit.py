@@ -81,8 +81,14 @@ def misfits(log: Log, innovations: Mapping[str, np.ndarray]) -> tuple[Misfit, ..
     return tuple(sorted(found, key=lambda one: -one.score))
 
 
-def sentences(found: tuple[Misfit, ...]) -> list[str]:
-    """A sentence on what the model misses, and which command it goes with."""
+def sentences(log: Log, innovations: Mapping[str, np.ndarray], found: tuple[Misfit, ...]) -> list[str]:
+    """A sentence on what the model misses, and which command it goes with; or that the log is too short to tell."""
+    most = max((int(np.isfinite(w).sum()) for w in innovations.values()), default=0)
+    if log.inputs and most < FEWEST:
+        return [
+            f"The log is too short to tell whether the model misses what {' or '.join(log.inputs)} do: no column holds "
+            f"more than {most} samples that are fitted, and {FEWEST} are needed."
+        ]
     if not found:
         return []
     worst = found[0]
@@ -132,8 +138,16 @@ def _features(log: Log) -> Iterator[Feature]:
             for text, shape in SHAPES.items():
                 shaped = shape(before)
                 for label, those in groups:
-                    about = f"({label} − {middle[those].mean():.4g})" if steady[those].any() else label
+                    about = _about(label, middle[those], steady[those])
                     yield Feature(label, text.format(about), lag, shaped[:, those])
+
+
+def _about(label: str, middle: np.ndarray, steady: np.ndarray) -> str:
+    """A command, or several, less what they count from."""
+    if not steady.any():
+        return label
+    means = "the means of those that keep their sign" if not steady.all() else "their means"
+    return f"({label} − {middle[0]:.4g})" if len(middle) == 1 else f"({label} − {means})"
 
 
 def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature) -> tuple[Misfit, float]:
@@ -155,7 +169,7 @@ def _correlated(column: str, w: np.ndarray, there: np.ndarray, feature: Feature)
     along = b.T @ a / size
     single = len(along) == 1
     square = float(along[0] ** 2 if single else along @ np.linalg.pinv(b.T @ b, rcond=1e-9, hermitian=True) @ along)
-    correlation = float(along[0]) if single else np.sqrt(square)
+    correlation = float(along[0]) if single else float(np.sqrt(square))
     total = int(both.sum()) * square
     return nothing._replace(correlation=correlation, score=_score(total, len(along))), total
 

@@ -22,11 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-KNOT, MOST = 5, 40
+KNOT, MOST = 3, 40
 """Samples that a knot lasts, and knots of a segment, at most."""
 
 SMALLEST, LARGEST = 1e-3, 1e5
 """Bounds of s, over the error with which the clearest knot alone is known."""
+
+AT_BOUND, CURVED, FLAT = 1e-3, 1e-3, 1e-3
+"""Of log s and log τ: how close to a bound is at it, the step of differences, and the curvature that tells nothing."""
 
 
 class Wander(NamedTuple):
@@ -91,29 +94,68 @@ def normal_equations(J: np.ndarray, r: np.ndarray, knots: np.ndarray, x: slice, 
 
 def likeliest(given: Normal, knots: Knots, longest: float, begin: Wander | None = None) -> Wander:
     """s and τ of the greatest restricted likelihood; τ from Δ/2 to `longest`, s."""
+    low, high = _bounds(given, knots, longest)
     n = len(knots.labels)
-    seen = np.einsum("skk->k", given.H)[given.x].reshape(knots.count, n).max(axis=0)
-    unit = 1 / np.sqrt(np.maximum(seen / len(given.H), 1e-300))
-    bounds = [(np.log(SMALLEST), np.log(LARGEST))] * n + [(np.log(knots.spacing / 2), np.log(longest))] * n
     if begin is None:
-        begin = Wander(3 * unit, np.full(n, np.clip(4 * knots.spacing, knots.spacing / 2, longest)))
-    place = np.concatenate([np.log(begin.deviation / unit), np.log(begin.time)])
+        begin = Wander(3 / SMALLEST * np.exp(low[:n]), np.full(n, 4 * knots.spacing))
+    place = np.log(np.concatenate(begin))
 
     def unlikely(place: np.ndarray) -> tuple[float, np.ndarray]:
-        return _unlikely(given, knots, Wander(np.exp(place[:n]) * unit, np.exp(place[n:])))
+        return _unlikely(given, knots, Wander(*np.exp(place).reshape(2, n)))
 
-    low, high = np.transpose(bounds)
+    bounds = np.transpose([low, high])
     found = optimize.minimize(unlikely, np.clip(place, low, high), jac=True, bounds=bounds, method="L-BFGS-B")
-    return Wander(np.exp(found.x[:n]) * unit, np.exp(found.x[n:]))
+    return Wander(*np.exp(found.x).reshape(2, n))
 
 
-def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.ndarray]:
-    """−2 log L up to a constant, and its derivatives by log s and log τ."""
+def _bounds(given: Normal, knots: Knots, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of log s and log τ; s over the error with which the clearest knot alone is known."""
+    n = len(knots.labels)
+    seen = np.einsum("skk->k", given.H)[given.x].reshape(knots.count, n).max(axis=0)
+    error = 1 / np.sqrt(np.maximum(seen / len(given.H), 1e-300))
+    low, high = (
+        np.concatenate([factor * error, np.full(n, time)])
+        for factor, time in ((SMALLEST, knots.spacing / 2), (LARGEST, max(longest, knots.spacing / 2)))
+    )
+    return np.log(low), np.log(high)
+
+
+def wander_errors(given: Normal, knots: Knots, longest: float, wander: Wander) -> Wander:
+    """Standard errors of log s and log τ, from the curvature of the restricted likelihood, cov = 2 (∂²(−2 log L))⁻¹.
+
+    Infinite of what stands at a bound, as of an s next to zero or of the τ of a random walk; errors of the others hold
+    where that stays. Infinite too where the likelihood is flat.
+    """
+    n = len(knots.labels)
+    place, (low, high) = np.log(np.concatenate(wander)), _bounds(given, knots, longest)
+    free = np.flatnonzero((place > low + AT_BOUND) & (place < high - AT_BOUND))
+    curved, found = np.zeros((2 * n, 2 * n)), np.full(2 * n, np.inf)
+    for i in free:
+        pair = [place + sign * CURVED * np.eye(2 * n)[i] for sign in (1, -1)]
+        slopes = [_unlikely(given, knots, Wander(*np.exp(at).reshape(2, n)))[1] for at in pair]
+        curved[i] = (slopes[0] - slopes[1]) / (2 * CURVED)
+    values, V = np.linalg.eigh(0.5 * (curved + curved.T)[np.ix_(free, free)])
+    flat = values <= FLAT
+    variances = np.sum(V**2 * np.where(flat, 0.0, 2 / np.maximum(values, FLAT)), axis=1)
+    found[free] = np.where(np.any(np.abs(V[:, flat]) > CURVED, axis=1), np.inf, np.sqrt(variances))
+    return Wander(*found.reshape(2, n))
+
+
+class Posterior(NamedTuple):
+    """What the sensors tell at s and τ: −2 log L up to a constant, and of the knots of every segment the likeliest x,
+    (segments, size), and their covariance, (segments, size, size)."""
+
+    unlikely: float
+    x: np.ndarray
+    covariance: np.ndarray
+
+
+def posterior(given: Normal, knots: Knots, wander: Wander) -> Posterior:
+    """What is known at s and τ, with starts and what all share eliminated."""
     H, g, x, d = given
     L = knots.roots(wander)
-    P = L.swapaxes(1, 2) @ L
     own = H[:, :d, :d].copy()
-    own[:, x, x] += knots.spread(P)
+    own[:, x, x] += knots.spread(L.swapaxes(1, 2) @ L)
     own += (1e-12 * np.einsum("skk->sk", own) + 1e-300)[:, None, :] * np.eye(d)
     solved = np.linalg.solve(
         own, np.concatenate([H[:, :d, d:], g[:, :d, None], np.eye(d)[:, x][None].repeat(len(H), 0)], 2)
@@ -126,21 +168,27 @@ def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.nd
     shared = np.linalg.solve(S, b)
     value = -np.einsum("sk,sk->", g[:, :d], mine) - b @ shared
     value += np.sum(np.linalg.slogdet(own)[1]) + np.linalg.slogdet(S)[1]
-    best = across[:, x] @ shared - mine[:, x]
-    errors = inverse[:, x] + across[:, x] @ np.linalg.solve(S, across[:, x].swapaxes(1, 2))
-    moment = np.sum(best[:, :, None] * best[:, None, :] + errors, axis=0)
-    n, slopes = len(knots.labels), []
+    value -= 2 * len(H) * np.sum(np.log(np.einsum("ckk->ck", L)))
+    covariance = inverse[:, x] + across[:, x] @ np.linalg.solve(S, across[:, x].swapaxes(1, 2))
+    return Posterior(float(value), across[:, x] @ shared - mine[:, x], covariance)
+
+
+def _unlikely(given: Normal, knots: Knots, wander: Wander) -> tuple[float, np.ndarray]:
+    """−2 log L up to a constant, and its derivatives by log s and log τ."""
+    value, best, covariance = posterior(given, knots, wander)
+    n, segments = len(knots.labels), len(best)
+    moment = np.sum(best[:, :, None] * best[:, None, :] + covariance, axis=0)
     each = [moment.reshape(knots.count, n, knots.count, n)[:, c, :, c] for c in range(n)]
-    for c in range(n):
-        value += 2 * len(H) * np.sum(np.log(1 / np.diag(L[c])))
-        slopes.append(2 * knots.count * len(H) - 2 * np.sum(P[c] * each[c]))
-    for c in range(n):
-        turned = [knots._root(wander.deviation[c], wander.time[c] * np.exp(e)) for e in (1e-5, -1e-5)]
-        by_time = (turned[0].T @ turned[0] - turned[1].T @ turned[1]) / 2e-5
-        a = np.exp(-knots.spacing / wander.time[c])
-        apart = 2 * (knots.count - 1) * a**2 * knots.spacing / wander.time[c] / (1 - a**2)
-        slopes.append(np.sum(by_time * each[c]) - len(H) * apart)
-    return float(value), np.array(slopes)
+    L = knots.roots(wander)
+    by_deviation = [2 * knots.count * segments - 2 * np.sum((one.T @ one) * m) for one, m in zip(L, each, strict=True)]
+    by_time = []
+    for c, (s, tau) in enumerate(zip(*wander, strict=True)):
+        turned = [knots._root(s, tau * np.exp(e)) for e in (1e-5, -1e-5)]
+        change = (turned[0].T @ turned[0] - turned[1].T @ turned[1]) / 2e-5
+        a = np.exp(-knots.spacing / tau)
+        apart = 2 * (knots.count - 1) * a**2 * knots.spacing / tau / (1 - a**2)
+        by_time.append(np.sum(change * each[c]) - segments * apart)
+    return value, np.array(by_deviation + by_time)
 
 
 def prediction_errors(r: np.ndarray, F: np.ndarray, precision: np.ndarray) -> np.ndarray:

@@ -74,7 +74,8 @@ class System(ReducedFunctions):
         node_velocities: whether runs observe ξ and ν of the momenta at the nodes, in addition to those of the steps; by
             default False.
         name: for cards, files and figures, by default the name of the function.
-        units: units of dataset variables, as in {"q": "m", "energy": "J"}; by default none.
+        units: units of dataset variables, as in {"q": "m", "energy": "J"}, and of parameters by their names, as in
+            {"hull.length": "m"}; by default none.
         verify: whether what user-defined groups, spaces and difference maps override is compared with its derivation;
             by default True.
         checks: parameters that replace others, by name → the same as they are kept, or ArgumentError; by default every

@@ -1,28 +1,14 @@
-"""What does not fit in memory is refused before it is tried, with its size."""
+"""Sizes N of models that do not fit in memory are refused, with the largest that does."""
 
 from __future__ import annotations
 
-import os
-
-from coadjoint.errors import ArgumentError
+from coadjoint import memory
 
 ARRAYS = 60
 """Arrays of N² numbers that a step holds at once, measured at N = 64 with the adjoint of one step."""
 
 
-def installed() -> float:
-    """The memory of this machine, bytes; infinite where the system does not say."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return float("inf")
-
-
-def require_room(what: str, size: int, needed: float, power: int) -> None:
+def require_room_at(what: str, size: int, needed: float, power: int) -> None:
     """Raise ArgumentError where what is done at N = `size` needs more bytes than there are; it grows as N^power."""
-    there = installed()
-    if needed > there:
-        raise ArgumentError(
-            f"{what} at N = {size} would take {needed / 1e9:.3g} GB of memory, and this machine has {there / 1e9:.3g}: "
-            f"take N up to {int(size * (there / needed) ** (1 / power))}."
-        )
+    fits = int(size * min(memory.installed() / needed, 1.0) ** (1 / power))
+    memory.require_room(f"{what} at N = {size}", needed, f"take N up to {fits}")

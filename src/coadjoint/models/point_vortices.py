@@ -15,7 +15,7 @@ from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
-from coadjoint.models.memory import require_room
+from coadjoint.models.memory import require_room_at
 from coadjoint.models.quantities import checked, positive
 from coadjoint.spaces.numbers import float64
 
@@ -161,7 +161,7 @@ def _circulations(value: Any, name: str, count: int | None = None) -> Any:
             f"Argument `{name}` must hold {count} numbers, but holds {len(found)}: make another model for another "
             "number of vortices."
         )
-    require_room("A step of point vortices", len(found), 96.0 * (2 * len(found) + 1) ** 2, 2)
+    require_room_at("A step of point vortices", len(found), 96.0 * (2 * len(found) + 1) ** 2, 2)
     if not traced(found) and np.any(found == 0):
         raise ArgumentError(
             f"Argument `{name}` must have no zero, but that of vortex {int(np.argmin(np.abs(found))) + 1} is 0: "

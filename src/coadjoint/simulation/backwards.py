@@ -1,4 +1,4 @@
-"""Substeps that go backwards amplify what forces or the method damp: refused, unless the user says that it is meant."""
+"""Steps and substeps that go backwards amplify what forces or the method damp."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ SAFE = 1.0
 """λ|γ|h up to which a substep γh < 0 is safe: on v̇ = −λv the midpoint rule amplifies by (1 + ½λ|γ|h)/(1 − ½λ|γ|h),
 which has its pole at 2. The compositions of orders 4 to 8 follow exp(−λh) to 10 % up to λ|γ|h = 1.4 and more, and
 become unstable between 1.9 and 2.0 (measured)."""
+
+AMPLIFIED = 1e8
+"""By how much steps back in time may amplify round-off: then half of the digits are left."""
 
 ALLOW, REFUSE = "allow", "refuse"
 
@@ -49,6 +52,19 @@ def require_forward(system: System, method: Method, state: State, h: float) -> l
         f"{what} at rates up to {rate:.3g}/s, too fast for substeps that go backwards by {backwards:.3g} s: "
         f"take dt < {h * SAFE / (rate * backwards):.3g}."
     ]
+
+
+def require_reversible(system: System, method: Method, h: float, steps: int) -> None:
+    """Raise ArgumentError where steps h < 0 of a method that damps amplify round-off, by exp(λ|h| steps), too much."""
+    rate = max(step.damping_rate(system) for step, _ in method.stages)
+    if h >= 0 or rate * -h * steps <= np.log(AMPLIFIED):
+        return
+    most = int(np.log(AMPLIFIED) / (rate * -h))
+    remedy = f"take at most {most} steps of this `dt`" if most else f"take |dt| < {np.log(AMPLIFIED) / rate:.3g} s"
+    raise ArgumentError(
+        f"{method.title} damps at rates up to {rate:.3g}/s, so that {steps} steps of {h:g} s back in time amplify "
+        f"round-off by 1e{rate * -h * steps / np.log(10):.0f}: {remedy}, or begin earlier and go forward."
+    )
 
 
 def damping_rate(system: System, state: State) -> float:

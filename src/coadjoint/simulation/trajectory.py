@@ -33,7 +33,7 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation import ensemble
 from coadjoint.simulation.arguments import require_kinds, step_size, whole
-from coadjoint.simulation.backwards import require_forward
+from coadjoint.simulation.backwards import require_forward, require_reversible
 from coadjoint.simulation.ensemble import require_one_time
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
@@ -117,6 +117,7 @@ def trajectory(
     require_internal(system, start, h)
     if not traced(system.parameters, start, h):
         require_forward(system, method, start, h)
+        require_reversible(system, method, float(h), steps)
     digest = version(system, start, *([partial(inputs_held, system)] if inputs is not None else []), pure=False)
     begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)

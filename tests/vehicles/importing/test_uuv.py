@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,23 @@ def test_every_number_of_an_imported_vehicle_has_its_line() -> None:
     assert notes["thrusters.positions"] == "rov.xacro:25, 26, 27, 28"
     assert {row.key for row in found.report.taken} == set(notes)
     assert found.vehicle.mass == pytest.approx(1862.87 + 4 * 0.5, rel=1e-12)
+
+
+def test_moments_that_no_body_has_are_told_with_their_place(tmp_path: Path) -> None:
+    """794 kg m² is above the sum of 525 and 91, and 41.98 of a torpedo above that of 3 and 4.2."""
+    rov = tmp_path / "rov"
+    shutil.copytree(HERE / "rov", rov)
+    (rov / "rov.xacro").write_text((rov / "rov.xacro").read_text().replace('izz="691.23"', 'izz="91.23"'))
+    text = (HERE / "torpedo.sdf").read_text()
+    (tmp_path / "torpedo.sdf").write_text(text.replace("<izz>41.980233</izz>", "<izz>4.2</izz>"))
+    for path, place in ((rov / "rov.xacro", "rov.xacro:10"), (tmp_path / "torpedo.sdf", "torpedo.sdf:10")):
+        found = import_vehicle(path)
+        (sentence,) = found.report.impossible
+        assert sentence.startswith(f"{place}: the link ") and "at most the sum of the two others" in sentence
+        assert sentence in found.vehicle.note and sentence in str(found.report)
+        assert found.report.summary()["impossible"] == [sentence]
+    for right in ("rov/rov.xacro", "lauv.xacro", "torpedo.sdf"):
+        assert not import_vehicle(HERE / right).report.impossible
 
 
 def test_what_is_not_taken_over_is_told() -> None:

@@ -392,3 +392,12 @@ def test_a_lag_of_zero_is_none():
     run = co.simulate(craft.system, craft.start(speed=1.5), dt=0.05, steps=3, inputs={"rudder": 0.1})
     assert run.plan.backend == "native"
     np.testing.assert_array_equal(run.dataset.internal_rudder, [0.1, 0.1, 0.1, 0.1])
+
+
+def test_a_system_knows_the_units_of_the_parameters_of_its_craft():
+    """Those that measure one thing, of body, parts and water, by their paths."""
+    units = dict(Craft(remus(), water=LinearShear((0.3, 0.0, 0.0), (0.0, 0.0, 0.0))).system.units)
+    assert {key: units[key] for key in ("mass", "inertia", "rudder.area", "propeller.lag", "hull.axial_drag")} == {
+        "mass": "kg", "inertia": "kg m²", "rudder.area": "m²", "propeller.lag": "s", "hull.axial_drag": "1"
+    }  # fmt: skip
+    assert dict(Craft(remus()).system.units)["water.velocity"] == "m/s" and "added_mass" not in units

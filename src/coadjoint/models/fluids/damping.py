@@ -35,7 +35,8 @@ class DampedMidpoint(IsospectralMidpoint):
         c_lm(t) = e^{λt} c_lm(0) + f_lm (e^{λt} − 1)/λ,   λ = −ν(l(l + 1) − 2) − α,   l ≥ 1,
 
     so that each degree of a decaying flow decays at its own rate whatever the step. ω is the relative vorticity; a
-    solid rotation feels no viscosity. Neither energy nor Casimirs are conserved.
+    solid rotation feels no viscosity. Neither energy nor Casimirs are conserved. Steps back in time are the inverses of
+    those forward, as the method is symmetric, and amplify round-off by e^{−λt}: `co.trajectory` refuses more than 10⁸.
 
     viscosity: ν, radii of the sphere squared over s, by default 0. drag: α, 1/s, by default 0. stirring: c_lm of f,
     (L, L) with L ≤ N, 1/s², c_00 = 0, by default none. Others as of co.IsospectralMidpoint.

@@ -15,7 +15,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.harmonics import REAL, Coefficients, coefficients_of, from_coefficients
 from coadjoint.models.fluids.laplacian import dirichlet
-from coadjoint.models.memory import ARRAYS, require_room
+from coadjoint.models.memory import ARRAYS, require_room_at
 from coadjoint.models.quantities import checked, number
 
 UNITS = {
@@ -53,7 +53,7 @@ def euler(size: int, rotation: float = 0.0) -> System:
     if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 2:
         raise ArgumentError(f"Argument `size` must be a whole number N from 2, but is {shown(size)}.")
     size = int(size)
-    require_room("A fluid on the sphere", size, 8.0 * ARRAYS * size**2, 2)
+    require_room_at("A fluid on the sphere", size, 8.0 * ARRAYS * size**2, 2)
     if isinstance(rotation, bool) or not isinstance(rotation, (int, float, np.number)) or not np.isfinite(rotation):
         raise ArgumentError(f"Argument `rotation` must be a finite number, rad/s, but is {shown(rotation)}.")
     turning = axial(size, 2.0)

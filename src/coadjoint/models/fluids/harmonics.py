@@ -9,8 +9,9 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.memory import require_room
 from coadjoint.models.fluids.laplacian import tridiagonal
-from coadjoint.models.memory import installed, require_room
+from coadjoint.models.memory import require_room_at
 
 Coefficients = np.ndarray
 """c (L, L), complex: f = Σ c_l0 Y_l0 + 2 Re Σ_{m>0} c_lm Y_lm, with Y_lm orthonormal, phases of Condon and Shortley."""
@@ -107,7 +108,7 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
 
     size: N. momentum: the coordinates. Raises ArgumentError where all matrices T_lm, 8N³/3 bytes, do not fit in memory.
     """
-    require_room("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
+    require_room_at("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
     rows = np.reshape(momentum, (*np.shape(momentum)[:-1], size, size))
     found = np.zeros(rows.shape, complex)
     for m in range(size):
@@ -152,11 +153,7 @@ def on_grid(
     for name, count in (("latitudes", latitudes), ("longitudes", longitudes)):
         require_whole(name, count, 2)
     needed = 8.0 * latitudes * (c.shape[-1] ** 2 + 2 * c[..., 0, 0].size * (longitudes + c.shape[-1]))
-    if needed > installed():
-        raise ArgumentError(
-            f"A grid of {latitudes} × {longitudes} points would take {needed / 1e9:.3g} GB of memory, and this machine "
-            f"has {installed() / 1e9:.3g}: take fewer latitudes and longitudes."
-        )
+    require_room(f"A grid of {latitudes} × {longitudes} points", needed, "take fewer latitudes and longitudes")
     latitude = np.linspace(-np.pi / 2, np.pi / 2, latitudes)
     longitude = np.linspace(0, 2 * np.pi, longitudes, endpoint=False)
     size = c.shape[-1]

@@ -12,6 +12,9 @@ from coadjoint.errors import FileError
 from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import HERE, Placement
 
+ROUNDED = 1e-3
+"""By what part a moment may exceed the sum of the two others: numbers of files are rounded."""
+
 
 @dataclass(eq=False)
 class Link:
@@ -83,6 +86,19 @@ def together(links: list[tuple[Link, Placement]]) -> Body:
         d = at - center
         inertia = inertia + pose.R @ link.inertia @ pose.R.T + link.mass * (d @ d * np.eye(3) - np.outer(d, d))
     return Body(mass, center, 0.5 * (inertia + inertia.T))
+
+
+def impossible(links: list[tuple[Link, Placement]]) -> list[str]:
+    """Sentences on links with a principal moment above the sum of the others, ∫y² + z² ≤ ∫x² + z² + ∫x² + y²."""
+    found = []
+    for link, _ in links:
+        a, b, c = np.linalg.eigvalsh(link.inertia)
+        if c > (1 + ROUNDED) * (a + b):
+            found.append(
+                f"{link.place}: the link {link.name!r} has the principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m²: "
+                "of every body each is at most the sum of the two others; see whether one is wrong."
+            )
+    return found
 
 
 def link_named(links: Mapping[str, Link], name: str, element: Element) -> Link:

@@ -78,7 +78,7 @@ class Draft:
             return Vehicle(
                 name=self.name,
                 description=f"imported from {self.report.format}",
-                note=" ".join(self.report.differs),
+                note=" ".join([*self.report.impossible, *self.report.differs]),
                 parts=tuple(self.parts),
                 provenance=self.provenance,
                 sources={key: text for key, text in sources.items() if key in used},

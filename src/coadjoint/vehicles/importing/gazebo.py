@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coadjoint.vehicles.importing.bodies import Link, link_named, placed, require_mass, together
+from coadjoint.vehicles.importing.bodies import Link, impossible, link_named, placed, require_mass, together
 from coadjoint.vehicles.importing.draft import Draft
 from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import Placement, flag_in, number, number_in, numbers, text_in
@@ -95,6 +95,7 @@ def _body(draft: Draft, base: Link, links: dict[str, Link], poses: dict[str, Pla
     held = [(links[name], pose) for name, pose in poses.items()]
     require_mass(held, draft.source)
     body = together(held)
+    draft.report.impossible += impossible(held)
     others = [link for link, _ in held if link is not base]
     note = f"with {len(others)} links that joints hold, at their position 0" if others else ""
     draft.body["mass"] = draft.take("body.mass", body.mass, "kg", base.place, note)

@@ -27,12 +27,13 @@ class Left(NamedTuple):
 
 @dataclass
 class Report:
-    """taken: the numbers, each with file and line. left: what of the files is not taken over. differs: where the
-    vehicle moves otherwise than in the simulator. unsaid: what the format does not say and the library would know.
-    files: what was read."""
+    """taken: the numbers, each with file and line. impossible: numbers among them that no body has. left: what of the
+    files is not taken over. differs: where the vehicle moves otherwise than in the simulator. unsaid: what the format
+    does not say and the library would know. files: what was read."""
 
     format: str = ""
     taken: list[Taken] = field(default_factory=list)
+    impossible: list[str] = field(default_factory=list)
     left: list[Left] = field(default_factory=list)
     differs: list[str] = field(default_factory=list)
     unsaid: list[str] = field(default_factory=list)
@@ -44,6 +45,7 @@ class Report:
             "format": self.format,
             "files": self.files,
             "taken": [{**row._asdict(), "value": np.asarray(row.value).tolist()} for row in self.taken],
+            "impossible": self.impossible,
             "differs": self.differs,
             "left": [row._asdict() for row in self.left],
             "unsaid": self.unsaid,
@@ -61,6 +63,7 @@ class Report:
         lines = [f"{self.format}, read from {', '.join(self.files)}", "", "Taken over:"]
         lines += [f"  {row.key} = {_shown(row.value)} {row.unit}  ({row.place})".rstrip() for row in self.taken]
         for title, sentences in (
+            ("Taken over, though no body has it:", self.impossible),
             ("Moves otherwise than there:", self.differs),
             ("Not taken over:", [f"{row.place}: {row.what}: {row.why}{_often(n)}" for row, n in self._alike()]),
             ("Not said by the format:", self.unsaid),

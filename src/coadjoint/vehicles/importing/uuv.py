@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.vehicles.importing.bodies import Link, link_named, placed, require_mass, together
+from coadjoint.vehicles.importing.bodies import Link, impossible, link_named, placed, require_mass, together
 from coadjoint.vehicles.importing.draft import Draft
 from coadjoint.vehicles.importing.elements import Element
 from coadjoint.vehicles.importing.frames import Placement, flag_in, number_in, numbers, text_in
@@ -72,6 +72,7 @@ def _body(
     held = [(links[name], pose) for name, pose in poses.items()]
     require_mass(held, draft.source)
     body = together(held)
+    draft.report.impossible += impossible(held)
     loose = [link.name for link, _ in held if link is not base and link.mass > 0]
     note = f"with {len(loose)} links that joints hold, at their position 0" if loose else ""
     at = base.place or base.element.place

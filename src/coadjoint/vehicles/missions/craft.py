@@ -40,8 +40,9 @@ def set_up(file: MissionFile) -> Setup:
     from coadjoint.models.quantities import vector
     from coadjoint.vehicles import axes as border
     from coadjoint.vehicles.files.checks import doubts_of_changes
-    from coadjoint.vehicles.missions.measures import measures, parameters_in_si
+    from coadjoint.vehicles.missions.measures import parameters_in_si
     from coadjoint.vehicles.model.craft import Craft
+    from coadjoint.vehicles.model.measures import measures
 
     vehicle, doubts = vehicle_of(file)
     commands = {part.name: part.command.unit for part in vehicle.commanded if part.command is not None}
@@ -91,7 +92,7 @@ def _inputs(file: MissionFile, vehicle: Any, commands: dict[str, str], wanted: d
 def _controller(file: MissionFile, vehicle: Any) -> Any:
     """The controller of [controller]: that of `kind`, none with "none", or the vehicle's own with changes."""
     from coadjoint.vehicles.files.kinds import kinds
-    from coadjoint.vehicles.missions.measures import dimensions
+    from coadjoint.vehicles.model.measures import dimensions
 
     CONTROLLERS = kinds("controllers")
 

@@ -12,6 +12,7 @@ from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.each import each
 from coadjoint.runs.units import in_si, unknown
+from coadjoint.vehicles.water.dimensions import DIMENSIONS
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile
@@ -40,13 +41,6 @@ APART = 2**32
 _INNER = {"density": DENSITIES, "profile": PROFILES}
 VECTORS = ("velocity", "surface", "gradient", "mean", "amplitudes", "velocities", "deviation", "phases")
 """The fields of currents that hold a number for each axis of space."""
-KINDS = {
-    **dict.fromkeys(("velocity", "mean", "amplitudes", "deviation", "velocities"), u.SPEED),
-    **dict.fromkeys(("reach", "bottom", "roughness", "scale", "depths"), u.LENGTH),
-    **dict.fromkeys(("correlation_time", "times"), u.TIME),
-    "phases": u.ANGLE,
-}
-"""What some of the fields measure."""
 
 
 def water(file: MissionFile, seeds: Any = None) -> Any:
@@ -114,7 +108,7 @@ def _made(file: MissionFile, given: Any, title: str, kinds: dict[str, str], defa
             raise ArgumentError(f"Section [{title}] takes all of its table from `file`: leave the other keys out.")
         return cls.from_csv(file.located(table["file"]))
     known = [key for key in inspect.signature(cls).parameters if key != "self"]
-    measured = {**dict.fromkeys(known), **KINDS, **({"surface": u.SPEED} if kinds is CURRENTS else {})}
+    measured = {**dict.fromkeys(known), **DIMENSIONS, **({"surface": u.SPEED} if kinds is CURRENTS else {})}
     values = in_si(title, table, known, measured)
     for key in [key for key in values if key in _INNER and isinstance(values[key], dict)]:
         values[key] = _made(file, values[key], f"{title}.{key}", _INNER[key], "", seeds)

@@ -24,6 +24,7 @@ from coadjoint.vehicles.model.controller import Controller
 from coadjoint.vehicles.model.energies import Surroundings, actual_of
 from coadjoint.vehicles.model.faults import Fault, require_faults
 from coadjoint.vehicles.model.function_controller import FunctionController
+from coadjoint.vehicles.model.measures import parameter_units
 from coadjoint.vehicles.model.start import starting_motion, through_water
 from coadjoint.vehicles.model.vehicle import BODY, Vehicle
 from coadjoint.vehicles.parts.part import Part
@@ -189,6 +190,7 @@ class Craft:
         commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
         wanted = {} if self.controller is None else self.controller.inputs
         return {
+            **parameter_units(self),
             **UNITS,
             "current": "m/s",
             **{f"inputs_{name}": unit for name, unit in {**commands, **wanted}.items()},

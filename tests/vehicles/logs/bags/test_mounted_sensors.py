@@ -126,8 +126,10 @@ def test_what_is_declared_of_a_mounting_is_that_and_the_rest_is_what_the_bag_tel
     v = np.stack([plain.columns[name] for name in "uvw"], axis=1) @ np.asarray(attitude.zyx(*turn)).T
     np.testing.assert_allclose(np.stack([log.columns[name] for name in "uvw"], axis=1), v, atol=1e-12)
     assert log.positions == ({} if place is None else dict.fromkeys("uvw", place))
-    (note,) = [note for note in log.notes if "where they count" in note] or [""]
-    assert ("position = " in note, "euler_zyx = " in note) == (place is not None, any(turn))
+    (note,) = [note for note in log.notes if "count from there" in note] or [""]
+    at = place and f"at {', '.join(f'{x:g}' for x in place)} m forward, starboard and down of the origin O"
+    angles = f"turned by yaw, pitch and roll of {', '.join(f'{x:.4g}' for x in np.degrees(turn))}°"
+    assert (at is not None and at in note, angles in note) == (place is not None, any(turn))
 
 
 def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measured(dive):

@@ -61,7 +61,7 @@ def test_readings_are_read_back_as_they_were(run, bags, axes):
     assert np.allclose(log.time, read["imu"].time - read["imu"].time[0], rtol=0, atol=1e-9)
     log, speed = columns(path, "/sensors/dvl", "uvw")
     assert np.array_equal(speed, read["dvl"].of("velocity")) and not {"p", "q", "r"} & set(log.columns)
-    assert any("position = 0.3 0 0.1" in note for note in log.notes)
+    assert any("a sensor at 0.3, 0, 0.1 m forward, starboard and down" in note for note in log.notes)
     _, angles = columns(path, "/sensors/ahrs", ("roll", "pitch", "heading"))
     np.testing.assert_allclose(angles, read["ahrs"].values, atol=1e-12)
     _, depth = columns(path, "/sensors/pressure", ("depth",))

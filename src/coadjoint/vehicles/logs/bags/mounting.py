@@ -33,6 +33,13 @@ class Mounting(NamedTuple):
         """What is not known here as it is there."""
         return Mounting(*(there if here is None else here for here, there in zip(self, by, strict=True)))
 
+    def said(self) -> str:
+        """Where it sits and how it is turned, in words with units; empty at O along the axes of the body."""
+        at, turned = self.position or (), np.degrees(self.euler_zyx or ())
+        place = f"at {', '.join(f'{x:g}' for x in at)} m forward, starboard and down of the origin O" if any(at) else ""
+        turn = f"turned by yaw, pitch and roll of {', '.join(f'{x:.4g}' for x in turned)}°" if any(turned) else ""
+        return " and ".join(part for part in (place, turn) if part)
+
 
 def require_place(position: np.ndarray, where: str) -> None:
     """Raise FileError for a place where no sensor is."""

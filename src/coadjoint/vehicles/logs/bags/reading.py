@@ -202,9 +202,8 @@ def _ours(topic: Topic, sensor: SensorTopic | None, own: Mapping[str, str]) -> S
 
 def _mounted(topic: Topic, sensor: SensorTopic) -> list[str]:
     """A note on a sensor that was asked for and does not sit at O along the axes of the body."""
-    known = sensor.mounting._asdict().items()
-    said = [f"{key} = {' '.join(f'{one:g}' for one in value)}" for key, value in known if any(value or ())]
-    return [f"{topic.name} is of a sensor with {', '.join(said)}, which is where they count."] if said else []
+    said = sensor.mounting.said()
+    return [f"{topic.name} is of a sensor {said}: its numbers count from there."] if said else []
 
 
 def _require_frame(topic: Topic, sensor: SensorTopic) -> None:

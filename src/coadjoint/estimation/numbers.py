@@ -1,0 +1,30 @@
+"""Which arguments are numbers: truth values and texts are none, though NumPy would turn them into some."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is one real number, of Python or of NumPy."""
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, (bool, np.timedelta64))
+
+
+def float64(value: Any) -> np.ndarray:
+    """Numbers as an array, None among them as NaN; raises TypeError or ValueError for what is none."""
+    found = np.asarray(value)
+    if found.dtype == object and all(one is None or is_number(one) for one in found.flat):
+        return found.astype(float)
+    if found.dtype.kind not in "iuf":
+        raise TypeError(f"{found.dtype} is no type of numbers")
+    return found.astype(float)
+
+
+def numbers(value: Any) -> np.ndarray:
+    """Numbers as an array; NaN for what is none."""
+    try:
+        return float64(value)
+    except (TypeError, ValueError):
+        return np.asarray(np.nan)

@@ -1,0 +1,144 @@
+"""What is doubtful about an identification: a sentence each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coadjoint.identification.fitting import ROUNDS
+from coadjoint.identification.log import Log
+from coadjoint.identification.sensing import SENSORS
+from coadjoint.identification.smoothing import noise as rough_noise
+
+if TYPE_CHECKING:
+    from coadjoint.identification.findings import Estimate
+
+COARSE = 0.3
+"""How many standard errors a shift by the step size must reach for a warning."""
+
+ALIKE, VAGUE, COLOURED = 0.98, 0.5, 0.2
+"""|correlation| of two parameters, interval over estimate, lag-one correlation of residuals, that give a warning."""
+
+NOTHING = 0.05
+"""Of where the search began: an interval within it that holds zero tells that it is none."""
+
+STRONGEST = 3
+"""How many names a sentence on parameters that cannot be separated holds."""
+
+WILD, SWALLOWED = 20.0, 0.7
+"""Residuals over the noise between neighbouring samples, and over the signal's own spread, that give a warning."""
+
+
+def hidden(estimates: dict[str, Estimate], hidden: np.ndarray, V: np.ndarray, lost: np.ndarray) -> list[str]:
+    names, shared = list(estimates), np.zeros(len(estimates), bool)
+    found: dict[str, None] = {}
+    for row in np.abs(V[lost]):
+        if np.sum(row > 1e-2) > 1:
+            shared |= row > 1e-2
+            strongest = sorted(sorted(np.flatnonzero(row > 1e-2), key=lambda i: -row[i])[:STRONGEST])
+            others = int(np.sum(row > 1e-2)) - len(strongest)
+            listed = " and ".join(names[i] for i in strongest) + (
+                f", with {others} other{'s' if others > 1 else ''}" if others else ""
+            )
+            found[
+                f"The log cannot separate {listed}: keep one of them at its known value, or take a log in which what "
+                "they do differs, as commands that change apart."
+            ] = None
+    alone = [names[i] for i in np.flatnonzero(hidden & ~shared)]
+    return list(found) + [f"The log says nothing on {name}: its motion does not depend on it." for name in alone]
+
+
+def vague(estimates: dict[str, Estimate]) -> list[str]:
+    """Wide intervals: relative to the value, or of one that may be zero, to which nothing is relative. Sensors may well
+    be without bias and delay, and what is as good as nothing beside where the search began, as the effectiveness of a
+    thruster that is out, is well known."""
+    sentences = []
+    for e in estimates.values():
+        if e.name.startswith(SENSORS):
+            continue
+        if np.isfinite(e.standard_error) and e.low <= 0 <= e.high:
+            if e.high - e.low < 2 * NOTHING * abs(e.prior):
+                continue
+            sentences.append(f"The log does not tell {e.name} from zero: its interval is {e.low:.3g} to {e.high:.3g}.")
+        elif np.isfinite(e.standard_error) and e.high - e.low > 2 * VAGUE * abs(e.value):
+            half = (e.high - e.low) / 2 / abs(e.value)
+            sentences.append(f"The log hardly excites {e.name}: its interval is ±{half:.0%}.")
+    return sentences
+
+
+def missed(log: Log, names: tuple[str, ...], rms: np.ndarray, estimated: np.ndarray) -> list[str]:
+    """Where residuals are no noise: far above what neighbouring samples have of it, or as large as the signal."""
+    found = []
+    for name, off, own in zip(names, rms, estimated, strict=True):
+        if not own:
+            continue
+        turning, values = log.units.get(name) == "rad", log.columns[name][np.isfinite(log.columns[name])]
+        typical = rough_noise(log, name)
+        signal = float(np.std(np.unwrap(values) if turning else values))
+        far = off > WILD * typical or (off > SWALLOWED * signal and off > 3 * typical) or (turning and off > 1.0)
+        if far:
+            found.append(f"{name} ({np.degrees(off):.3g}°)" if turning else f"{name} ({off:.3g})")
+    if not found:
+        return []
+    return [
+        f"The simulation misses {', '.join(found)} by far more than the noise between neighbouring samples: check axes "
+        "and units of the log, and that every command is there; do not rely on the intervals."
+    ]
+
+
+def alike(estimates: dict[str, Estimate], correlation: np.ndarray, hidden: np.ndarray) -> list[str]:
+    names = list(estimates)
+    pairs = [(i, j) for i in range(len(names)) for j in range(i) if not (hidden[i] or hidden[j])]
+    return [
+        f"{names[j]} and {names[i]} are hard to tell apart: correlation {correlation[i, j]:.3f}."
+        for i, j in pairs
+        if abs(correlation[i, j]) > ALIKE
+    ]
+
+
+def coloured(whiteness: dict[str, float], there: np.ndarray, names: tuple[str, ...]) -> list[str]:
+    counts = there.sum(axis=(0, 1))
+    found = [
+        f"{name} ({whiteness[name]:.2f})"
+        for name, count in zip(names, counts, strict=True)
+        if abs(whiteness[name]) > max(COLOURED, 4 / np.sqrt(count))
+    ]
+    if not found:
+        return []
+    return [
+        f"Residuals of {', '.join(found)} follow one another (lag-one correlation): the model or the noise is not as "
+        "assumed, and the intervals may be too narrow."
+    ]
+
+
+def unsettled(changed: dict[str, float]) -> list[str]:
+    """What of the noise still changed after the last round of least squares."""
+    if not changed:
+        return []
+    worst, rest = max(changed, key=lambda name: changed[name]), len(changed) - 1
+    others = f", and {rest} more {'numbers' if rest > 1 else 'number'} of its kind" if rest else ""
+    return [
+        f"After {ROUNDS} rounds of least squares the {worst}{others} still changed, by {changed[worst]:.0%} in the "
+        "last: the intervals are that uncertain; give what is known in `noise`, or name less in `coloured` and "
+        "`process_noise`."
+    ]
+
+
+def misjudged(names: tuple[str, ...], rms: np.ndarray, sigma: np.ndarray, estimated: np.ndarray) -> list[str]:
+    return [
+        f"The noise of {name} was given as {s:.3g}, but the residuals have {r:.3g}."
+        for name, r, s, own in zip(names, rms, sigma, estimated, strict=True)
+        if not own and not 0.7 < r / s < 1.3
+    ]
+
+
+def coarse(estimates: dict[str, Estimate], shift: np.ndarray, h: float) -> list[str]:
+    """Where the step size shifts a parameter by much of its standard error."""
+    if not len(shift) or not np.nanmax(shift) > COARSE:
+        return []
+    worst = int(np.nanargmax(shift))
+    return [
+        f"The step dt = {h:g} s shifts {list(estimates)[worst]} by {shift[worst]:.1f} standard errors: take a smaller "
+        "one, or leave it out."
+    ]

@@ -1,0 +1,25 @@
+"""What does not fit in memory is refused before it is tried, with its size."""
+
+from __future__ import annotations
+
+import os
+
+from coadjoint.errors import ArgumentError
+
+
+def installed() -> float:
+    """The memory of this machine, bytes; infinite where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
+def require_room(what: str, needed: float, remedy: str, most: float | None = None) -> None:
+    """Raise ArgumentError where something needs more bytes than this machine has, or than `most`."""
+    there = installed() if most is None else most
+    if not needed <= there:
+        limit = "this machine has" if most is None else "at most it may take"
+        raise ArgumentError(
+            f"{what} would take {needed / 1e9:.3g} GB of memory, and {limit} {there / 1e9:.3g}: {remedy}."
+        )
