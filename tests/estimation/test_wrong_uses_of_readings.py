@@ -49,8 +49,37 @@ def seen(function):
     return filter(measurements={"place": estimation.Measurement(function, 1.0)})
 
 
+def whole() -> Any:
+    return run((TIMES, REST), covariances=True)
+
+
 WRONG = {
     "a number as noise": (lambda: Strapdown(noise=1e-3), "`noise` of .*StrapdownProcess must be name → number, but is"),
+    "a text as noise": (lambda: Strapdown(noise={"gyroscope": "1e-3"}), "must be numbers that are finite .* '1e-3'"),
+    "a text as gravity": (lambda: Strapdown(gravity="9.81"), "`gravity` of .* must be finite numbers, but is '9.81'"),
+    "texts as values": (
+        lambda: run((TIMES, REST), measured={"place": (PLACES[0], [["0"] * 3] * 4)}),
+        "must be .times, ",
+    ),
+    "a text as value": (lambda: filter().update({"place": ["1", "2", "3"]}), "`place` of `measured` must be"),
+    "a text as input": (lambda: filter().predict(0.02, {"imu": ["0"] * 6}), "The input `imu` "),
+    "a time that is NaN": (
+        lambda: run((TIMES, REST), measured={"place": ([0.5, np.nan], np.zeros((2, 3)))}),
+        "times of `place` of `measured` must be finite, but number 1 of 2 is nan: leave it out",
+    ),
+    "a place of two numbers": (
+        lambda: process().row(estimation.InertialState(position=(1, 2))),
+        r"`position` of an InertialState must have the shape \(3,\)",
+    ),
+    "a truth that is a table": (lambda: whole().nees({"q": 1}), "`truth` must be rows of numbers, such as a copy"),
+    "a truth of other nodes": (
+        lambda: whole().nees(estimation.InertialState(position=np.zeros((5, 3)))),
+        r"rows of the shape \(76, 28\), not \(5, 28\)",
+    ),
+    "a truth of unlike nodes": (
+        lambda: whole().nees(estimation.InertialState(position=np.zeros((5, 3)), velocity=np.zeros((4, 3)))),
+        "unlike counts of nodes: .*velocity .4, 3., position .5, 3.",
+    ),
     "a number as drift": (lambda: Strapdown(drifting=1.0), "`drifting` of .* must be name → drift, but is 1.0"),
     "gravity up": (lambda: Strapdown(gravity=-9.81), "`gravity` of .* must not be negative, but is -9.81"),
     "mounting in degrees": (lambda: Strapdown(euler_zyx=(180, 0, 0)), "must be angles in rad, up to 2π"),
@@ -107,7 +136,9 @@ def test_a_gap_between_readings_is_told(hole: slice, told: str):
 
 
 def test_what_is_printed_tells_of_readings_in_other_units():
-    right, wrong = run((TIMES, REST)), run((TIMES, REST / 9.81))
+    right = run((TIMES, REST))
+    with pytest.warns(UserWarning, match="see to its unit"):
+        wrong = run((TIMES, REST / 9.81))
     assert "place  4 of 4 used, their mean NIS" in str(right) and "of a consistent filter 3" in str(right)
     assert "not what the model expects" not in str(right) and "not what the model expects; see to units" in str(wrong)
     assert repr(right) == "<Filtered: 76 nodes to 1.5 s; print it for the NIS of its measurements>"
@@ -130,3 +161,24 @@ def test_what_a_gate_left_out_counts_in_no_mean_and_raises_an_alarm_where_it_is_
 def test_whole_numbers_of_numpy_are_whole_numbers():
     two: Any = np.int64(2)
     assert filter(members=two).rows.shape[0] == 2 and len(run((TIMES, REST), save_every=two).t) == 38
+
+
+@pytest.mark.parametrize(("scale", "told"), [(1 / 9.81, "-1.0]"), (-1.0, "9.81]")])
+def test_specific_forces_in_g_or_with_z_up_are_told(scale: float, told: str):
+    with pytest.warns(UserWarning, match="begins with .* see to its unit, its axes") as caught:
+        run((TIMES, scale * REST))
+    assert told in str(caught[0].message) and "it is [0.0, 0.0, -9.81]" in str(caught[0].message).replace("-0.0", "0.0")
+
+
+def test_readings_timed_in_milliseconds_are_told():
+    with pytest.warns(UserWarning, match="Readings of `imu` come every 20 s, .* in seconds?"):
+        run((1000 * TIMES, REST), measured={"place": (1000 * PLACES[0], PLACES[1])}, dt=1.0)
+
+
+def test_the_true_motion_of_a_nees_may_be_states_or_rows():
+    found, n = whole(), len(whole().t)
+    truth = estimation.InertialState(found.t, np.tile(np.eye(3), (n, 1, 1)), position=np.tile([0.1, 0.0, 0.0], (n, 1)))
+    rows = found.rows.copy()
+    rows[:, 1:10], rows[:, 10:13], rows[:, 13:16], rows[:, 22:] = np.eye(3).ravel(), 0.0, [0.1, 0.0, 0.0], 0.0
+    nees, free = found.nees(truth)
+    assert free == 9 and np.array_equal(nees, found.nees(rows)[0]) and np.all(nees > 0)

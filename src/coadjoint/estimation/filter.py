@@ -7,6 +7,7 @@ Control 62 (2017); Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with App
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -263,6 +264,8 @@ class Filter:
         table = Timetable(self.t, dt, until, known, told)
         for name in self.process.awaited:
             require_readings(name, told.get(name), table.times, float(dt), name in self._awaited)
+        if doubt := self.process.doubt(self.rows[0], told):
+            warnings.warn(doubt, stacklevel=2)
         numbers = [self._numbers[name] for name in known]
         sizes = self.process.input_sizes
         places = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))

@@ -73,8 +73,10 @@ class Filtered:
         """The states, with a leading axis of nodes in every leaf."""
         return self._process.state(self.rows)
 
-    def nees(self, truth: np.ndarray) -> tuple[np.ndarray, int]:
-        """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members), about the true rows of the same shape.
+    def nees(self, truth: Any) -> tuple[np.ndarray, int]:
+        """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members).
+
+        truth: rows of the same shape, or states as the process has them, with an axis of nodes, if it takes these.
 
         Of a filter whose model and noise are those of the truth it is χ² with as many degrees of freedom: those of the
         directions that are not known exactly. Raises ArgumentError where the covariances were not kept, and where some
@@ -82,6 +84,7 @@ class Filtered:
         """
         if self.covariances is None:
             raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
+        truth = self._process.rows_of(truth)
         if np.shape(truth) != self.rows.shape:
             raise ArgumentError(f"Argument `truth` must be rows of the shape {self.rows.shape}, not {np.shape(truth)}.")
         free = np.flatnonzero(np.all(self.deviations > 0, axis=tuple(range(self.deviations.ndim - 1))))

@@ -14,7 +14,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
-from coadjoint.estimation.numbers import numbers
+from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.kernels.run.kalman import Model
 
 
@@ -92,6 +92,20 @@ class Process(ABC):
     @abstractmethod
     def differ(self, row: Any, other: Any) -> Any:
         """e (n,) with other = retract(row, e), to first order, or exactly."""
+
+    def rows_of(self, states: Any) -> np.ndarray:
+        """Rows as they are given; a process may take states with an axis of nodes, too. Raises ArgumentError."""
+        try:
+            return float64(states)
+        except (TypeError, ValueError):
+            raise ArgumentError(
+                "Argument `truth` must be rows of numbers, such as a copy of the `rows` that the filter found with the "
+                f"true numbers in their places, but is {shown(states)}."
+            ) from None
+
+    def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
+        """A sentence on inputs, name → `Series`, that hardly can be meant where a filter stands at a row, or ""."""
+        return ""
 
     @abstractmethod
     def row(self, state: Any) -> np.ndarray:

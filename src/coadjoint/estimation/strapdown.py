@@ -56,6 +56,12 @@ class InertialState(NamedTuple):
     current: Any = (0.0, 0.0, 0.0)
 
 
+STATE_SIZES = {"t": 0, "rotation": 2}
+"""How many axes a number of a state has, where it is not one."""
+AT_FIRST = 1.0
+"""s at the start of a log over which the mean of the specific force is looked at."""
+DOUBTED = 0.7
+"""The part of g by which it may differ from that at rest."""
 SIZES = {"t": 1, "rotation": 9, "velocity": 3, "position": 3}
 
 
@@ -75,7 +81,7 @@ class StrapdownProcess(Process):
 
     Its input is `imu`, y = (y_g, y_a), (6,): a reading, held over the next step; there is no step before the first
     one. Readings at both ends of a step give second order by their mean. What sensors read is that of the body origin
-    O, with ν and ω from the last reading.
+    O, with ν and ω from the last reading; `InertialState` is that of the unit, with q_O = q − Rr.
 
     Arguments:
         gravity: g, m/s², one number, by default 9.81.
@@ -132,7 +138,10 @@ class StrapdownProcess(Process):
         if not isinstance(state, InertialState):
             raise ArgumentError(f"The `state` of a {WHOSE} must be an InertialState, but is {shown(state)}.")
         shapes = {"t": (), "rotation": (3, 3)}
-        parts = {name: _vector(getattr(state, name), name, shapes.get(name, (3,))) for name in state._fields}
+        parts = {
+            name: _vector(getattr(state, name), name, shapes.get(name, (3,)), "an InertialState")
+            for name in state._fields
+        }
         R = parts["rotation"]
         if np.max(np.abs(R @ R.T - np.eye(3))) > 1e-6 or np.linalg.det(R) < 0:
             raise ArgumentError(f"`rotation` of an InertialState must be a rotation, but is {shown(R.tolist())}.")
@@ -144,6 +153,37 @@ class StrapdownProcess(Process):
         found = np.concatenate([*moving, self._still(R), *theta])
         self._drifts.require_near(found[22:])
         return found
+
+    def rows_of(self, states: Any) -> np.ndarray:
+        if not isinstance(states, InertialState):
+            return super().rows_of(states)
+        parts = [finite(part, name, "an InertialState") for name, part in zip(states._fields, states, strict=True)]
+        of = [
+            part.shape[part.ndim - STATE_SIZES.get(name, 1) :] for name, part in zip(states._fields, parts, strict=True)
+        ]
+        try:
+            ahead = np.broadcast_shapes(
+                *(part.shape[: part.ndim - len(one)] for part, one in zip(parts, of, strict=True))
+            )
+            parts = [np.broadcast_to(part, ahead + one).reshape(-1, *one) for part, one in zip(parts, of, strict=True)]
+        except ValueError:
+            shapes = ", ".join(f"{name} {part.shape}" for name, part in zip(states._fields, parts, strict=True))
+            raise ArgumentError(f"The numbers of an InertialState have unlike counts of nodes: {shapes}.") from None
+        found = [self.row(InertialState(*one)) for one in zip(*parts, strict=True)]
+        return np.reshape(found, (*ahead, len(self._first)))
+
+    def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
+        if "imu" not in inputs or not len(inputs["imu"].times):
+            return ""
+        times, values = inputs["imu"]
+        R, f = row[1:10].reshape(3, 3), np.mean(values[times < times[0] + AT_FIRST].reshape(-1, 6)[:, 3:], axis=0)
+        if np.linalg.norm(R @ self._mount @ f + [0.0, 0.0, self.gravity]) <= DOUBTED * self.gravity:
+            return ""
+        return (
+            f"The specific force of `imu` begins with {np.round(f, 3).tolist()} m/s², but of a unit at rest in the "
+            f"attitude of the start it is {np.round(self._still(R)[3:], 3).tolist()}: see to its unit, its axes "
+            "(z down) and `euler_zyx`."
+        )
 
     def _still(self, R: np.ndarray) -> np.ndarray:
         """What the unit reads at rest, before it is told a reading."""
@@ -282,10 +322,10 @@ def _of(theta: Named, name: str) -> Any:
     return getattr(theta, name) if name in theta else jnp.zeros(3)
 
 
-def _vector(value: Any, name: str, shape: tuple[int, ...] = (3,)) -> np.ndarray:
-    found = finite(value, name, WHOSE)
+def _vector(value: Any, name: str, shape: tuple[int, ...] = (3,), whose: str = WHOSE) -> np.ndarray:
+    found = finite(value, name, whose)
     if found.shape != shape:
-        raise ArgumentError(f"`{name}` of {WHOSE} must have the shape {shape}, but has {found.shape}.")
+        raise ArgumentError(f"`{name}` of {whose} must have the shape {shape}, but has {found.shape}.")
     return found
 
 

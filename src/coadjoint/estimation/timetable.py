@@ -17,6 +17,8 @@ SAME = 1e-9
 """Times that differ by less, s, are one."""
 GAP = 5.0
 """How much longer than usual a reading may be held without a warning."""
+SELDOM = 1.0
+"""s between readings that are held over steps, from which on their times seem to be in another unit."""
 LARGEST = 8e9
 """Bytes that a log may take, with what is kept of it."""
 OF_A_NODE = 300.0
@@ -48,6 +50,11 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
         )
     times = np.concatenate([nodes[:1], times[times > nodes[0]], nodes[-1:]])
     held = np.diff(times)
+    if len(held) > 2 and (usual := float(np.median(held[:-1]))) >= SELDOM:
+        warnings.warn(
+            f"Readings of `{name}` come every {usual:.6g} s, and each is held that long: are their times in seconds?",
+            stacklevel=3,
+        )
     if np.max(held) > GAP * max(dt, float(np.median(held[:-1])) if len(held) > 1 else 0.0):
         k = int(np.argmax(held))
         warnings.warn(
@@ -76,10 +83,16 @@ def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], membe
             f"`{name}` of `{argument}` must be (times, values), both numbers, but is {shown(given)}."
         ) from None
     size, count = sizes[name], len(np.atleast_1d(times))
-    if times.ndim != 1 or not np.all(np.isfinite(times)) or len(np.atleast_1d(values)) != count:
+    if times.ndim != 1 or len(np.atleast_1d(values)) != count:
         raise ArgumentError(
-            f"`{name}` of `{argument}` must be finite times (K,) and as many values, but their shapes are "
-            f"{times.shape} and {values.shape}."
+            f"`{name}` of `{argument}` must be times (K,) and as many values, but their shapes are {times.shape} and "
+            f"{values.shape}."
+        )
+    if not np.all(np.isfinite(times)):
+        k = int(np.argmin(np.isfinite(times)))
+        raise ArgumentError(
+            f"The times of `{name}` of `{argument}` must be finite, but number {k} of {count} is {times[k]}: leave it "
+            "out."
         )
     if argument == "inputs" and not np.all(np.isfinite(values)):
         at = times[int(np.argmin(np.all(np.isfinite(values.reshape(count, -1)), axis=1)))]

@@ -82,6 +82,8 @@ def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder
         ('"imu", ', '"dvl", ', r"names has a sensor twice"),
         ('["imu", "dvl", "pressure"]', '"imu"', r"names must be a list such as"),
         ("bottom_m = 18", 'bottom = "deep"', r"bottom must be the depth of the bottom, one number"),
+        ("bottom_m = 18", "bottom_m = nan", r"bottom must be a depth of at least 0 m, positive down, but is nan m"),
+        ("bottom_m = 18", "bottom_m = -18", r"bottom must be a depth of at least 0 m, positive down, but is -18 m"),
         ("bottom_m = 18", "bottom_s = 18", r"ends in a unit of time, but `bottom` measures length"),
         (
             "duration = 3",

@@ -213,6 +213,16 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
             lambda: readings(run(), sensors=["imu"])["imu"].of("heading"),
             "reads no `heading`: it reads angular_velocity_x",
         ),
+        (
+            lambda: readings(run(), sensors=["imu"]).add_to("x"),
+            "must be that of a run, such as run.dataset, but is 'x'",
+        ),  # pyright: ignore[reportArgumentType]
+        (lambda: readings(run(), bottom="20"), "`bottom` must be a number"),  # pyright: ignore[reportArgumentType]
+        (lambda: readings(run(), bottom=np.nan), "`bottom` must be finite"),
+        (
+            lambda: readings(run(), sensors=[Altimeter(name="fast", rate=1e9)], bottom=50),
+            "at 1e+09 readings in a second",
+        ),
         (lambda: readings(run(), sensors=[Altimeter(name="altimeter", rate=1)]), "needs `bottom`"),
     ],
 )

@@ -20,6 +20,7 @@ from coadjoint.vehicles.sensors import (
     Gps,
     Imu,
     Kinematics,
+    Noise,
     Usbl,
     at_node,
 )
@@ -198,6 +199,25 @@ def test_a_node_of_a_craft_is_read():
         (lambda: Imu(name="imu", rate=1, latency=-1), "`latency` of the sensor `imu` must be at least 0"),
         (lambda: Imu(name="imu", rate=1, dropout=1.2), "`dropout` of the sensor `imu` must be at most 1"),
         (lambda: Imu(name="imu", rate=1, gyroscope=Errors(noise=-1.0)), "`gyroscope.noise` of the sensor `imu`"),
+        (lambda: Imu(name="imu", rate=1, gyroscope=Errors(noise=-1.0)), "of the sensor `imu` must be at least 0, but"),
+        (
+            lambda: Imu(name="imu", rate=1, euler_zyx=(180, 0, 0)),
+            "`euler_zyx` of the sensor `imu` must be at most a turn",
+        ),
+        (lambda: Compass(name="compass", rate=1, declination=30.0), "`declination` of the sensor `compass` must be at"),
+        (
+            lambda: Dvl(name="dvl", rate=1, largest_tilt=20.0),
+            "at most half a turn, π rad, but is 20.0 rad: give degrees by",
+        ),
+        (
+            lambda: DvlBeams(name="dvl", rate=1, beam_angle=30.0),
+            "`beam_angle` of the sensor `dvl` must be at most a right",
+        ),
+        (lambda: Dvl(name="dvl", rate=1, lowest=50.0, highest=5.0), "must be below `highest`, 5 m, but is 50 m: so it"),
+        (
+            lambda: Noise(Dvl(name="dvl", rate=1), 0).read(np.zeros((4, 2))),
+            "velocity_z, (k, 3), but has the shape (4, 2)",
+        ),
         (lambda: Imu(name="imu", rate=1, gyroscope=Errors(noise=[1, 2])), "must be one number, or 3"),
         (lambda: Imu(name="imu", rate=1, gyroscope=Errors(noise=1.0, noise_density=1.0)), "give one of them"),
         (lambda: Imu(name="imu", rate=1, gyroscope=Errors(bias_instability=1.0)), "`bias_time` together"),

@@ -56,6 +56,11 @@ def read_log(
         from coadjoint.vehicles.logs.bags.reading import read_bag
 
         return read_bag(path, axes=axes, ignore=ignore, **options)
+    if Path(path).suffix.lower() == ".nc":
+        raise FileError(
+            f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that "
+            "ends in .mcap or .csv."
+        )
     if options:
         raise ArgumentError(
             f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAGS)}."

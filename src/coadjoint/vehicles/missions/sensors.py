@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.units import LENGTH
@@ -65,6 +67,8 @@ def _bottom(file: MissionFile, given: dict[str, Any]) -> float | Bottom | None:
     bottom = given.get("bottom", legs.bottom(file))
     if bottom is not None and (isinstance(bottom, bool) or not isinstance(bottom, (int, float))):
         raise ArgumentError(f"[sensors] bottom must be the depth of the bottom, one number, but is {bottom!r}.")
+    if bottom is not None and not (np.isfinite(bottom) and bottom >= 0):
+        raise ArgumentError(f"[sensors] bottom must be a depth of at least 0 m, positive down, but is {bottom!r} m.")
     return None if bottom is None else float(bottom)
 
 

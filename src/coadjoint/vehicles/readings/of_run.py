@@ -14,6 +14,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import Origin, State
+from coadjoint.models.quantities import number
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.streamed import StreamedRun
 from coadjoint.spaces.named import Named
@@ -26,6 +27,8 @@ from coadjoint.vehicles.sensors.sensor import Sensor, different
 
 BLOCK = 512
 """Nodes, and readings, that are computed together: always as many, so that each is the same to the bit in any run."""
+OF_A_NUMBER, LARGEST = 64.0, 8e9
+"""Bytes that a number of a reading takes, and that all readings of a sensor may take."""
 SLACK = 1e-9
 """The part of a period by which a reading may come after the end."""
 
@@ -46,7 +49,8 @@ def readings(
     A reading between two nodes is of the cubics through both (`between`); where a run saved fewer nodes than steps, or
     its records are on disk, its steps are taken again. The errors are drawn from the seed, for each sensor by its name,
     so that they depend neither on the other sensors nor on how long the run is, or whether it was resumed. Sensors are
-    read after the run: they do not act on it.
+    read after the run: they do not act on it. Of a mission with sensors that are lost `run.dataset` has what is left of
+    their readings; these here are all.
 
     run: of `co.simulate`, of a single craft. seed: a whole number of at least 0. sensors: names, or sensors of one's
     own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function
@@ -56,6 +60,8 @@ def readings(
     """
     if not isinstance(run, Run):
         raise ArgumentError(f"Argument `run` must be a run of co.simulate, of a single craft, but is {shown(run)}.")
+    if bottom is not None and not callable(bottom):
+        bottom = float(number(bottom, "bottom"))
     craft = craft_of(run.system) if craft is None else craft
     chosen = chosen_sensors(craft, sensors)
     noises = [Noise(one, seed) for one in chosen]
@@ -138,6 +144,12 @@ def _read(sensor: Sensor, noise: Noise, moving: Kinematics) -> SensorReading:
 def reading_times(sensor: Sensor, since: float, until: float) -> np.ndarray:
     """since + k/rate up to `until`, (k,) s."""
     rate = float(sensor.rate)
+    count = (until - since) * rate
+    if not OF_A_NUMBER * sensor.size * count <= LARGEST:
+        raise ArgumentError(
+            f"The sensor `{sensor.name}` would read {count:.3g} times in {until - since:.6g} s, at {rate:g} readings "
+            "in a second, for which there is no memory: give it a smaller `rate`, in Hz."
+        )
     return since + np.arange(int(np.floor((until - since) * rate + SLACK)) + 1) / rate
 
 

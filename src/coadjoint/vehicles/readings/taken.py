@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.csv_tables import csv_text
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.units import ending
 from coadjoint.vehicles.sensors.sensor import Sensor
 
@@ -88,7 +88,11 @@ class Readings(Mapping[str, SensorReading]):
         return made
 
     def add_to(self, dataset: xarray.Dataset) -> None:
-        """Put the variables of all sensors into a dataset, which is changed."""
+        """Put the variables of all sensors into a dataset, which is changed; raises ArgumentError for what is none."""
+        if not hasattr(dataset, "coords"):
+            raise ArgumentError(
+                f"Argument `dataset` must be that of a run, such as run.dataset, but is {shown(dataset)}."
+            )
         for name, read in self.taken.items():
             key, begin, sensor = PREFIX + name, 0, read.sensor
             dataset.coords[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})

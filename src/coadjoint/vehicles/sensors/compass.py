@@ -9,11 +9,10 @@ import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import number, positive
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned
-from coadjoint.vehicles.sensors.sensor import Sensor, wrapped
+from coadjoint.vehicles.sensors.sensor import Sensor, tilt, turn, wrapped
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,8 +26,8 @@ class Compass(Sensor):
 
     kind: ClassVar[str] = "compass"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("heading", ("heading",), u.ANGLE, "rad", angle=True),)
-    declination: Any = measured(u.ANGLE, number, default=0.0)
-    largest_tilt: Any = measured(u.ANGLE, positive, default=None)
+    declination: Any = measured(u.ANGLE, turn, default=0.0)
+    largest_tilt: Any = measured(u.ANGLE, tilt, default=None)
     heading: Errors = field(default_factory=Errors)
 
     def reading(self, motion: Kinematics, own: Any) -> Array:
@@ -52,7 +51,7 @@ class Ahrs(Sensor):
         Channel("tilt", ("roll", "pitch"), u.ANGLE, "rad", angle=True),
         Channel("heading", ("heading",), u.ANGLE, "rad", angle=True),
     )
-    declination: Any = measured(u.ANGLE, number, default=0.0)
+    declination: Any = measured(u.ANGLE, turn, default=0.0)
     tilt: Errors = field(default_factory=Errors)
     heading: Errors = field(default_factory=Errors)
 

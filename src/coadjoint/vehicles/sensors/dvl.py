@@ -10,12 +10,16 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.models.quantities import not_negative, number, positive
+from coadjoint.models.quantities import not_negative, positive
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.compass import upright
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned
-from coadjoint.vehicles.sensors.sensor import Sensor, along_beams
+from coadjoint.vehicles.sensors.sensor import Sensor, along_beams, angle_within, tilt, turn
+
+
+def _acute(value: Any, name: str) -> Any:
+    return angle_within(0.5 * np.pi, "a right angle, π/2")(positive(value, name), name)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,7 +39,7 @@ class Dvl(Sensor):
     track: Any = measured(None, None, words=("bottom", "water"), default="bottom")
     lowest: Any = measured(u.LENGTH, not_negative, default=None)
     highest: Any = measured(u.LENGTH, positive, default=None)
-    largest_tilt: Any = measured(u.ANGLE, positive, default=None)
+    largest_tilt: Any = measured(u.ANGLE, tilt, default=None)
     velocity: Errors = field(default_factory=Errors)
 
     def reading(self, motion: Kinematics, own: Any) -> Array:
@@ -66,8 +70,8 @@ class DvlBeams(Dvl):
     channels: ClassVar[tuple[Channel, ...]] = (
         Channel("velocity", tuple(f"beam_{i}" for i in range(1, 5)), u.SPEED, "m/s"),
     )
-    beam_angle: Any = measured(u.ANGLE, positive)
-    azimuth: Any = measured(u.ANGLE, number, default=0.0)
+    beam_angle: Any = measured(u.ANGLE, _acute)
+    azimuth: Any = measured(u.ANGLE, turn, default=0.0)
 
     def beams(self, own: Any = None) -> Array:
         """The unit vectors b_i, (4, 3), in its own axes."""

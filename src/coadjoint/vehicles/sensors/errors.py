@@ -113,10 +113,10 @@ def checked(errors: Any, channel: Channel, whose: str) -> Errors:
 def _checked(value: Any, title: str, name: str, channel: Channel) -> Any:
     check = positive if name == "bias_time" else not_negative
     if np.ndim(value) == 0 or name == "bias_time":
-        return check(value, title)
+        return check(value, title.removesuffix("`"))
     size = 3 if name == "misalignment" else len(channel.components)
     if np.shape(value) != (size,):
         raise ArgumentError(
             f"Argument `{title} must be one number, or {size}, one for each component, but has shape {np.shape(value)}."
         )
-    return np.array([check(one, title) for one in np.asarray(value)], dtype=float)
+    return np.array([check(one, title.removesuffix("`")) for one in np.asarray(value)], dtype=float)

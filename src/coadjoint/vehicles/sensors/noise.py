@@ -47,6 +47,11 @@ class Noise:
     def read(self, exact: Any) -> Drawn:
         """The next k readings, (k, m), of what would be read without errors, (k, m): exact ones and their errors."""
         exact = np.asarray(exact, dtype=float)
+        if exact.ndim != 2 or exact.shape[1] != self.sensor.size:
+            raise ArgumentError(
+                f"Argument `exact` must be readings of {', '.join(self.sensor.names)}, (k, {self.sensor.size}), but "
+                f"has the shape {exact.shape}."
+            )
         count, found, begin = len(exact), [], 0
         white, wander, walk, outlier = (
             self._random[name].standard_normal(exact.shape) for name in ("white", "wander", "walk", "outlier")

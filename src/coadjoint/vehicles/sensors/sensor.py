@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,8 +14,8 @@ import numpy as np
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
-from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.models.quantities import angles, not_negative, positive, vector
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.models.quantities import angles, not_negative, number, positive, vector
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.axes import body_axes
 from coadjoint.vehicles.parts.measured import check_fields, measured, place, share
@@ -24,8 +24,33 @@ from coadjoint.vehicles.sensors.errors import Channel, Errors, checked
 from coadjoint.vehicles.sensors.kinematics import Kinematics
 
 
+def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
+    """The check of angles, rad, of at most `most` in size, which sentences call `words`."""
+
+    def check(value: Any, name: str) -> Any:
+        found = angles(value, name)
+        if not traced(found) and np.any(np.abs(found) > most * (1 + 1e-12)):
+            raise ArgumentError(
+                f"Argument `{name}` must be at most {words} rad, but is {np.asarray(found).tolist()} rad: give degrees "
+                "by np.radians, or in a file with their unit."
+            )
+        return found
+
+    return check
+
+
 def _pose(value: Any, name: str) -> Any:
-    return angles(vector(value, name), name)
+    return angle_within(2 * np.pi, "a turn, 2π")(vector(value, name), name)
+
+
+def tilt(value: Any, name: str) -> Any:
+    """A positive angle of at most π, rad; raises ArgumentError."""
+    return angle_within(np.pi, "half a turn, π")(positive(value, name), name)
+
+
+def turn(value: Any, name: str) -> Any:
+    """One angle of at most a turn, rad; raises ArgumentError."""
+    return angle_within(2 * np.pi, "a turn, 2π")(number(value, name), name)
 
 
 def _turned_pose(value: Any, axes: Any) -> Any:
@@ -63,6 +88,12 @@ class Sensor(Numbers, ABC):
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ArgumentError(f"The name of a sensor must be a word such as 'imu', but is {shown(self.name)}.")
         check_fields(self, self.title)
+        lowest, highest = (getattr(self, name, None) for name in ("lowest", "highest"))
+        if lowest is not None and highest is not None and not lowest < highest:
+            raise ArgumentError(
+                f"Argument `lowest` of the {self.title}` must be below `highest`, {float(highest):g} m, but is "
+                f"{float(lowest):g} m: so it would never read."
+            )
         for channel in self.channels:
             object.__setattr__(self, channel.name, checked(self.errors(channel), channel, f"{self.title}`"))
 

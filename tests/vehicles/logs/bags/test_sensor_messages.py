@@ -61,7 +61,7 @@ def test_readings_are_read_back_as_they_were(run, bags, axes):
     assert np.allclose(log.time, read["imu"].time - read["imu"].time[0], rtol=0, atol=1e-9)
     log, speed = columns(path, "/sensors/dvl", "uvw")
     assert np.array_equal(speed, read["dvl"].of("velocity")) and not {"p", "q", "r"} & set(log.columns)
-    assert any("position = 0.3 0 0.1" in note for note in log.notes)
+    assert any("a sensor at 0.3, 0, 0.1 m forward, starboard and down" in note for note in log.notes)
     _, angles = columns(path, "/sensors/ahrs", ("roll", "pitch", "heading"))
     np.testing.assert_allclose(angles, read["ahrs"].values, atol=1e-12)
     _, depth = columns(path, "/sensors/pressure", ("depth",))
@@ -118,3 +118,25 @@ def test_water_that_is_none_is_refused(run, tmp_path: Path):
     for wrong in wrongs:
         with pytest.raises(CoadjointError, match=next(iter(wrong))):
             write_mcap(run[0].dataset, tmp_path / "x.mcap", **wrong)
+
+
+def test_topics_that_tell_nothing_of_the_motion_and_a_text_of_one_are_told(bags):
+    both = r"/sensors/compass \(coadjoint_msgs/msg/Compass, 13\).* `sensors`, and the others are .*/odometry"
+    with pytest.raises(co.FileError, match=both) as told:
+        read_log(bags / "NED.mcap", topics=["/sensors/compass"])
+    assert ", 0)" not in str(told.value)
+    text: Any = "/sensors/imu"
+    with pytest.raises(co.ArgumentError, match=r"must be a list of topics, such as \['/sensors/imu'\], but is"):
+        read_log(bags / "NED.mcap", topics=text)
+
+
+def test_a_dataset_in_place_of_a_log_is_told_with_what_to_do(tmp_path):
+    craft = co.vehicles.Craft(co.vehicles.load("ellipsoid"))
+    run = co.simulate(craft.system, craft.start(position=(0, 0, 10), speed=1.0), dt=0.05, duration=1, progress=False)
+    run.save(tmp_path / "run.nc")
+    with pytest.raises(
+        co.FileError, match=r"run.nc is a dataset, not a log: of a run `co.load` reads it, whose `save`"
+    ):
+        read_log(tmp_path / "run.nc")
+    co.load(tmp_path / "run.nc").save(tmp_path / "run.csv")
+    assert len(read_log(tmp_path / "run.csv")) == 21

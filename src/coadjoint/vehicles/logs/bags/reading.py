@@ -74,6 +74,8 @@ def read_bag(
     if axes is not None:
         space_axes(axes)
     native = "NED/FRD" if file.suffix.lower() in ARDUPILOT_FILES else "ENU/FLU"
+    if isinstance(topics, str):
+        raise ArgumentError(f"Argument `topics` must be a list of topics, such as [{topics!r}], but is {topics!r}.")
     wanted = declared(sensors, axes, native)
     chosen = set(topics) | wanted.topics if topics is not None else wanted.topics if sensors is not None else None
     bags = [_opened(part, chosen, partial) for part in _parts(file)]
@@ -91,6 +93,13 @@ def read_bag(
         space_axes(native)
         wanted = declared(sensors, axes, native)
     found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore)
+    if not found and chosen:
+        taken = ", ".join(f"{name} ({there[name][0]}, {there[name][1]})" for name in sorted(chosen))
+        raise FileError(
+            f"{file} holds no message that measures a vehicle on the topics that are taken, {taken}: what is of "
+            "another type is declared by `sensors`, and the others are "
+            f"{', '.join(sorted(set(there) - chosen)) or 'none'}."
+        )
     if not found:
         known = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in sorted(there.items()))
         raise FileError(f"{file} holds no message that measures a vehicle; it holds {known or 'none'}.")
