@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
@@ -88,12 +87,12 @@ def curve(rod: System, first: Any, strain: Any) -> Any:
     group: Any = rod.group
     p: Any = rod.parameters
 
-    def whole(first: Any, steps: Any) -> Any:
-        moved = jax.vmap(group.factor.exp)(steps)
-        poses = jax.tree.map(lambda one, rest: jnp.concatenate([one[None], rest]), first, moved)
-        return jax.lax.associative_scan(jax.vmap(group.factor.compose), poses)
-
-    return evaluate(whole, first, np.asarray(strain) * np.asarray(p.length)[:, None])
+    moved = evaluate(jax.vmap(group.factor.exp), np.asarray(strain) * np.asarray(p.length)[:, None])
+    poses = [jax.tree.map(np.asarray, first)]
+    # One after the other: each pose is that of the section before it times its own element's to the last digit.
+    for R, x in zip(*moved, strict=True):
+        poses.append(group.factor.compose(poses[-1], (R, x)))
+    return jax.tree.map(lambda *parts: np.stack(parts), *poses)
 
 
 def _start(rod: System, first: Any, curvature: Any, velocity: Any, angular_velocity: Any, down: Any) -> State:
