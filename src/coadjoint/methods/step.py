@@ -86,8 +86,9 @@ class Step(ABC):
     def remember_by_xla(self, system: System, state: State) -> State:
         """The state with the memory of a run by XLA: factors of links are carried over, at the start none yet."""
         how = self.structure(system)
-        without = not isinstance(how, Coupled) or state.memory is not None
-        return state if without else state.replace(memory=how.nothing())
+        if not isinstance(how, Coupled) or state.memory is not None:
+            return state
+        return state.replace(memory=how.nothing())
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
         """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
