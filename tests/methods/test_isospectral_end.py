@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.methods.isospectral_end import ROUND_OFF, correction
+from coadjoint.methods.isospectral_end import ROUND_OFF, correction, valued
 from coadjoint.methods.isospectral_fields import brackets, moved
 from systems import generator
 
@@ -42,3 +43,27 @@ def test_a_correction_that_diverges_is_no_number():
     xi, z, r = generator("diverges").normal(size=(3, group.dim))
     end = lambda r: correction(system, (9.0 * xi, jnp.zeros(0)), r, z, jnp.asarray(1.0), jnp.float64)  # noqa: E731
     assert np.isnan(evaluate(end, 1e-9 * r)).all() and not np.any(evaluate(end, 0.0 * r))
+
+
+def test_a_value_with_the_derivatives_of_another_has_all_of_them():
+    def sixth(x):
+        return valued(jax.lax.stop_gradient(x**3), x**3) ** 2
+
+    second, third = jax.grad(jax.grad(sixth)), jax.jacfwd(jax.grad(jax.grad(sixth)))
+    found = [evaluate(function, np.float64(2.0)) for function in (sixth, jax.grad(sixth), second, third)]
+    np.testing.assert_allclose(found, [64.0, 192.0, 480.0, 960.0], rtol=1e-15)
+
+
+def test_second_derivatives_of_a_path_equal_differences_of_first():
+    system = co.System(co.Un(3), hamiltonian=lambda mu: 0.5 * mu @ (np.arange(1.0, 10.0) * mu))
+    start = system.state(mu=0.3 * generator("second").normal(size=9))
+
+    def value(factor):
+        given = {"dt": 0.1, "steps": 4, "method": co.IsospectralMidpoint()}
+        return jnp.sum(jnp.asarray(co.trajectory(system, start.replace(mu=factor * start.mu), **given).final.mu) ** 3)
+
+    with co.float64():
+        slope = jax.jit(jax.grad(value))
+        found = jax.jvp(slope, (1.0,), (1.0,))[1]
+        difference = (slope(1 + 1e-4) - slope(1 - 1e-4)) / 2e-4
+    np.testing.assert_allclose(found, difference, rtol=1e-6)

@@ -91,4 +91,4 @@ def valued(value: Array, other: Array) -> Array:
 
 @valued.defjvp
 def _valued_slope(primals, tangents):
-    return primals[0], tangents[1]
+    return valued(*primals), tangents[1]

@@ -86,9 +86,9 @@ class Step(ABC):
     def remember_by_xla(self, system: System, state: State) -> State:
         """The state with the memory of a run by XLA: factors of links are carried over, at the start none yet."""
         how = self.structure(system)
-        if isinstance(how, Coupled) and state.memory is None:
-            return state.replace(memory=how.nothing())
-        return state
+        if not isinstance(how, Coupled) or state.memory is not None:
+            return state
+        return state.replace(memory=how.nothing())
 
     def require_members(self, system: System, parameters: Any, axes: Any, states: State) -> None:
         """Raise ArgumentError where a member of an ensemble does not fit, as `remember` does where there is one.
@@ -124,8 +124,7 @@ class Step(ABC):
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         """`state` with the unknowns z = (ξ, y), (dim G + dim Q,), of the step that starts at it."""
         xi, y = z[: system.group.dim], z[system.group.dim :]
-        memory = None if isinstance(state.memory, Factors) else state.memory
-        return state.replace(xi=xi, nu=self.velocity(system, state, h, xi, y), memory=memory)
+        return in_records(state).replace(xi=xi, nu=self.velocity(system, state, h, xi, y))
 
     def residual(self, system: System, state: State, h: Array, z: Array) -> Array:
         """The equations of the step at the unknowns z; both of shape (unknowns,)."""
@@ -250,3 +249,8 @@ def _momentum_sizes(system: System, record: State, h: Array) -> tuple[_Sizes, _S
         return _Sizes(jnp.maximum(*parts), jnp.maximum(*of_least))
 
     return sizes(0), sizes(1)
+
+
+def in_records(state: State) -> State:
+    """The state with what records keep of it: factors that go on from step to step are no part of them."""
+    return state.replace(memory=None) if isinstance(state.memory, Factors) else state

@@ -35,6 +35,7 @@ from coadjoint.log import logger
 from coadjoint.manifest import Manifest, entry
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import EVENTS, Constants
+from coadjoint.methods.step import in_records
 from coadjoint.simulation import checkpoint
 from coadjoint.simulation.chunks import Chunks, unset
 from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
@@ -112,7 +113,7 @@ class Store:
 
     def lay_out(self, constants: Constants, state: State) -> None:
         """Allocate all arrays, empty, for records like `state`, which belongs to one member."""
-        rows = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
+        rows = jax.tree.map(lambda leaf: np.asarray(leaf)[None], in_records(state))
         backend = self.plan.backend if self.members is None else "xla"  # the kernel of many does not know one
         shapes = monitor_shapes(self.plan.program, constants, state, backend) if self.plan.monitors else {}
         seen = {name: np.zeros((1, *shape)) for name, shape in shapes.items() if name != EVENTS}
@@ -167,7 +168,7 @@ class Store:
         if self.lock is not None:
             self._chunks.sweep()
         self.ends = {name: (arrays[f"first/{name}"], arrays[f"last/{name}"]) for name in header["monitors"]}
-        self.last = checkpoint.state_like("record", arrays, begun.state) if self.count else None
+        self.last = checkpoint.state_like("record", arrays, in_records(begun.state)) if self.count else None
         sampled = ((name.partition("/"), numbers) for name, numbers in arrays.items())
         self.sampled = {name: numbers for (kind, _, name), numbers in sampled if kind == "sample"}
         self._slot = int(self.manifest.facts["checkpoint"] == _checkpoint(0))

@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, Interrupted, StepError
 from coadjoint.interrupts import heeded
 from coadjoint.kernels.chunk import Chunk
+from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import native, xla
@@ -31,6 +32,7 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.step import in_records
 from coadjoint.simulation import ensemble
 from coadjoint.simulation.arguments import require_kinds, step_size, whole
 from coadjoint.simulation.backwards import require_forward, require_reversible
@@ -135,6 +137,7 @@ def computed(
             "co.trajectory inside your own jit, grad or vmap needs float64: wrap it in `with co.float64():`."
         )
     _require_room(begun, blocks)
+    begun = in_records(begun) if backend == "native" else begun
     chosen = _choose(program, constants, begun, backend, inside)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
@@ -160,12 +163,12 @@ def _require_room(state: State, blocks: Blocks) -> None:
 
 
 def _choose(program: StepProgram, constants: Constants, state: State, backend: Backend, inside: bool) -> Backend:
-    """Native code where JAX computes on this processor anyway and the step can be traced.
+    """Native code where JAX computes on this processor anyway, the step can be traced and the state is not XLA's.
 
     Inside a transformation numbers are not known: others of their shapes stand for them. Steps that may fail have no
     derivative in native code.
     """
-    if backend == "auto" and jax.default_backend() != "cpu":
+    if backend == "auto" and (jax.default_backend() != "cpu" or isinstance(state.memory, Factors)):
         return "xla"
     if inside and any(stage.tolerant for stage in program.stages):
         if backend == "native":

@@ -10,26 +10,34 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.packing import Layout, layout
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
+from coadjoint.methods.step import in_records
 from coadjoint.simulation.steppers.trees import rows_of, spread
 
 
 class Beginning:
     """States of `members` (None: of a single one) that `method` begins with steps of h, as rows (members, size).
 
-    like: a state that was begun, and constants, of one member: their layouts. held: its inputs at the start.
+    like: a state that was begun, and constants, of one member: their layouts. by_xla: whether XLA takes the steps.
     """
 
     def __init__(
-        self, skeleton: System, method: Method, h: float, members: int | None, like: State, constants: Constants
+        self,
+        skeleton: System,
+        method: Method,
+        h: float,
+        members: int | None,
+        like: State,
+        constants: Constants,
+        by_xla: bool = False,
     ):
-        self.skeleton, self.method, self.h, self.members = skeleton, method, h, members
+        self.skeleton, self.method, self.h, self.members, self.by_xla = skeleton, method, h, members, by_xla
         self.state, self.constants, self.held = layout(like), layout(constants), like.inputs
         self._tabulated: dict[Layout, Callable[..., Any]] = {}
 
@@ -48,7 +56,7 @@ class Beginning:
             # What is held at the start is that of the stepper.
             held = None if self.held is None else spread(self.held, (count,))
             return self.begun(whole, parameters, held)
-        whole = whole.replace(ledger=None)
+        whole = evaluate(jax.vmap(self.carrying), whole.replace(ledger=None))
         self._require_like(whole)
         return rows_of(whole, count)
 
@@ -61,7 +69,7 @@ class Beginning:
             system = replace_parameters(self.skeleton, constants.system)
             if self.method.start != "velocity":
                 state = with_own_momenta(system.driven(None), state)
-            return self.method.begin(system, state.replace(inputs=held), self.h)
+            return self.carrying(self.method.begin(system, state.replace(inputs=held), self.h))
 
         given = constants, starts, held
         form = layout(given)
@@ -70,6 +78,10 @@ class Beginning:
         states = self._tabulated[form](*given)
         self._require_like(states)
         return rows_of(states, count)
+
+    def carrying(self, state: State) -> State:
+        """A state with what steps by XLA carry over, or without it: runs and other steppers have it or not."""
+        return self.method.begin_by_xla(self.skeleton, state) if self.by_xla else in_records(state)
 
     def _require_like(self, states: State) -> None:
         single = jax.tree.map(lambda leaf: leaf[0], states)

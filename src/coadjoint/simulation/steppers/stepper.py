@@ -128,9 +128,19 @@ class Stepper(Stepping):
         fixed, compiled_in = fixed_parameters(constants, parameters, changing)
         face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), compiled_in)
         self._watch = watched
-        with as_read(version):
-            engine = self._engine_of(face, constants, begun, backend)
-        face = replace(face, compiled_in=()) if isinstance(engine, XlaEngine) else face
+        engine: Engine | None = None
+        try:
+            if backend != "xla":
+                with as_read(version):
+                    engine = self._native(face, constants, begun)
+        except Untraceable as reason:
+            fall_back(reason, backend)
+        if engine is None:
+            begun = method.begin_by_xla(one, begun)
+            self._beginning = Beginning(skeleton, method, h, count, begun, constants, by_xla=True)
+            face = self._face(shapes_of(begun), commands, fixed, Fields.of(seen), ())
+            layouts = self._beginning.constants, self._beginning.state
+            engine = XlaEngine(self._program, watched, layouts, face.commanded)
         states = self._beginning.begun(starts, parameters, starts.inputs)
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
@@ -159,16 +169,6 @@ class Stepper(Stepping):
             remedies=method.remedies,
             compiled_in=compiled_in,
         )
-
-    def _engine_of(self, face: Face, constants: Constants, begun: State, backend: Backend) -> Engine:
-        """Machine code, or XLA for what machine code cannot take."""
-        if backend != "xla":
-            try:
-                return self._native(face, constants, begun)
-            except Untraceable as reason:
-                fall_back(reason, backend)
-        layouts = (self._beginning.constants, self._beginning.state)
-        return XlaEngine(self._program, self._watch, layouts, face.commanded)
 
     def _native(self, face: Face, constants: Constants, begun: State) -> NativeEngine:
         width = 1 if face.members is None else lanes()
@@ -201,6 +201,7 @@ class Stepper(Stepping):
         return dict(zip(self.face.observations.names, found, strict=True))
 
     def _single(self, state: State) -> State:
+        state = self._beginning.carrying(state) if isinstance(state, State) else state
         if not isinstance(state, State) or state.from_velocities or layout(state) != self._beginning.state:
             raise ArgumentError("Argument `state` must be that of a single member, as `stepper.state` shows it.")
         if any(np.dtype(getattr(leaf, "dtype", float)) != np.float64 for leaf in jax.tree.leaves(state)):
