@@ -219,7 +219,8 @@ class IsospectralMidpoint(Method, Whole):
         single precision has it to round-off. Derivatives are those at W̃.
         """
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
-        found = record.memory.found or self._right_sides(system, z, slopes, h)
+        found = record.memory.found
+        found = self._right_sides(system, z, slopes, h) if found is None else found
         found = jax.lax.stop_gradient(found)
         off = found.at - jax.lax.stop_gradient(lifted(system, record.mu, record.a)) - found.moves.whole
         large = len(z) >= LARGE * np.prod(rows_of(system))

@@ -25,6 +25,5 @@ def test_ratios_of_the_arctangent_and_two_derivatives_are_their_integrals(k: int
 
     for n, function in enumerate([ratio, jax.grad(ratio), jax.grad(jax.grad(ratio))]):
         found = float(evaluate(function, np.float64(t)))
-        assert abs(found - integral(k, n, t)) < 1e-15 * 4 ** (
-            n + k
-        )  # each ratio loses as much where it leaves its series
+        bound = 1e-15 * 4 ** (n + k)  # each further ratio loses as much where it leaves its series
+        assert abs(found - integral(k, n, t)) < bound

@@ -115,7 +115,7 @@ class FixedPoint:
             jnp.asarray(1.0) if isinstance(carried, tuple) else jnp.minimum(lax.stop_gradient(carried) * length, 1.0)
         )
 
-        def settle(_, start):
+        def settle(_, start):  # what it is given is the residual alone
             end = self._iterated(evaluated, start, expected=expected)
             how = jnp.where(end.settled, Code.CONVERGED, Code.NOT_CONVERGED)
             code = jnp.where(jnp.all(jnp.isfinite(end.unknowns)), how, Code.NOT_FINITE)
