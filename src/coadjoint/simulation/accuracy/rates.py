@@ -14,6 +14,9 @@ SHORT = 1e-3
 NUDGE = 1e-6
 """The difference, relative to each kind of coordinate, by which it is linearised."""
 
+SLOWEST = 1e-9
+"""Rates below this, over that part of a step, are round-off."""
+
 EXCITED = 1e-3
 """How far a mode is from where it rests, relative to the state, to count as excited."""
 
@@ -55,6 +58,6 @@ def _excited(flow: np.ndarray, moved: np.ndarray, short: float) -> float | None:
         shares = np.linalg.solve(modes, moved.astype(complex))
     except np.linalg.LinAlgError:
         return None
-    away = np.abs(shares) * np.max(np.abs(modes), axis=0) / np.maximum(np.abs(z), 1e-300)
-    excited = (np.abs(z) > 1e-9) & (away > EXCITED)
+    away = np.abs(shares) * np.max(np.abs(modes), axis=0) / np.maximum(np.abs(z), SLOWEST)
+    excited = (np.abs(z) > SLOWEST) & (away > EXCITED)
     return float(np.max(np.abs(z[excited]), initial=0.0) / short)
