@@ -19,7 +19,7 @@ def require_room(what: str, needed: float, remedy: str, most: float | None = Non
     """Raise ArgumentError where something needs more bytes than this machine has, or than `most`."""
     there = installed() if most is None else most
     if not needed <= there:
-        limit = "this machine has" if most is None else "at most it may take"
+        limit = "this machine has" if most is None else "may take at most"
         raise ArgumentError(
-            f"{what} would take {needed / 1e9:.3g} GB of memory, and {limit} {there / 1e9:.3g}: {remedy}."
+            f"{what} would take {needed / 1e9:.3g} GB of memory, and {limit} {there / 1e9:.3g} GB: {remedy}."
         )

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from coadjoint.estimation.filter import Innovation as Innovation
     from coadjoint.estimation.filtered import Consistency as Consistency
     from coadjoint.estimation.filtered import Filtered as Filtered
+    from coadjoint.estimation.inertial_state import InertialState as InertialState
     from coadjoint.estimation.measurements import Measurement as Measurement
     from coadjoint.estimation.model import ModelProcess as ModelProcess
     from coadjoint.estimation.process import Process as Process
     from coadjoint.estimation.smoother import smoothed as smoothed
-    from coadjoint.estimation.strapdown import InertialState as InertialState
     from coadjoint.estimation.strapdown import StrapdownProcess as StrapdownProcess
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.drifting import Drifting
-from coadjoint.estimation.drifts import Drift, RandomWalk, finite, not_negative
+from coadjoint.estimation.drifts import Drift, RandomWalk, not_negative
 from coadjoint.estimation.extended_poses import (
     ExtendedPose,
     exponential,
@@ -27,6 +27,7 @@ from coadjoint.estimation.extended_poses import (
     small_turn,
 )
 from coadjoint.estimation.functions import RowFunction
+from coadjoint.estimation.inertial_state import InertialState, one_by_one, parts_of, vector
 from coadjoint.estimation.process import Process, spread
 from coadjoint.groups import attitude
 from coadjoint.kernels.run.kalman import Model
@@ -38,31 +39,14 @@ WHOSE = "co.estimation.StrapdownProcess"
 BIASES = ("gyroscope_bias", "accelerometer_bias")
 DRIFTING = (*BIASES, "current")
 
-
-class InertialState(NamedTuple):
-    """What an inertial unit goes on with; space axes north, east, down.
-
-    t: s. rotation: R, (3, 3), from the axes of the body to space. velocity, position: v (3,) m/s and q (3,) m of the
-    unit, in space. gyroscope_bias: b_g, (3,) rad/s, accelerometer_bias: b_a, (3,) m/s², in the axes of the unit.
-    current: c, (3,) m/s, in space, the velocity of the water. By default 0 each, and R = 1.
-    """
-
-    t: Any = 0.0
-    rotation: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    velocity: Any = (0.0, 0.0, 0.0)
-    position: Any = (0.0, 0.0, 0.0)
-    gyroscope_bias: Any = (0.0, 0.0, 0.0)
-    accelerometer_bias: Any = (0.0, 0.0, 0.0)
-    current: Any = (0.0, 0.0, 0.0)
-
-
-STATE_SIZES = {"t": 0, "rotation": 2}
-"""How many axes a number of a state has, where it is not one."""
 AT_FIRST = 1.0
 """s at the start of a log over which the mean of the specific force is looked at."""
+
 DOUBTED = 0.7
 """The part of g by which it may differ from that at rest."""
-SIZES = {"t": 1, "rotation": 9, "velocity": 3, "position": 3}
+
+MOVING = ("t", "rotation", "velocity", "position")
+"""What a row begins with."""
 
 
 class StrapdownProcess(Process):
@@ -108,15 +92,15 @@ class StrapdownProcess(Process):
     ):
         if error not in ("left", "right"):
             raise ArgumentError(f'Argument `error` of {WHOSE} must be "left" or "right", but is {shown(error)}.')
-        self.error, self.gravity = error, float(_vector(gravity, "gravity", ()))
+        self.error, self.gravity = error, float(vector(gravity, "gravity", (), WHOSE))
         if self.gravity < 0:
             raise ArgumentError(
                 f"`gravity` of {WHOSE} must not be negative, but is {gravity:g}: its third axis is down."
             )
-        angles = _vector(euler_zyx, "euler_zyx")
+        angles = vector(euler_zyx, "euler_zyx", (3,), WHOSE)
         if np.any(np.abs(angles) > 2 * np.pi):
             raise ArgumentError(f"`euler_zyx` of {WHOSE} must be angles in rad, up to 2π, but is {shown(euler_zyx)}.")
-        self._lever, self._mount = _vector(position, "position"), attitude.zyx(*angles)
+        self._lever, self._mount = vector(position, "position", (3,), WHOSE), attitude.zyx(*angles)
         drifts = _drifts(drifting)
         self._drifts = Drifting(dict.fromkeys(drifts, 3), drifts)
         self.densities = _noise(noise)
@@ -137,40 +121,21 @@ class StrapdownProcess(Process):
             return state
         if not isinstance(state, InertialState):
             raise ArgumentError(f"The `state` of a {WHOSE} must be an InertialState, but is {shown(state)}.")
-        shapes = {"t": (), "rotation": (3, 3)}
-        parts = {
-            name: _vector(getattr(state, name), name, shapes.get(name, (3,)), "an InertialState")
-            for name in state._fields
-        }
-        R = parts["rotation"]
-        if np.max(np.abs(R @ R.T - np.eye(3))) > 1e-6 or np.linalg.det(R) < 0:
-            raise ArgumentError(f"`rotation` of an InertialState must be a rotation, but is {shown(R.tolist())}.")
+        parts = parts_of(state)
         for name in DRIFTING:
             if name not in self._drifts.sizes and np.any(parts[name]):
                 raise ArgumentError(f"The process has no `{name}`: say in `drifting` how it drifts.")
         theta = [parts[name] for name in self._drifts.sizes]
-        moving = [np.ravel(parts[name]) for name in SIZES]
-        found = np.concatenate([*moving, self._still(R), *theta])
+        moving = [np.ravel(parts[name]) for name in MOVING]
+        found = np.concatenate([*moving, self._still(parts["rotation"]), *theta])
         self._drifts.require_near(found[22:])
         return found
 
     def rows_of(self, states: Any) -> np.ndarray:
         if not isinstance(states, InertialState):
             return super().rows_of(states)
-        parts = [finite(part, name, "an InertialState") for name, part in zip(states._fields, states, strict=True)]
-        of = [
-            part.shape[part.ndim - STATE_SIZES.get(name, 1) :] for name, part in zip(states._fields, parts, strict=True)
-        ]
-        try:
-            ahead = np.broadcast_shapes(
-                *(part.shape[: part.ndim - len(one)] for part, one in zip(parts, of, strict=True))
-            )
-            parts = [np.broadcast_to(part, ahead + one).reshape(-1, *one) for part, one in zip(parts, of, strict=True)]
-        except ValueError:
-            shapes = ", ".join(f"{name} {part.shape}" for name, part in zip(states._fields, parts, strict=True))
-            raise ArgumentError(f"The numbers of an InertialState have unlike counts of nodes: {shapes}.") from None
-        found = [self.row(InertialState(*one)) for one in zip(*parts, strict=True)]
-        return np.reshape(found, (*ahead, len(self._first)))
+        each, nodes = one_by_one(states)
+        return np.reshape([self.row(one) for one in each], (*nodes, len(self._first)))
 
     def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:
         if "imu" not in inputs or not len(inputs["imu"].times):
@@ -320,13 +285,6 @@ def _flat(x: ExtendedPose) -> Any:
 
 def _of(theta: Named, name: str) -> Any:
     return getattr(theta, name) if name in theta else jnp.zeros(3)
-
-
-def _vector(value: Any, name: str, shape: tuple[int, ...] = (3,), whose: str = WHOSE) -> np.ndarray:
-    found = finite(value, name, whose)
-    if found.shape != shape:
-        raise ArgumentError(f"`{name}` of {whose} must have the shape {shape}, but has {found.shape}.")
-    return found
 
 
 def _drifts(given: Mapping[str, Drift] | None) -> dict[str, Drift]:
