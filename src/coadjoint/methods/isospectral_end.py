@@ -85,7 +85,7 @@ def correction(
 
 @jax.custom_jvp
 def valued(value: Array, other: Array) -> Array:
-    """`value`, with the derivatives of `other`."""
+    """`value`, with the derivatives of `other`, arrays of one shape."""
     return value
 
 

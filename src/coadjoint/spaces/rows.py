@@ -26,7 +26,7 @@ class LinkRows:
         return jnp.concatenate([array[self.numbers[a] : self.numbers[a] + b - a] for a, b in self.stretches])
 
     def summed(self, values: Array, count: int) -> Array:
-        """An array of `count` rows, of which each is the sum of the `values` that belong to it."""
+        """An array of shape (count, …): each row is the sum of the `values`, of shape (links, …), that belong to it."""
         if not self.stretches:
             return jnp.zeros((count, *values.shape[1:])).at[self.numbers].add(values)
         ends = [(0, 0)] * (values.ndim - 1)
