@@ -11,6 +11,7 @@ import coadjoint as co
 from coadjoint.errors import GroupError
 from coadjoint.groups import matrix_coordinates
 from coadjoint.groups.axioms import require_group
+from coadjoint.groups.unitary import product, sum_of_parts
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import element, generator
 
@@ -111,3 +112,14 @@ def test_what_has_an_inverse_is_told_by_singular_values():
 def test_sizes_of_numpy_are_sizes():
     four, three = np.array([4, 3])
     assert co.SOn(four) == co.SOn(4) and co.Un(three).dim == 9
+
+
+def test_two_real_products_give_what_an_anti_hermitian_product_is():
+    """PWP by A + B alone, with P and W anti-Hermitian, beside NumPy's complex product."""
+    group = co.Un(5)
+    random = generator("sum of parts")
+    P, W = (evaluate(group.parts, x) for x in random.normal(size=(2, group.dim)))
+    X = evaluate(lambda P, W: sum_of_parts(product(P, W), P), P, W)
+    found = 0.5 * (X - X.T) + 0.5j * (X + X.T)
+    P, W = (matrix.real + 1j * matrix.imaginary for matrix in (P, W))
+    np.testing.assert_allclose(found, P @ W @ P, rtol=0, atol=1e-13)

@@ -45,6 +45,16 @@ def test_a_run_goes_on_from_its_folder_to_the_bit(stiffness, tmp_path, monkeypat
         assert again.dataset.drop_attrs().identical(whole.dataset.drop_attrs())
 
 
+def test_a_trajectory_by_xla_carries_its_factors_as_a_run_does():
+    system, start = bodies(2.0)
+    run = co.simulate(system, start, dt=0.05, steps=40, backend="xla", monitors=False, accuracy=False)
+    path = co.trajectory(system, start, dt=0.05, steps=40, backend="xla")
+    np.testing.assert_array_equal(path.final.mu, run.final.mu)
+    native = co.trajectory(system, path.final, dt=0.05, steps=40, backend="native")
+    again = co.trajectory(system, path.final, dt=0.05, steps=40, backend="xla")
+    np.testing.assert_allclose(native.final.mu, again.final.mu, rtol=0, atol=1e-13)
+
+
 def test_a_stepper_by_xla_carries_its_factors_as_a_run_does_and_takes_states_without_them():
     system, start = bodies(2.0)
     ours, native = (co.Stepper(system, start, dt=0.05, backend=kind) for kind in ("xla", "native"))

@@ -8,10 +8,14 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from coadjoint.groups.complex_form import real_form
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates, diagonal, require_size
+
+_HALF = 0.5**0.5
+"""√½, a number of Python's, with which single precision stays what it is."""
 
 
 class ComplexMatrix(NamedTuple):
@@ -31,6 +35,16 @@ def product(a: ComplexMatrix, b: ComplexMatrix) -> ComplexMatrix:
     first, second = a[0] @ b[0], a[1] @ b[1]
     both = (a[0] + a[1]) @ (b[0] + b[1])
     return ComplexMatrix(first - second, both - first - second)
+
+
+def sum_of_parts(Z: ComplexMatrix, P: ComplexMatrix) -> Array:
+    """A + B, (n, n), of ZP = A + iB, of Z and P (n, n) with P† = −P, by two products of real matrices.
+
+    With P = R + iJ and S = R + J: A + B = Re Z (R + J) + Im Z (R − J) = Re Z S − Im Z Sᵀ, as Rᵀ = −R and Jᵀ = J.
+    Where ZP is anti-Hermitian A is the skew part of the sum, and B its symmetric part.
+    """
+    S = P.real + P.imaginary
+    return Z.real @ S - Z.imaginary @ S.T
 
 
 class _Unitary(MatrixCoordinates):
@@ -55,6 +69,14 @@ class _Unitary(MatrixCoordinates):
         """The diagonals of the matrices of the basis that are diagonal, over i, a column each."""
         raise NotImplementedError
 
+    def _to_diagonal(self, rows: Array) -> Array:
+        """The diagonal of B by that of coordinates by rows (n, n), of which another entry may be anything, (n, n)."""
+        raise NotImplementedError
+
+    def _from_diagonal(self, B: Array) -> Array:
+        """The diagonal of coordinates by rows by that of B (n, n), of which another entry may be anything, (n, n)."""
+        raise NotImplementedError
+
     def _matrices(self) -> np.ndarray:
         n, found = self.size, []
         diagonals = self._diagonals()
@@ -72,20 +94,17 @@ class _Unitary(MatrixCoordinates):
 
     def parts(self, xi: Array) -> ComplexMatrix:
         """The matrix of coordinates ξ (dim,) by its parts, (n, n) each."""
-        n, above, below, _ = self.size, *_triangles(self.size)
-        rows = jnp.concatenate([xi, jnp.zeros(n * n - self.dim)]).reshape(n, n)
-        upper, lower = above * rows, below * rows
-        along = self._diagonals() @ diagonal(rows)[: self.dim - n * (n - 1)]
-        return ComplexMatrix(upper - upper.T, lower + lower.T + np.eye(n) * along)
+        n, (over, under) = self.size, _triangles(self.size)
+        rows = jnp.concatenate([xi, jnp.zeros(n * n - self.dim, xi.dtype)]).reshape(n, n)
+        here, across = _HALF * rows, _HALF * rows.T
+        A = jnp.where(over, here, jnp.where(under, -across, 0.0))
+        return ComplexMatrix(A, jnp.where(under, here, jnp.where(over, across, self._to_diagonal(rows))))
 
     def coordinates(self, matrix: ComplexMatrix) -> Array:
         """The coordinates (dim,) of a matrix by its parts, of its orthogonal projection where it is outside 𝔤."""
-        A, B = matrix
-        above, below, eye = _triangles(self.size)
-        along = self._diagonals().T @ diagonal(B)
-        rest = jnp.zeros(self.size - along.shape[0])
-        rows = above * (A - A.T) + below * (B + B.T) + eye * jnp.concatenate([along, rest])
-        return rows.reshape(-1)[: self.dim]
+        (A, B), (over, under) = matrix, _triangles(self.size)
+        rows = _HALF * (jnp.where(over, A, B) + jnp.where(over, B, -A).T)
+        return jnp.where(over | under, rows, self._from_diagonal(B)).reshape(-1)[: self.dim]
 
     def identity(self) -> ComplexMatrix:
         return ComplexMatrix(jnp.eye(self.size), jnp.zeros((self.size, self.size)))
@@ -169,6 +188,12 @@ class Un(_Unitary):
     def _diagonals(self) -> np.ndarray:
         return np.eye(self.size)
 
+    def _to_diagonal(self, rows: Array) -> Array:
+        return rows
+
+    def _from_diagonal(self, B: Array) -> Array:
+        return B
+
 
 @dataclass(frozen=True)
 class SUn(_Unitary):
@@ -191,6 +216,14 @@ class SUn(_Unitary):
 
     def _diagonals(self) -> np.ndarray:
         return _traceless(self.size)
+
+    def _to_diagonal(self, rows: Array) -> Array:
+        along = self._diagonals() @ diagonal(rows)[:-1]
+        return jnp.broadcast_to(along, rows.shape)
+
+    def _from_diagonal(self, B: Array) -> Array:
+        along = self._diagonals().T @ diagonal(B)
+        return jnp.broadcast_to(jnp.append(along, 0.0), B.shape)
 
     def _determinant(self, g: ComplexMatrix) -> tuple[Array, Array]:
         """Re and Im of det g."""
@@ -217,11 +250,10 @@ class SUn(_Unitary):
         return ComplexMatrix(A + angle * B, B - angle * A)
 
 
-@lru_cache(maxsize=64)
-def _triangles(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """√½ over the diagonal, √½ below it, and 1 on it."""
-    above = np.triu(np.full((size, size), np.sqrt(0.5)), 1)
-    return above, above.T.copy(), np.eye(size)
+def _triangles(size: int) -> tuple[Array, Array]:
+    """Which entries of a matrix (n, n) are over the diagonal, and which below it: no constants, which would be read."""
+    i, j = (lax.broadcasted_iota(int, (size, size), axis) for axis in (0, 1))
+    return i < j, i > j
 
 
 @lru_cache(maxsize=64)

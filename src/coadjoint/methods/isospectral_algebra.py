@@ -13,7 +13,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3, DirectProduct, LieGroup, Opposite, Power, SOn, SUn, Un
 from coadjoint.groups.group import Array, Element
-from coadjoint.groups.unitary import ComplexMatrix, product
+from coadjoint.groups.unitary import ComplexMatrix, product, sum_of_parts
 
 
 class Algebra(abc.ABC):
@@ -49,16 +49,12 @@ class Algebra(abc.ABC):
         """W̃, (n, n), of its coordinates (unknowns,)."""
 
     @abc.abstractmethod
-    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, of P and W (n, n)."""
+    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+        """The coordinates (unknowns,) of [P, W] and of PWP, of P and W (n, n)."""
 
     @abc.abstractmethod
-    def bracket(self, P: Any, W: Any) -> Array:
-        """The coordinates (unknowns,) of [P, W], of P and W (n, n)."""
-
-    @abc.abstractmethod
-    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[B, Θ] + ε²(BΘP + PΘB), of matrices (n, n): what B does to W."""
+    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+        """The coordinates (unknowns,) of [B, Θ] and of BΘP + PΘB, of matrices (n, n): what B does to W."""
 
     @abc.abstractmethod
     def turn(self, xi: Array, epsilon: Array) -> Any:
@@ -93,18 +89,14 @@ class Orthogonal(Algebra):
     def unknown(self, z: Array) -> Array:
         return self.group.hat(z)
 
-    def moved(self, P: Array, W: Array, epsilon: Array) -> Array:
-        """The coordinates (dim,) of ε[P, W] + ε² PWP = ½(V − Vᵀ), V = 2εPW + ε² PWP, of P and W (n, n)."""
+    def products(self, P: Array, W: Array) -> tuple[Array, Array]:
+        """Of [P, W] = PW − (PW)ᵀ, and of PWP, which is skew."""
         Z = P @ W
-        return self.group.vee(2 * epsilon * Z + epsilon**2 * (Z @ P))
+        return 2 * self.group.vee(Z), self.group.vee(Z @ P)
 
-    def bracket(self, P: Array, W: Array) -> Array:
-        """The coordinates (dim,) of [P, W] = PW − (PW)ᵀ, of P and W (n, n)."""
-        return 2 * self.group.vee(P @ W)
-
-    def forced(self, B: Array, Theta: Array, P: Array, epsilon: Array) -> Array:
+    def products_of_force(self, B: Array, Theta: Array, P: Array) -> tuple[Array, Array]:
         Z = B @ Theta
-        return self.group.vee(2 * epsilon * Z + 2 * epsilon**2 * (Z @ P))
+        return 2 * self.group.vee(Z), 2 * self.group.vee(Z @ P)
 
     def turn(self, xi: Array, epsilon: Array) -> Array:
         X = epsilon * self.matrix(xi)
@@ -138,21 +130,15 @@ class Unitary(Algebra):
     def unknown(self, z: Array) -> ComplexMatrix:
         return self.hull.parts(z)
 
-    def moved(self, P: ComplexMatrix, W: ComplexMatrix, epsilon: Array) -> Array:
-        """The coordinates (unknowns,) of ε[P, W] + ε² PWP, which is the anti-Hermitian part of PW(2ε + ε²P)."""
-        return self._part(product(P, W), P, 2 * epsilon, epsilon**2)
+    def products(self, P: ComplexMatrix, W: ComplexMatrix) -> tuple[Array, Array]:
+        """Of [P, W] = PW − (PW)†, and of PWP, which is anti-Hermitian."""
+        Z = product(P, W)
+        X = sum_of_parts(Z, P)
+        return 2 * self.hull.coordinates(Z), self.hull.coordinates(ComplexMatrix(X, X))
 
-    def _part(self, Z: ComplexMatrix, P: ComplexMatrix, first: Array, second: Array) -> Array:
-        """The coordinates (unknowns,) of the anti-Hermitian part of Z(a + bP), of Z and P (n, n) and two numbers."""
-        one = first * jnp.eye(self.hull.size, dtype=P.real.dtype)
-        return self.hull.coordinates(product(Z, ComplexMatrix(one + second * P.real, second * P.imaginary)))
-
-    def bracket(self, P: ComplexMatrix, W: ComplexMatrix) -> Array:
-        """The coordinates (unknowns,) of [P, W] = PW − (PW)†, of P and W (n, n)."""
-        return 2 * self.hull.coordinates(product(P, W))
-
-    def forced(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix, epsilon: Array) -> Array:
-        return self._part(product(B, Theta), P, 2 * epsilon, 2 * epsilon**2)
+    def products_of_force(self, B: ComplexMatrix, Theta: ComplexMatrix, P: ComplexMatrix) -> tuple[Array, Array]:
+        Z = product(B, Theta)
+        return 2 * self.hull.coordinates(Z), 2 * self.hull.coordinates(product(Z, P))
 
     def turn(self, xi: Array, epsilon: Array) -> ComplexMatrix:
         A, B = self.matrix(xi)
@@ -178,9 +164,9 @@ class Copies(Algebra):
     def _rows(self, x: Array) -> Array:
         return jnp.reshape(x, (self.copies, -1))
 
-    def _each(self, function: Callable[..., Any], *arguments: Any) -> Array:
-        """The coordinates end to end of what is found for each copy."""
-        return jnp.reshape(jax.vmap(function)(*arguments), -1)
+    def _each(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What is found for each copy, coordinates or a pair of them, end to end."""
+        return jax.tree.map(lambda found: jnp.reshape(found, -1), jax.vmap(function)(*arguments))
 
     def lifted(self, mu: Array) -> Array:
         return self._each(self.inner.lifted, self._rows(mu))
@@ -194,14 +180,11 @@ class Copies(Algebra):
     def unknown(self, z: Array) -> Any:
         return jax.vmap(self.inner.unknown)(self._rows(z))
 
-    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
-        return self._each(lambda P, W: self.inner.moved(P, W, epsilon), P, W)
+    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+        return self._each(self.inner.products, P, W)
 
-    def bracket(self, P: Any, W: Any) -> Array:
-        return self._each(self.inner.bracket, P, W)
-
-    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
-        return self._each(lambda B, T, P: self.inner.forced(B, T, P, epsilon), B, Theta, P)
+    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+        return self._each(self.inner.products_of_force, B, Theta, P)
 
     def turn(self, xi: Array, epsilon: Array) -> Any:
         return jax.vmap(lambda xi: self.inner.turn(xi, epsilon))(self._rows(xi))
@@ -236,14 +219,11 @@ class Reversed(Algebra):
     def unknown(self, z: Array) -> Any:
         return self.inner.unknown(z)
 
-    def moved(self, P: Any, W: Any, epsilon: Array) -> Array:
-        return self.inner.moved(P, W, epsilon)
+    def products(self, P: Any, W: Any) -> tuple[Array, Array]:
+        return self.inner.products(P, W)
 
-    def bracket(self, P: Any, W: Any) -> Array:
-        return self.inner.bracket(P, W)
-
-    def forced(self, B: Any, Theta: Any, P: Any, epsilon: Array) -> Array:
-        return self.inner.forced(B, Theta, P, epsilon)
+    def products_of_force(self, B: Any, Theta: Any, P: Any) -> tuple[Array, Array]:
+        return self.inner.products_of_force(B, Theta, P)
 
     def turn(self, xi: Array, epsilon: Array) -> Any:
         return self.inner.turn(-xi, epsilon)

@@ -27,16 +27,18 @@ MOST = 100
 
 
 class RightSides(NamedTuple):
-    """What the equations say at some unknowns: the slopes there, and how these move them.
+    """What the equations say at some unknowns: the slopes there, and what comes of them.
 
-    at: the unknowns, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). moves: what
-    moves the unknowns by them.
+    at: the unknowns z, (unknowns,). xi, along_a: ∂ℋ/∂μ and ∂ℋ/∂a, (dim G,) and (ambient V*,). off: z less the right
+    sides, by which the equations are missed, (unknowns,). odd: the part of the right sides that is odd in ε,
+    (unknowns,).
     """
 
     at: Array
     xi: Array
     along_a: Array
-    moves: Moves
+    off: Array
+    odd: Array
 
 
 class _Correction(NamedTuple):

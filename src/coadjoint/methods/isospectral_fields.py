@@ -64,17 +64,18 @@ class Moves(NamedTuple):
 def moves(
     system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
 ) -> Moves:
-    """`moved` and `brackets`, of one conversion to a precision, so that no product is made twice in a loop.
+    """`moved` and `brackets`, of one conversion to a precision.
 
     precision: the type of the numbers that are multiplied.
     """
     algebra, (P, W, *pairs) = _matrices(system, xi, along_a, z, precision)
-    of_mu, odd, others, brackets = algebra.moved(P, W, epsilon), algebra.bracket(P, W), [], []
+    (odd, even), others = algebra.products(P, W), []
     for B, theta in pairs:
-        of_mu, odd = of_mu + algebra.forced(B, theta, P, epsilon), odd + algebra.bracket(B, theta)
-        others.append(algebra.moved(P, theta, epsilon))
-        brackets.append(algebra.bracket(P, theta))
-    return Moves(jnp.concatenate([of_mu, *others]), epsilon * jnp.concatenate([odd, *brackets]))
+        odd_by_force, even_by_force = algebra.products_of_force(B, theta, P)
+        odd, even = odd + odd_by_force, even + even_by_force
+        others.append(algebra.products(P, theta))
+    odd = epsilon * jnp.concatenate([odd, *(part for part, _ in others)])
+    return Moves(odd + epsilon**2 * jnp.concatenate([even, *(part for _, part in others)]), odd)
 
 
 def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float) -> Array:
@@ -95,6 +96,7 @@ def brackets(
 def _matrices(system: System, xi: Array, along_a: Array, z: Array, precision: Any) -> tuple[Algebra, list[Any]]:
     """P of −ξ, W, and the pairs of B of −∂ℋ/∂a and Θ, in a precision."""
     algebra = algebra_of(system.group)
+    xi, along_a, z = (numbers.astype(precision) for numbers in (xi, along_a, z))
     W, *thetas = (algebra.unknown(row) for row in z.reshape(-1, algebra.unknowns))
     forces = (algebra.matrix(-along) for along in parts(system, along_a))
     found = [algebra.matrix(-xi), W, *zip(forces, thetas, strict=True)]

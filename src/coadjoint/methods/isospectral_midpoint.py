@@ -198,11 +198,12 @@ class IsospectralMidpoint(Method, Whole):
 
     def evaluated(self, system: System, state: State, h: Array, z: Array) -> tuple[Array, RightSides]:
         """z − G(z), (unknowns,), and what it is made of."""
-        found = self._right_sides(system, z, self._slopes(system, state, h, z), h)
-        return z - lifted(system, state.mu, state.a) - found.moves.whole, found
+        found = self._right_sides(system, state, h, z, self._slopes(system, state, h, z))
+        return found.off, found
 
-    def _right_sides(self, system: System, z: Array, slopes: tuple[Array, Array], h: Array) -> RightSides:
-        return RightSides(z, *slopes, moves(system, *slopes, z, 0.5 * h))
+    def _right_sides(self, system: System, state: State, h: Array, z: Array, slopes: tuple[Array, Array]) -> RightSides:
+        whole, odd = moves(system, *slopes, z, 0.5 * h)
+        return RightSides(z, *slopes, z - lifted(system, state.mu, state.a) - whole, odd)
 
     def record(self, system: System, state: State, h: Array, z: Array) -> State:
         xi, along_a = self._slopes(system, state, h, z)
@@ -220,21 +221,21 @@ class IsospectralMidpoint(Method, Whole):
         """
         z, slopes, epsilon = record.memory.middle, (record.xi, record.memory.along_a), 0.5 * h
         found = record.memory.found
-        found = self._right_sides(system, z, slopes, h) if found is None else found
+        found = self._right_sides(system, record, h, z, slopes) if found is None else found
         found = jax.lax.stop_gradient(found)
-        off = found.at - jax.lax.stop_gradient(lifted(system, record.mu, record.a)) - found.moves.whole
         large = len(z) >= LARGE * np.prod(rows_of(system))
         precision = jnp.float32 if self.tolerance <= SINGLE and large else jnp.float64
-        whole, odd = correction(system, (found.xi, found.along_a), off, z, epsilon, precision)
-        taken = valued(found.moves.odd, brackets(system, *slopes, z, epsilon))
+        more, odd = correction(system, (found.xi, found.along_a), found.off, z, epsilon, precision)
+        taken = valued(found.odd, brackets(system, *slopes, z, epsilon))
         mu, a = momenta_of(system, 2 * (taken + odd))
         g = None
         if record.g is not None:
             algebra = algebra_of(system.group)
             turn = algebra.turn(-valued(found.xi, record.xi), epsilon)
             g = system.group.compose(record.g, algebra.element(turn))
+        rate = (found.at - found.off - jax.lax.stop_gradient(lifted(system, record.mu, record.a)) + more) / h
         last = record.memory._replace(
-            rates=jnp.concatenate([((found.moves.whole + whole) / h)[None], record.memory.rates[:-1]]),
+            rates=jnp.concatenate([rate[None], record.memory.rates[:-1]]),
             times=jnp.concatenate([(record.t + epsilon)[None], record.memory.times[:-1]]),
             found=None,
         )

@@ -139,6 +139,8 @@ def computed(
     _require_room(begun, blocks)
     begun = in_records(begun) if backend == "native" else begun
     chosen = _choose(program, constants, begun, backend, inside)
+    if chosen == "xla" and not inside:
+        begun = program.method.begin_by_xla(replace_parameters(program.skeleton, constants.system), begun)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
     if inside:
