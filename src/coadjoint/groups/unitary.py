@@ -104,7 +104,7 @@ class _Unitary(MatrixCoordinates):
         """The coordinates (dim,) of a matrix by its parts, of its orthogonal projection where it is outside 𝔤."""
         (A, B), (over, under) = matrix, _triangles(self.size)
         rows = _HALF * (jnp.where(over, A, B) + jnp.where(over, B, -A).T)
-        return jnp.where(over | under, rows, self._from_diagonal(B)).reshape(-1)[: self.dim]
+        return jnp.where(jnp.logical_or(over, under), rows, self._from_diagonal(B)).reshape(-1)[: self.dim]
 
     def identity(self) -> ComplexMatrix:
         return ComplexMatrix(jnp.eye(self.size), jnp.zeros((self.size, self.size)))
