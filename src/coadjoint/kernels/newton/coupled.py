@@ -159,13 +159,21 @@ class Coupled:
         """(M, w·b) as unknowns or equations (m,)."""
         return self.end_to_end(rows.reshape(-1, sum(self.sizes))[self.layout.position])
 
-    def blocks(self, pushed: Callable[[jax.Array], jax.Array]) -> jax.Array:
-        """L, D and U of v ↦ J v, (3, M, w·b, w·b)."""
+    def seeds(self) -> jax.Array:
+        """The vectors v of which J v gives all of J, (colours · b, m): a unit vector at every link of a colour."""
         plan, b = self.layout, sum(self.sizes)
         coloured = (jnp.arange(plan.colours)[:, None] == plan.colour).astype(float)
         seeds = coloured[:, None, :, None] * jnp.eye(b)[None, :, None, :]
-        flat = jax.vmap(self.end_to_end)(seeds.reshape(-1, self.count, b))
-        found = jax.vmap(self.by_links)(jax.vmap(pushed)(flat)).reshape(plan.colours, b, self.count, b)
+        return jax.vmap(self.end_to_end)(seeds.reshape(-1, self.count, b))
+
+    def blocks(self, pushed: Callable[[jax.Array], jax.Array]) -> jax.Array:
+        """L, D and U of v ↦ J v, (3, M, w·b, w·b)."""
+        return self.placed(jax.vmap(pushed)(self.seeds()))
+
+    def placed(self, columns: jax.Array) -> jax.Array:
+        """L, D and U of J, (3, M, w·b, w·b), of J v for the `seeds`, (colours · b, m)."""
+        plan, b = self.layout, sum(self.sizes)
+        found = jax.vmap(self.by_links)(columns).reshape(plan.colours, b, self.count, b)
         columns = jnp.transpose(found, (0, 2, 3, 1)).reshape(plan.colours * self.count, b, b)
         columns = jnp.concatenate([columns, jnp.zeros((1, b, b)), jnp.eye(b)[None]])
         placed = jnp.transpose(columns[plan.place], (0, 1, 2, 4, 3, 5))
