@@ -98,12 +98,12 @@ class SE3(_RigidMotions):
         return skew(xi[:3]), xi[3:]
 
     def Ad(self, g: Element, xi: Array) -> Array:
-        turned = g[0] @ xi[:3]
-        return jnp.concatenate([turned, g[0] @ xi[3:] + jnp.cross(g[1], turned)])
+        omega, v = jnp.reshape(xi, (2, 3)) @ g[0].T
+        return jnp.concatenate([omega, v + jnp.cross(g[1], omega)])
 
     def Ad_dual(self, g: Element, mu: Array) -> Array:
         moved = mu[:3] + jnp.cross(mu[3:], g[1])
-        return jnp.concatenate([g[0].T @ moved, g[0].T @ mu[3:]])
+        return jnp.reshape(jnp.stack([moved, mu[3:]]) @ g[0], -1)
 
     def ad(self, xi: Array, eta: Array) -> Array:
         linear = jnp.cross(xi[:3], eta[3:]) + jnp.cross(xi[3:], eta[:3])

@@ -47,8 +47,9 @@ def require_coupling(system: System, step: Step, state: State, how: Coupled) -> 
         return step.residual(system, here, h, z)
 
     def compared(eta, z, v):
-        pushed = jax.linearize(lambda z: residual(eta, z), z)[1]
-        lower, diagonal, upper = how.blocks(pushed)
+        along = jnp.concatenate([how.seeds(), v[None]])
+        columns = jax.vmap(lambda v: jax.jvp(lambda z: residual(eta, z), (z,), (v,))[1])(along)
+        lower, diagonal, upper = how.placed(columns[:-1])
         rows = how.in_blocks(v)
         nothing = jnp.zeros_like(rows[:1])
         found = (
@@ -57,7 +58,7 @@ def require_coupling(system: System, step: Step, state: State, how: Coupled) -> 
             + jnp.einsum("mij,mj->mi", upper, jnp.concatenate([rows[1:], nothing]))
         )
         sizes = jnp.max(jnp.abs(jnp.stack([lower, diagonal, upper])), axis=(0, 3))
-        away = how.by_links(pushed(v) - how.out_of_blocks(found))
+        away = how.by_links(columns[-1] - how.out_of_blocks(found))
         return jnp.abs(away) / jnp.maximum(how.by_links(how.out_of_blocks(sizes)), jnp.finfo(float).tiny)
 
     per_link = np.zeros(how.count)

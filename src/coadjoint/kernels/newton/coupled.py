@@ -159,13 +159,21 @@ class Coupled:
         """(M, w·b) as unknowns or equations (m,)."""
         return self.end_to_end(rows.reshape(-1, sum(self.sizes))[self.layout.position])
 
-    def blocks(self, pushed: Callable[[jax.Array], jax.Array]) -> jax.Array:
-        """L, D and U of v ↦ J v, (3, M, w·b, w·b)."""
+    def seeds(self) -> jax.Array:
+        """The vectors v of which J v gives all of J, (colours · b, m): a unit vector at every link of a colour."""
         plan, b = self.layout, sum(self.sizes)
         coloured = (jnp.arange(plan.colours)[:, None] == plan.colour).astype(float)
         seeds = coloured[:, None, :, None] * jnp.eye(b)[None, :, None, :]
-        flat = jax.vmap(self.end_to_end)(seeds.reshape(-1, self.count, b))
-        found = jax.vmap(self.by_links)(jax.vmap(pushed)(flat)).reshape(plan.colours, b, self.count, b)
+        return jax.vmap(self.end_to_end)(seeds.reshape(-1, self.count, b))
+
+    def blocks(self, pushed: Callable[[jax.Array], jax.Array]) -> jax.Array:
+        """L, D and U of v ↦ J v, (3, M, w·b, w·b)."""
+        return self.placed(jax.vmap(pushed)(self.seeds()))
+
+    def placed(self, columns: jax.Array) -> jax.Array:
+        """L, D and U of J, (3, M, w·b, w·b), of J v for the `seeds`, (colours · b, m)."""
+        plan, b = self.layout, sum(self.sizes)
+        found = jax.vmap(self.by_links)(columns).reshape(plan.colours, b, self.count, b)
         columns = jnp.transpose(found, (0, 2, 3, 1)).reshape(plan.colours * self.count, b, b)
         columns = jnp.concatenate([columns, jnp.zeros((1, b, b)), jnp.eye(b)[None]])
         placed = jnp.transpose(columns[plan.place], (0, 1, 2, 4, 3, 5))
@@ -232,9 +240,11 @@ class Coupled:
         function theorem, with factors of the J at the solution; they are NaN where the pairs are not those of J.
         """
         before = lax.stop_gradient(carried if carried != () else jax.tree.map(jnp.asarray, self.nothing()))
+        function, given = jax.closure_convert(residual, guess)
 
-        def settle(function, start):
-            end, factors = self._iterated(function, start, h, blocks, before)
+        @jax.custom_jvp  # lax.custom_root would trace the derivatives of every run, whether or not they are asked for
+        def settle(given, start, h, before):
+            end, factors = self._iterated(lambda z: function(z, *given), start, h, blocks, before)
             good = jnp.all(jnp.isfinite(end.unknowns))
             code = jnp.where(end.settled, int(Code.CONVERGED), int(Code.NOT_CONVERGED))
             code = jnp.where(good, code, int(Code.NOT_FINITE))
@@ -245,10 +255,15 @@ class Coupled:
             kept = Factors(*factors, jnp.where(code == 0, h, 0.0), jnp.stack([change, earlier]), renewals)
             return end.unknowns, (end.iterations.astype(float), code.astype(float), kept)
 
-        def tangent_solve(linear, right):
-            return self.jacobian_solve(linear, jnp.zeros_like(right), right)
+        @settle.defjvp
+        def _(primals, tangents):
+            end, given = settle(*primals), primals[0]
+            z = end[0]
+            along = jax.jvp(lambda given: function(z, *given), (given,), (tangents[0],))[1]
+            change = -self.jacobian_solve(lambda z: function(z, *given), z, along)
+            return end, (change, jax.tree.map(jnp.zeros_like, end[1]))
 
-        unknowns, (iterations, code, kept) = lax.custom_root(residual, guess, settle, tangent_solve, has_aux=True)
+        unknowns, (iterations, code, kept) = settle(given, guess, lax.stop_gradient(h), before)
         return Root(unknowns, iterations.astype(int), code.astype(int), kept if carried != () else ())
 
     def _iterated(self, function, start, h, blocks, before: Factors):

@@ -82,8 +82,8 @@ def _stages(program: Program, parameters: Any, state: Any, h: Any, certify: bool
         z = jnp.where(found, root.unknowns, guess) if stage.tolerant else root.unknowns
         sound = jnp.where(found, 1.0, 0.0) if stage.tolerant else 1.0
         after = stage.advance(parameters, stage.solved(state, root.found), part, z, sound)
-        after = stage.carry(after, root.carried)
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(after)]).all()
+        after = stage.carry(after, root.carried)
         here = jnp.where(root.code > 0, root.code, jnp.where(inside, int(Code.CONVERGED), int(Code.BEYOND_CHART)))
         here = jnp.asarray(int(Code.CONVERGED)) if stage.tolerant else here
         here = jnp.where((here == 0) & ~finite, int(Code.NOT_FINITE), here)
@@ -128,7 +128,7 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     shapes, seen_shapes = jax.eval_shape(observe, state)
 
     def rows(shape):
-        return jnp.zeros((capacity, *shape.shape), shape.dtype)
+        return jnp.zeros((capacity + 1, *shape.shape), shape.dtype)  # the last row takes what is not kept
 
     def limits(sign):
         watched = {**seen_shapes, **shapes.certificates}
@@ -137,11 +137,11 @@ def _loop(program: Program, parameters, state, h, steps, save_every, *, capacity
     def advance(carry: _Carry) -> _Carry:
         result, seen = observe(carry.state)
         good = result.code == 0
-        row, phase = carry.done // save_every, carry.done % save_every
-        keep = good & (phase == 0)
+        keep = good & (carry.done % save_every == 0)
+        row = jnp.where(keep, carry.done // save_every, capacity)
 
         def store(buffer, value):
-            return buffer.at[row].set(jnp.where(keep, value, buffer[row]))
+            return lax.dynamic_update_index_in_dim(buffer, jnp.asarray(value), row, 0)
 
         watched = {**seen, **result.certificates}
 
