@@ -49,7 +49,8 @@ class Sheet(NamedTuple):
                 what = f"{cells[column]!r} is no number" if cells[column] else "there is no number"
                 raise self.refuse(row, column, f"{what}.") from None
             if not np.isfinite(found[row]):
-                raise self.refuse(row, column, f"{cells[column]!r} is not a finite number.")
+                remedy = ": leave the cell empty where nothing was measured" if missing else ""
+                raise self.refuse(row, column, f"{cells[column]!r} is not a finite number{remedy}.")
         return found
 
 

@@ -11,6 +11,8 @@ from collections.abc import Collection
 from math import pi
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from coadjoint.errors import ArgumentError
 
 Powers = tuple[float, float, float, float, float, float]
@@ -157,6 +159,15 @@ def times(value: Any, factor: float) -> Any:
     if isinstance(value, list):
         return [times(inner, factor) for inner in value]
     return value * factor if factor != 1.0 else value
+
+
+def jumps_by_degrees(angles: np.ndarray) -> bool:
+    """Whether angles (n, …), which are given as rad, jump from one to the next by a turn of 360, within 30.
+
+    Degrees do that where they are wrapped to one turn. Radians jump by 2π at most where they are wrapped to one, and by
+    less than π where they count turns, so that this is no false alarm; degrees that never cross the cut are not seen.
+    """
+    return bool(np.any(np.abs(np.abs(np.diff(angles, axis=0)) - 360.0) < 30.0))
 
 
 def split_name(name: str, known: Collection[str] | None = None) -> tuple[str, str]:

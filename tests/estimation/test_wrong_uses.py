@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 from typing import Any
 
@@ -123,6 +124,11 @@ WRONG = {
     "value": (lambda: filter().update({"place": [1.0, 2.0]}), "1 numbers at each time"),
     "order of times": (lambda: run(measured={"place": ([1.0, 0.5], [0.5, 0.5])}), "must not go back"),
     "times": (lambda: run(measured={"place": ([1.0, 2.0], [0.5])}), "as many values"),
+    "an infinite value": (lambda: filter().update({"place": np.inf}), "number 1 of 1 is infinite: leave it out, or"),
+    "an infinite value of a log": (
+        lambda: run(measured={"place": ([1.0, 2.0], [0.5, -np.inf])}),
+        "`place` of `measured` must be numbers, NaN where nothing was measured, but number 2 of 2 is infinite",
+    ),
     "pair": (lambda: run(measured={"place": 3.0}), r"must be \(times, values\)"),
     "before": (lambda: run(measured={"place": ([-1.0], [0.5])}, until=1.0), "before the filter"),
     "until": (lambda: run(measured={}), "needs `until`"),
@@ -182,3 +188,19 @@ def test_arrays_that_do_not_fit_are_told():
         filter.predict(True)
     with pytest.raises(co.ArgumentError, match=r"Smoothing takes what `Filter\.run` returns"):
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("turns", [1, 3])
+def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_counts_turns_is_not(turns):
+    t = np.arange(1.0, 60.0)
+    heading = np.radians(6.0 * turns * t + 100)
+    known = {"yaw": Measurement(lambda m: m.q, 0.1, angles=True), "place": Measurement(lambda m: m.q, 0.1)}
+    filter = Filter(process(), start(), measurements=known, deviations={"q": 1.0, "nu": 0.1}, members=2)
+    both = np.stack([np.degrees(heading) % 360] * 2, axis=1)[..., None]
+    with pytest.warns(UserWarning, match="`yaw` of `measured` jumps by 360 .* as degrees do"):
+        filter.run({"yaw": (t, both)}, dt=0.5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for values in (heading % (2 * np.pi), (heading + np.pi) % (2 * np.pi) - np.pi, heading):
+            run_of_one = Filter(process(), start(), measurements=known, deviations={"q": 1.0, "nu": 0.1})
+            run_of_one.run({"yaw": (t, values), "place": (t, both[:, 0])}, dt=0.5)

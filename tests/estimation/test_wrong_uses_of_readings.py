@@ -71,7 +71,10 @@ WRONG = {
         lambda: process().row(estimation.InertialState(position=(1, 2))),
         r"`position` of an InertialState must have the shape \(3,\)",
     ),
-    "a truth that is a table": (lambda: whole().nees({"q": 1}), "`truth` must be rows of numbers, such as a copy"),
+    "a truth that is a table": (
+        lambda: whole().nees({"q": 1}),
+        "an InertialState with .*, or rows of numbers",
+    ),
     "a truth of other nodes": (
         lambda: whole().nees(estimation.InertialState(position=np.zeros((5, 3)))),
         r"rows of the shape \(76, 28\), not \(5, 28\)",
@@ -152,6 +155,8 @@ def test_what_a_gate_left_out_counts_in_no_mean_and_raises_an_alarm_where_it_is_
         one = Consistency(np.arange(5.0), nis, np.array(used))
         return str(replace(found, nis={"place": one}))
 
+    small = replace(found, nis={"place": Consistency(np.arange(5.0), 0.05 * nis, np.array([True] * 3 + [False] * 2))})
+    assert "far less; its covariance" in str(small) and "far less" not in printed([True, True, True, False, False])
     assert "3 of 5 used, their mean NIS 3, of" in printed([True, True, True, False, False])
     assert "not what the model expects" not in printed([True, True, True, False, False])
     assert "not what the model expects" in printed([True, False, False, False, False])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -13,7 +14,7 @@ from scipy import stats
 from tests.torpedo import NOISE, damping, fins, guessed, start, torpedo, zigzags
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.errors import ArgumentError, CoadjointError, LagrangianError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.channels import VEHICLE, Channels
 from coadjoint.identification.setting import setting
@@ -260,11 +261,24 @@ def test_the_card_and_the_figure(fine):
         ({"parameters": ["linear"], "dt": -1.0}, "`dt` must be positive"),
         ({"parameters": ["linear"], "level": 95}, "between 0 and 1"),
         ({"parameters": ["linear"], "measured": {"speed": lambda state: state.t}}, "names `speed`"),
+        ({"parameters": ["linear"], "level": None}, "`level` must be a number, but is None"),
+        ({"parameters": ["linear"], "segment": "10"}, "`segment` must be a number, but is '10'"),
+        ({"parameters": ["linear"], "segment": True}, "`segment` must be a number, but is True"),
+        ({"parameters": ["linear"], "dt": "0.05"}, "`dt` must be a number"),
+        ({"parameters": ["linear"], "settle": "2"}, "`settle` must be a number"),
+        ({"parameters": ["linear"], "delays": ["position"], "longest_delay": "1"}, "`longest_delay` must be a number"),
+        ({"parameters": ["linear"], "noise": 0.1}, "`noise` must be name → value"),
+        ({"parameters": ["linear"], "noise": {"u": True}}, r"`noise\['u'\]` must be a number, but is True"),
+        ({"parameters": ["linear"], "measured": [1]}, "`measured` must be name → value"),
+        ({"parameters": ["linear"], "measured": {"u": None}}, "`u` of `measured` must be a function of the state"),
+        ({"parameters": ["linear"], "measured": {"u": lambda state: state.nu}}, "of `u` in `measured` must return one"),
+        ({"parameters": ["linear"], "start": None}, "`start` must come from system.state"),
+        ({"parameters": ["linear"], "method": "midpoint"}, "`method` must be a method such as co.Midpoint"),
         ({"parameters": ["center_of_buoyancy[0]"], "positive": ["center_of_buoyancy"]}, "starts from 0"),
     ],
 )  # fmt: skip
 def test_a_wrong_argument_is_told_in_a_sentence(fine, change, told):
-    with pytest.raises(ArgumentError, match=told):
+    with pytest.raises((ArgumentError, LagrangianError), match=told):
         identify(SYSTEM, measured(fine), **{"start": STATE, **change})
 
 
@@ -284,6 +298,20 @@ def test_a_wrong_log_is_told_in_a_sentence(fine):
     log = measured(fine)
     with pytest.raises(ArgumentError, match="an input that the log does not hold"):
         identify(SYSTEM, replace(log, inputs={"rudder": log.inputs["rudder"]}), start=STATE, parameters=["linear"])
+    craft: Any = SimpleNamespace(system=SYSTEM)
+    with pytest.raises(ArgumentError, match=r"must be a co\.System, but is SimpleNamespace: give its `system`"):
+        identify(craft, log, start=STATE, parameters=["linear"])
+    given: Any
+    for given in ("zigzag.csv", fine, log.columns):
+        with pytest.raises(ArgumentError, match=r"`log` must be a Log, as co.vehicles.logs.read_log\(path\) and"):
+            identify(SYSTEM, given, start=STATE, parameters=["linear"])
+    with pytest.raises(ArgumentError, match="column `heading` is in deg, but a Log has it in rad"):
+        degrees = replace(log, units={**log.units, "heading": "deg"})
+        identify(SYSTEM, degrees, start=STATE, parameters=["linear"])
+    with pytest.raises(ArgumentError, match=r"samples are 100 s apart: are times in seconds\?"):
+        identify(SYSTEM, replace(log, time=1000 * log.time), start=STATE, parameters=["linear"])
+    with pytest.raises(ArgumentError, match=r"shorter than three steps.*are times in seconds\?"):
+        identify(SYSTEM, replace(log, time=1e-3 * log.time), start=STATE, parameters=["linear"], dt=0.05)
     with pytest.raises(ArgumentError, match="too few"):
         identify(SYSTEM, log.between(0.0, 0.3), start=STATE, parameters=["linear"])
     with pytest.raises(ArgumentError, match="no quantity of a vehicle, the nearest is"):
@@ -295,3 +323,18 @@ def test_a_wrong_log_is_told_in_a_sentence(fine):
         )
     with pytest.raises(CoadjointError, match=r"fails already|did not converge|ran away"):
         identify(SYSTEM.replace(linear=-1e5 * np.ones(6)), log, start=STATE, parameters=["linear"])
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"noise": {"u": -0.1}}, "noise of `u` must be a standard deviation of at least 0, but is -0.1"),
+        ({"noise": {"u": np.inf}}, "noise of `u` must be a standard deviation"),
+        ({"noise": {"u": "0.1"}}, r"`noise\['u'\]` must be a number"),
+        ({"seed": -1}, "`seed` must be a whole number of at least 0, but is -1"),
+        ({"seed": 1.5}, "`seed` must be a whole number"),
+    ],
+)
+def test_a_log_is_not_made_with_noise_that_is_none(fine, change, told):
+    with pytest.raises(ArgumentError, match=told):
+        synthetic_log(fine, **change)

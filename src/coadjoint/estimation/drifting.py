@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.estimation.drifts import Drift, GaussMarkov
+from coadjoint.estimation.drifts import Drift, GaussMarkov, finite
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.methods.program import Constants
@@ -85,11 +85,7 @@ class DriftingParameters(Drifting):
 
     def __init__(self, constants: Constants, drifting: Mapping[str, Drift], biases: Mapping[str, Drift]):
         self._layout, self._values = pack(constants)
-        known, start = {}, 0
-        for name, shape in shapes_of(constants).items():
-            size = int(np.prod(shape, dtype=int))
-            known[name.removeprefix("system.")] = range(start, start + size)
-            start += size
+        known = _places(constants)
         for name in drifting:
             if name not in known:
                 raise ArgumentError(
@@ -107,6 +103,28 @@ class DriftingParameters(Drifting):
         self.first = np.concatenate([self._values[self.places], np.zeros(self._biases.count)])
         self.require_near(self.first)
 
+    def true(self, constants: Constants, known: Mapping[str, Any], count: int) -> np.ndarray:
+        """θ at `count` nodes, (count, k), of a system with these constants; what is `known`, name → numbers or
+        (count, numbers), in their place. Raises ArgumentError where both do not tell all of it."""
+        places, values = _places(constants), pack(constants)[1]
+        for name in known:
+            if name not in self.sizes:
+                raise ArgumentError(f"`known` has `{name}`, but what drifts is {', '.join(self.sizes) or 'none'}.")
+        found = []
+        for name, size in self.sizes.items():
+            if name not in known and (name in self._biases.sizes or len(places.get(name, ())) != size):
+                raise ArgumentError(
+                    f"Argument `truth` does not tell `{name}`, which the filter estimates: give known={{{name!r}: …}}."
+                )
+            value = finite(known[name], name, "`known`") if name in known else values[list(places[name])]
+            if np.shape(value) not in ((), (size,), (count, size)):
+                raise ArgumentError(
+                    f"`{name}` of `known` must be {size} numbers, or ({count}, {size}) at the nodes, but has the shape "
+                    f"{np.shape(value)}."
+                )
+            found.append(np.broadcast_to(value, (count, size)))
+        return np.concatenate([np.zeros((count, 0)), *found], axis=1)
+
     def biases(self, theta: Any) -> Named:
         """The biases of θ by names, each (size,)."""
         return self._biases.named(theta[len(self.places) :])
@@ -120,6 +138,16 @@ class DriftingParameters(Drifting):
             numbers[place] = theta[i]
         joined: Any = jnp.stack([jnp.asarray(one, dtype=float) for one in numbers])
         return self._layout.views(joined)
+
+
+def _places(constants: Constants) -> dict[str, range]:
+    """Name of a parameter → where its numbers are among those of the constants."""
+    known, start = {}, 0
+    for name, shape in shapes_of(constants).items():
+        size = int(np.prod(shape, dtype=int))
+        known[name.removeprefix("system.")] = range(start, start + size)
+        start += size
+    return known
 
 
 def _count(name: str, drift: Drift) -> int:

@@ -21,7 +21,7 @@ from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.numbers import float64, is_number, numbers
 from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.timetable import SAME, Timetable, require_readings, require_times, series
+from coadjoint.estimation.timetable import SAME, Timetable, require_radians, require_readings, require_times, series
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.reading import in_words
 
@@ -264,6 +264,8 @@ class Filter:
         table = Timetable(self.t, dt, until, known, told)
         for name in self.process.awaited:
             require_readings(name, told.get(name), table.times, float(dt), name in self._awaited)
+        for name, one in known.items():
+            require_radians(name, one, self._prepared[name].turns)
         if doubt := self.process.doubt(self.rows[0], told):
             warnings.warn(doubt, stacklevel=2)
         numbers = [self._numbers[name] for name in known]

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.estimation.process import Process
 
 FAR = 10.0
-"""How many times what is expected a mean NIS may be before the printed line says so."""
+"""By how many times a mean NIS may differ from what is expected before the printed line says so."""
 
 
 class Consistency(NamedTuple):
@@ -60,6 +60,8 @@ class Filtered:
                 text += f", their mean NIS {np.mean(nis):.3g}, of a consistent filter {m}"
             if (len(nis) and np.mean(nis) > FAR * m) or len(nis) < 0.5 * np.count_nonzero(measured):
                 text += ": what it reads is not what the model expects; see to units, axes, signs, gravity and noise"
+            elif len(nis) and np.mean(nis) < m / FAR:
+                text += ": far less; its covariance, or the noise of the process, is too large, or times are no seconds"
             lines.append((name, text))
         width = max(len(name) for name, _ in lines)
         return "\n".join(f"{name:<{width}}  {text}" for name, text in lines)
@@ -73,10 +75,13 @@ class Filtered:
         """The states, with a leading axis of nodes in every leaf."""
         return self._process.state(self.rows)
 
-    def nees(self, truth: Any) -> tuple[np.ndarray, int]:
+    def nees(self, truth: Any, known: Mapping[str, Any] | None = None) -> tuple[np.ndarray, int]:
         """(eᵀP⁻¹e, its degrees of freedom) at the nodes, (K,) or (K, members).
 
-        truth: rows of the same shape, or states as the process has them, with an axis of nodes, if it takes these.
+        truth: rows of the same shape; of a `ModelProcess` a run of co.simulate, read at the nodes, or states (K,);
+            of a `StrapdownProcess` an `InertialState` (K,). Without an axis of members it is that of all of them.
+        known: beside a run or states, true numbers of what drifts, name → number, (size,) or (K, size): of biases,
+            which no run tells, and of parameters that changed; by default those of the run's system.
 
         Of a filter whose model and noise are those of the truth it is χ² with as many degrees of freedom: those of the
         directions that are not known exactly. Raises ArgumentError where the covariances were not kept, and where some
@@ -84,9 +89,13 @@ class Filtered:
         """
         if self.covariances is None:
             raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
-        truth = self._process.rows_of(truth)
+        truth = self._process.rows_of(truth, self.t, known)
+        if self.rows.ndim == 3 and np.shape(truth) == (len(self.t), self.rows.shape[2]):
+            truth = np.broadcast_to(truth[:, None], self.rows.shape)
         if np.shape(truth) != self.rows.shape:
             raise ArgumentError(f"Argument `truth` must be rows of the shape {self.rows.shape}, not {np.shape(truth)}.")
+        if not np.all(np.isfinite(truth)):
+            raise ArgumentError("Argument `truth` must be finite at all nodes: end the run where the truth ends.")
         free = np.flatnonzero(np.all(self.deviations > 0, axis=tuple(range(self.deviations.ndim - 1))))
         e = (self._process.errors(self.rows, truth) / np.where(self.deviations > 0, self.deviations, 1.0))[..., free]
         spread = self.deviations[..., free]

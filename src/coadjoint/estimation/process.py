@@ -93,14 +93,22 @@ class Process(ABC):
     def differ(self, row: Any, other: Any) -> Any:
         """e (n,) with other = retract(row, e), to first order, or exactly."""
 
-    def rows_of(self, states: Any) -> np.ndarray:
-        """Rows as they are given; a process may take states with an axis of nodes, too. Raises ArgumentError."""
+    truths: str = ""
+    """What `rows_of` takes besides rows, as a word of a list, with a comma behind it."""
+
+    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
+        """Rows as they are given; a process may take states with an axis of nodes, too. Raises ArgumentError.
+
+        times: of the nodes, (K,) s, for what has a time of its own. known: what rows hold beside states.
+        """
+        if known:
+            raise ArgumentError("Argument `known` stands beside a run or states of a system: rows hold all of it.")
         try:
             return float64(states)
         except (TypeError, ValueError):
             raise ArgumentError(
-                "Argument `truth` must be rows of numbers, such as a copy of the `rows` that the filter found with the "
-                f"true numbers in their places, but is {shown(states)}."
+                f"Argument `truth` must be {self.truths}rows of numbers, such as a copy of the `rows` that the filter "
+                f"found with the true numbers in their places, but is {shown(states)}."
             ) from None
 
     def doubt(self, row: np.ndarray, inputs: Mapping[str, Any]) -> str:

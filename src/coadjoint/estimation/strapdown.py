@@ -131,9 +131,11 @@ class StrapdownProcess(Process):
         self._drifts.require_near(found[22:])
         return found
 
-    def rows_of(self, states: Any) -> np.ndarray:
-        if not isinstance(states, InertialState):
-            return super().rows_of(states)
+    truths = "an InertialState with an axis of nodes, or "
+
+    def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
+        if known or not isinstance(states, InertialState):
+            return super().rows_of(states, times, known)
         each, nodes = one_by_one(states)
         return np.reshape([self.row(one) for one in each], (*nodes, len(self._first)))
 

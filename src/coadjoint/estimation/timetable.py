@@ -12,6 +12,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import float64, is_number
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
 from coadjoint.memory import require_room
+from coadjoint.units import jumps_by_degrees
 
 SAME = 1e-9
 """Times that differ by less, s, are one."""
@@ -64,6 +65,16 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
         )
 
 
+def require_radians(name: str, one: Series, turns: np.ndarray) -> None:
+    """Warn of angles that are in degrees; turns: (size,), 0 of what is no angle."""
+    if jumps_by_degrees(one.values[..., turns > 0]):
+        warnings.warn(
+            f"`{name}` of `measured` jumps by 360 from one value to the next, as degrees do and radians never: give "
+            "np.radians of it.",
+            stacklevel=3,
+        )
+
+
 class Series(NamedTuple):
     """times (K,) s, and values (K, size), or (K, members, size)."""
 
@@ -99,6 +110,12 @@ def series(name: str, given: Any, argument: str, sizes: Mapping[str, int], membe
         raise ArgumentError(
             f"`{name}` of `inputs` must be finite numbers, but not all are at t = {at:g} s: leave such readings out, "
             "and the one before is held."
+        )
+    if np.any(np.isinf(values)):
+        k = int(np.argmax(np.any(np.isinf(values.reshape(count, -1)), axis=1)))
+        raise ArgumentError(
+            f"`{name}` of `{argument}` must be numbers, NaN where nothing was measured, but number {k + 1} of {count} "
+            "is infinite: leave it out, or give NaN."
         )
     if np.any(np.diff(times) < 0):
         raise ArgumentError(f"The times of `{name}` of `{argument}` must not go back: sort them.")

@@ -10,8 +10,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
-from coadjoint.identification.channels import VEHICLE, Channels, is_vehicle
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.identification.arguments import require_arguments, require_named, require_numbers
+from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import require_commands
 from coadjoint.identification.findings import Identification, judged
 from coadjoint.identification.fitting import fitted
@@ -88,13 +89,17 @@ def identify(
     progress: None, a bar on a terminal for what takes over a second (the default); False, never.
     Raises ArgumentError for what does not fit, and where nothing is found.
     """
+    method = Midpoint() if method is None else method
+    require_arguments(system, log, start, method)
+    require_numbers(level=level, settle=settle, longest_delay=longest_delay)
+    require_numbers(**{name: value for name, value in {"segment": segment, "dt": dt}.items() if value is not None})
+    require_named(noise={} if noise is None else noise, measured={} if measured is None else measured)
     if not 0 < level < 1:
         raise ArgumentError(f"Argument `level` must lie between 0 and 1, but is {level:g}.")
     if segment is not None and not (np.isfinite(segment) and segment > 0):
         raise ArgumentError(f"Argument `segment` must be a positive time in s, or None, but is {segment:g}.")
     if between not in get_args(Between):
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
-    method = Midpoint() if method is None else method
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
     system, moved = wandering(system, process_noise)
@@ -116,9 +121,11 @@ def identify(
 
 def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State], Any]]) -> Channels:
     """Every column of the log as a function of the state."""
-    for name in measured:
+    for name, function in measured.items():
         if name not in log.columns:
             raise ArgumentError(f"Argument `measured` names `{name}`, but the log holds {', '.join(log.columns)}.")
+        if not callable(function):
+            raise ArgumentError(f"`{name}` of `measured` must be a function of the state, but is {shown(function)}.")
     rest = [name for name in log.columns if name not in measured]
     if rest and not is_vehicle(system):
         raise ArgumentError(
@@ -130,6 +137,11 @@ def _channels(system: System, log: Log, measured: Mapping[str, Callable[[State],
             raise ArgumentError(
                 f"The log's column `{name}` is no quantity of a vehicle, the nearest is `{near}`: rename it, leave it "
                 "out, or give it in `measured`."
+            )
+        if (unit := log.units.get(name)) != UNITS[name]:
+            raise ArgumentError(
+                f"The log's column `{name}` is in {unit}, but a Log has it in {UNITS[name]}: change its numbers, or "
+                "read a table with its unit by co.vehicles.logs.read_log."
             )
     levers = tuple((name, r) for name, r in log.positions.items() if name in rest)
     return Channels(tuple(name for name in VEHICLE if name in rest), tuple(measured.items()), levers=levers)
@@ -144,6 +156,7 @@ def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
             raise ArgumentError(
                 f"Argument `noise` names `{name}`, which the log does not hold: it knows {', '.join(known)}."
             )
+        require_numbers(**{f"noise[{name!r}]": value})
         if not (np.isfinite(value) and value > 0):
             raise ArgumentError(f"The noise of `{name}` must be a positive number, but is {value!r}.")
         parts = [part for part in known[name] if part in channels.names]

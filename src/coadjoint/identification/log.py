@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.identification.channels import POSITION, UNITS, VELOCITY
+from coadjoint.identification.implausible import implausible
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Log:
 
     `time`: (n,) s. `columns`: what was measured, name → (n,), SI units and rad, north–east–down, forward–starboard–
     down; those of a vehicle are named north, east, depth, roll, pitch, heading, u, v, w, p, q, r.
-    `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each.
+    `inputs`: what drove it, name → (n,) or (n, k), without gaps. `notes`: what was unusual, a sentence each, and
+    what cannot be meant of columns: degrees as rad, heights as depths.
     `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
     `positions`: where in the body the sensor of a column of place or velocity sits, name → (x, y, z) m; O where none is
     named. `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
@@ -38,6 +40,9 @@ class Log:
         time = _numbers(self.time, "time")
         if time.ndim != 1 or len(time) < 2:
             raise ArgumentError(f"A log needs at least two samples, but `time` has shape {time.shape}.")
+        if not np.all(np.isfinite(time)):
+            at = int(np.argmin(np.isfinite(time)))
+            raise ArgumentError(f"Times of a log must be finite, but sample {at} is at {time[at]:g} s: leave it out.")
         bad = np.flatnonzero(~(np.diff(time) > 0))
         if len(bad):
             at = int(bad[0])
@@ -45,18 +50,24 @@ class Log:
                 f"The time of a log must grow, but sample {at + 1} is at {time[at + 1]:g} s after {time[at]:g} s: "
                 "sort the samples and give each once."
             )
+        for part in ("columns", "inputs", "units", "actual", "positions"):
+            if not isinstance(getattr(self, part), Mapping):
+                raise ArgumentError(f"`{part}` of a log must be by names, but is {shown(getattr(self, part))}.")
         columns = {name: _numbers(values, name) for name, values in self.columns.items()}
         inputs = {name: _numbers(values, name) for name, values in self.inputs.items()}
-        for name, values in {**columns, **inputs}.items():
-            if len(values) != len(time) or (name in columns and values.ndim != 1):
+        actual = {name: _numbers(values, name) for name, values in self.actual.items()}
+        did = {f"actual[{name!r}]": values for name, values in actual.items()}
+        for name, values in {**columns, **inputs, **did}.items():
+            if values.shape[:1] != time.shape or (name in columns and values.ndim != 1):
                 raise ArgumentError(f"`{name}` must have one number for each of {len(time)} times: {values.shape}.")
             if np.any(np.isinf(values)):
-                raise ArgumentError(
-                    f"`{name}` is infinite at {time[np.isinf(values).reshape(len(time), -1).any(1)][0]:g} s."
-                )
-            if name in inputs and np.any(np.isnan(values)):
+                at = int(np.argmax(np.isinf(values).reshape(len(time), -1).any(axis=1)))
+                remedy = "give NaN where a sensor was silent" if name in columns else "give what was commanded"
+                raise ArgumentError(f"`{name}` is infinite in sample {at}, at {time[at]:g} s: {remedy}.")
+            if name not in columns and np.any(np.isnan(values)):
                 at = time[np.isnan(values).reshape(len(time), -1).any(axis=1)][0]
-                raise ArgumentError(f"Input `{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
+                what = "Input `" if name in inputs else "`"
+                raise ArgumentError(f"{what}{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
             if name in columns and np.all(np.isnan(values)):
                 raise ArgumentError(f"Column `{name}` holds no number: leave it out.")
         for name in self.positions:
@@ -64,9 +75,12 @@ class Log:
                 able = ", ".join(n for n in (*POSITION, *VELOCITY) if n in columns) or "none"
                 raise ArgumentError(f"`positions` names `{name}`, but has a place of a sensor of: {able}.")
         places = {name: _place(value, name) for name, value in self.positions.items()}
-        for key, value in {"time": time, "columns": columns, "inputs": inputs, "positions": places}.items():
+        found = {"time": time, "columns": columns, "inputs": inputs, "actual": actual, "positions": places}
+        for key, value in found.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
+        doubted = [note for note in implausible(columns, self.units) if note not in self.notes]
+        object.__setattr__(self, "notes", (*self.notes, *doubted))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -100,9 +114,11 @@ class Log:
 
 def _numbers(values: Any, name: str) -> np.ndarray:
     try:
-        return np.array(values, float)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"`{name}` of a log must hold numbers, but is {values!r:.60}.") from error
+        if np.asarray(values).dtype.kind in "biufO":
+            return np.array(values, float)
+    except (TypeError, ValueError):
+        pass
+    raise ArgumentError(f"`{name}` of a log must hold numbers, but is {values!r:.60}.")
 
 
 def _place(value: Any, name: str) -> tuple[float, float, float]:

@@ -135,8 +135,10 @@ def _cuts(log: Log, segment: float | None) -> tuple[np.ndarray, np.ndarray, np.n
         borders = log.time[begin] + length / count * np.arange(count)
         cut = np.searchsorted(log.time, borders - 1e-9 * log.duration)
         if np.any(np.diff(np.append(cut, end + 1)) < FEWEST):
+            seldom = log.interval * FEWEST > segment
             raise ArgumentError(
-                f"Segments of {segment:g} s hold fewer than four samples somewhere: take longer ones than `segment`."
+                f"Segments of {segment:g} s hold fewer than four samples somewhere: take longer ones than `segment`"
+                + (f"; samples are {log.interval:g} s apart: are times in seconds?" if seldom else ".")
             )
         first += list(cut)
         last += [*(cut[1:] - 1), end]
@@ -157,8 +159,12 @@ def _interpolation(x: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _around(x: np.ndarray, steps: int) -> np.ndarray:
-    """The four nodes around each x, a last axis."""
-    return np.clip(np.floor(x).astype(int) - 1, 0, max(steps - 4, 0))[..., None] + np.arange(4)
+    """The four nodes around each x, a last axis; raises ArgumentError where there are fewer."""
+    if steps < 4:
+        raise ArgumentError(
+            "The log, or its longest segment, is shorter than three steps: take a smaller `dt`; are times in seconds?"
+        )
+    return np.clip(np.floor(x).astype(int) - 1, 0, steps - 4)[..., None] + np.arange(4)
 
 
 def _lagrange(x: np.ndarray, nodes: np.ndarray) -> np.ndarray:

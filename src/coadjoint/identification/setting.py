@@ -23,6 +23,7 @@ from coadjoint.identification.unknowns import Unknowns
 from coadjoint.identification.wandering import Moved
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
+from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
@@ -127,8 +128,6 @@ def setting(
 ) -> Setting:
     """What is sought, checked; raises ArgumentError."""
     system = sought.system
-    if not isinstance(start, State) or start.places != system.places:
-        raise ArgumentError("Argument `start` must be a state of the system, such as system.state(…).")
     if step is not None and not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"Argument `dt` must be positive, but is {step:g}.")
     if not 0 <= settle < log.duration:
@@ -150,4 +149,6 @@ def setting(
         t_rest=np.float64(0.0),
     )
     require_inputs(system, begun)
+    for name, function in channels.own:
+        require_scalar(function, f"The function of `{name}` in `measured`", (begun,))
     return Setting(sought, log, begun, channels, method, between, step, settle, sensing, wandering)

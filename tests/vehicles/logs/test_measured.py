@@ -119,7 +119,7 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         (GOOD.replace("rudder_rad", "u_cm_s"), "`u` is given twice"),
         (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: there are 3 cells for 4 columns"),
         (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),
-        (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not a finite number"),
+        (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not a finite number: leave the"),
         (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4: time goes from 1 s to 1 s"),
         (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time`: the time is missing"),
         (GOOD.replace("0,1,1,0", "0,1,1,"), "line 2, column `rudder_rad`: the first value"),
@@ -152,8 +152,12 @@ def test_a_log_refuses_what_no_log_can_hold():
         Log(t[:1], {"u": t[:1]})
     with pytest.raises(ArgumentError, match="one number for each of 3 times"):
         Log(t, {"u": t[:2]})
-    with pytest.raises(ArgumentError, match="`u` is infinite at 1 s"):
+    with pytest.raises(ArgumentError, match="`u` is infinite in sample 1, at 1 s: give NaN where a sensor was silent"):
         Log(t, {"u": np.array([0, np.inf, 0])})
+    with pytest.raises(ArgumentError, match="`screws` is infinite in sample 2, at 2 s: give what was commanded"):
+        Log(t, {"u": t}, {"screws": np.array([[0, 0], [0, 0], [0, -np.inf]])})
+    with pytest.raises(ArgumentError, match="Times of a log must be finite, but sample 2 is at inf s"):
+        Log(np.array([0, 1, np.inf]), {"u": t})
     with pytest.raises(ArgumentError, match="must have no gaps"):
         Log(t, {"u": t}, {"rudder": np.array([0, np.nan, 0])})
 
@@ -185,3 +189,91 @@ def test_a_speed_without_a_unit_is_told_one_of_speeds(tmp_path, header):
     path.write_text(f"time_s,{header}\n0,1\n1,1\n")
     with pytest.raises(FileError, match="as in `u_m_s`"):
         read_log(path)
+
+
+def headings(step, noise=0.02):
+    """Radians over ten turns, with gaps: wrapped to [0, 2π), to [−π, π), and counting turns."""
+    random = np.random.default_rng(1)
+    whole = 3.0 + np.cumsum(np.full(400, step))
+    measured = whole + noise * random.normal(size=400)
+    found = [measured % (2 * np.pi), (measured + np.pi) % (2 * np.pi) - np.pi, measured]
+    for values in found:
+        values[random.random(400) < 0.3] = np.nan
+    return found
+
+
+@pytest.mark.parametrize("step", [0.16, -0.16, 0.9, 2.0])
+def test_a_heading_in_degrees_that_is_declared_as_radians_is_told_and_one_in_radians_never(step):
+    t = 0.1 * np.arange(400)
+    for k, values in enumerate(headings(step)):
+        assert Log(t, {"heading": values}).notes == ()
+        if abs(step) < 0.4:
+            degrees = Log(t, {"heading": np.degrees(values), "u": t}).notes
+            assert len(degrees) == (k < 2) and all("`heading` jumps by 360" in one for one in degrees)
+    seldom = np.where(np.arange(400) % 3 == 0, np.degrees(3.0 + 0.05 * np.arange(400)) % 360, np.nan)
+    assert len(Log(t, {"heading": seldom}).notes) == 1
+    (told,) = Log(t, {"dial": np.degrees(headings(0.16)[0])}, units={"dial": "rad"}).notes
+    assert "`dial_deg`" in told and Log(t, {"dial": np.degrees(headings(0.16)[0])}).notes == ()
+
+
+def test_a_heading_in_degrees_in_a_file_is_told_where_its_header_says_radians(tmp_path):
+    rows = "".join(f"{0.1 * k:g},{(300 + 2 * k) % 360},-4\n" for k in range(100))
+    (told,) = read_log(written(tmp_path, f"time_s,heading_rad,w_m_s\n{rows}")).notes
+    assert told.startswith("`heading` jumps by 360") and "heading_deg" in told
+    assert read_log(written(tmp_path, f"time_s,heading_deg,w_m_s\n{rows}")).notes == ()
+
+
+def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not():
+    t, pitch = 0.1 * np.arange(400), 0.3 * np.sin(0.1 * np.arange(400))
+    (told,) = Log(t, {"pitch": np.degrees(pitch)}).notes
+    assert "`pitch` goes beyond 3.14 rad" in told and Log(t, {"pitch": pitch}).notes == ()
+    pitch[::150] = 40.0
+    assert Log(t, {"pitch": pitch}).notes == ()
+
+
+def test_depths_above_the_surface_are_told_and_a_vehicle_that_floats_is_not(tmp_path):
+    t, dive = 0.1 * np.arange(400), 10 - 10 * np.cos(0.02 * np.arange(400))
+    (told,) = Log(t, {"depth": -dive}).notes
+    assert "Most of `depth` is above the surface: it is positive down" in told and "`up_m`" in told
+    assert Log(t, {"depth": np.where(np.arange(400) % 2 == 0, -dive, np.nan)}).notes == (told,)
+    for depth in (dive, 0.4 * np.sin(t), np.where(t < 5, -20.0, dive)):
+        assert Log(t, {"depth": depth}).notes == ()
+    rows = "".join(f"{a:g},{b:g}\n" for a, b in zip(t, -dive, strict=True))
+    assert len(read_log(written(tmp_path, f"time_s,depth_m\n{rows}")).notes) == 1
+    assert read_log(written(tmp_path, f"time_s,up_m\n{rows}")).notes == ()
+    assert read_log(written(tmp_path, f"time_s,z_m\n{rows}"), axes="ENU/FLU").notes == ()
+
+
+def test_a_part_of_a_log_has_its_notes_once():
+    t = 0.1 * np.arange(100)
+    log = Log(t, {"depth": -5 - t, "pitch": np.full(100, 4.0)}, notes=("Rain.",))
+    assert len(log.notes) == 3 and log.between(2.0, 8.0).notes == log.notes
+
+
+WRONG = {
+    "columns": ({"columns": [1, 2]}, "`columns` of a log must be by names, but is"),
+    "inputs": ({"inputs": None}, "`inputs` of a log must be by names, but is None"),
+    "texts": ({"columns": {"u": ["0", "1", "2"]}}, "`u` of a log must hold numbers"),
+    "dates": ({"time": np.arange("2026-01-01", "2026-01-04", dtype="datetime64[D]")}, "`time` of a log must hold num"),
+    "complex": ({"columns": {"u": np.array([0, 1j, 2])}}, "`u` of a log must hold numbers"),
+    "one number": ({"columns": {"u": 1.0}}, "`u` must have one number for each of 3 times"),
+    "short": ({"actual": {"rudder": [0.0]}}, r"`actual\['rudder'\]` must have one number for each of 3 times"),
+    "gap": ({"actual": {"rudder": [0.0, np.nan, 0]}}, r"^`actual\['rudder'\]` is missing at 1 s"),
+    "infinite": ({"actual": {"rudder": [0.0, 0, np.inf]}}, r"`actual\['rudder'\]` is infinite in sample 2, at 2 s"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_part_of_a_log_is_told(case):
+    change, told = WRONG[case]
+    t = np.arange(3.0)
+    with pytest.raises(ArgumentError, match=told):
+        Log(**{"time": t, "columns": {"u": t}, "inputs": {"rudder": t}, **change})
+    assert Log(t, {"u": t}, {"rudder": t}, actual={"rudder": [0, 1, 2]}).first("rudder") == 0.0
+
+
+@pytest.mark.parametrize("name", ["log.nc", "log.bag", "log.xlsx", "log"])
+def test_a_log_is_not_written_under_the_name_of_another_format(tmp_path, name):
+    with pytest.raises(ArgumentError, match=r"written as \.csv or \.mcap, but the name of .* ends otherwise"):
+        write_log(Log(np.arange(3.0), {"u": np.arange(3.0)}), tmp_path / name)
+    assert not (tmp_path / name).exists()

@@ -180,3 +180,11 @@ def test_a_sensor_is_lost_only_where_sensors_are_read():
     plain = MISSION.split("[sensors]")[0] + "[run]" + MISSION.split("[run]")[1]
     with pytest.raises(ArgumentError, match="the mission reads none"):
         _ = mission(plain + LOST).setup
+
+
+def test_a_sensor_whose_readings_never_arrive_is_a_warning_of_the_mission():
+    vehicle = co.vehicles.load("float.toml")
+    sensors = tuple(replace(one, latency=1e9) if one.name == "dvl" else one for one in vehicle.sensors)
+    Path("float.toml").write_text(vehicle_to_toml(replace(vehicle, sensors=sensors)), encoding="utf-8")
+    run = mission().run(progress=False)
+    assert [one for one in run.warnings if "No reading of `dvl` arrives by the end of the run at 3 s" in one]

@@ -1,5 +1,6 @@
 """Readings of runs: rates, latencies, places in closed form, and the same to the bit from a seed."""
 
+import warnings
 from functools import cache, partial
 from typing import Any
 
@@ -218,6 +219,8 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
             "must be that of a run, such as run.dataset, but is 'x'",
         ),  # pyright: ignore[reportArgumentType]
         (lambda: readings(run(), bottom="20"), "`bottom` must be a number"),  # pyright: ignore[reportArgumentType]
+        (lambda: readings(run(), bottom=-20.0), "`bottom` must be at least 0, but is -20"),
+        (lambda: observations(craft(), ["dvl"], bottom=-20.0), "`bottom` must be at least 0, but is -20"),
         (lambda: readings(run(), bottom=np.nan), "`bottom` must be finite"),
         (
             lambda: readings(run(), sensors=[Altimeter(name="fast", rate=1e9)], bottom=50),
@@ -248,3 +251,27 @@ def test_a_beacon_is_ranged_from_a_vehicle_under_way():
     q = run().dataset.q.values[::40]
     np.testing.assert_allclose(read.exact[:, 0], np.linalg.norm(q - [30, 10, 4], axis=1), atol=1e-9)
     assert np.max(np.abs(usbl.residual(read.values[1], read.exact[1])) / usbl.deviation) < 4
+
+
+def test_a_latency_that_is_longer_than_the_run_is_told():
+    late, there = Depth(name="late", rate=3, latency=12.5), Depth(name="there", rate=3, latency=11.5)
+    with pytest.warns(UserWarning, match="No reading of `late` .* at 12 s, because its latency is 12.5 s") as told:
+        read = readings(run(), sensors=[late, there])
+    assert len(told) == 1 and read.warnings == (str(told[0].message),) and len(read["late"]) == 37
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert readings(run(), sensors=[there]).warnings == ()
+
+
+def test_what_a_sensor_would_read_out_of_its_limits_need_be_no_number(monkeypatch):
+    """An altimeter whose beam never meets the bottom reads nothing, and what it reads later has the errors it had."""
+
+    def at(sensor, moving, times):
+        exact, there = at_times(sensor, moving, times)
+        return np.where(there[:, None] & (times > 3)[:, None], exact, np.nan), there & (times > 3)
+
+    one = Altimeter(name="altimeter", rate=5, highest=40, range=Errors(noise=0.1, bias_instability=0.1, bias_time=2))
+    whole = readings(run(), sensors=[one], bottom=20)["altimeter"]
+    monkeypatch.setattr(of_run, "at_times", at)
+    part = readings(run(), sensors=[one], bottom=20)["altimeter"]
+    assert 0 < len(part) < len(whole) and np.array_equal(part.values, whole.values[-len(part) :])

@@ -175,3 +175,20 @@ def test_an_allan_deviation_at_a_time_that_readings_do_not_have_is_refused(rate,
         allan_deviation(np.zeros(100), rate, times)
     with pytest.raises(ArgumentError, match="finite readings"):
         allan_deviation([np.nan, 1.0], 1.0, [1.0])
+
+
+@pytest.mark.parametrize(
+    ("exact", "told"),
+    [
+        ([[1.0], [np.nan]], r"finite readings of `depth`, but number 2 of 2 is \[nan\]: give 0 in place"),
+        ([[-np.inf]], r"number 1 of 1 is \[-inf\]"),
+        ([[None]], r"number 1 of 1 is \[nan\]"),
+        ([["deep"]], "must be readings as numbers, but is"),
+        ([1.0], r"readings of depth, \(k, 1\), but has the shape \(1,\)"),
+    ],
+)
+def test_what_is_no_reading_is_told(exact, told):
+    noise = Noise(Depth(name="depth", rate=1, depth=Errors(noise=0.1)), 1)
+    with pytest.raises(ArgumentError, match=told):
+        noise.read(exact)
+    assert noise.count == 0 and noise.read(np.zeros((0, 1))).values.shape == (0, 1)

@@ -181,7 +181,7 @@ def push(
     numbers, length = _numbers(p, groups, width), np.full(width, float(h))
     directions = np.repeat(p_dot[:, :, None], width, axis=2)
     state_dot = _groups(start_dot.reshape(path.runs, -1), width)
-    record_dot = np.zeros((groups, steps, columns, row - code.taped, width))
+    found = np.zeros((groups * width, steps, columns, row - code.taped))
     pieces = [(0, 0, steps)] if wandering is None else wandering.knots(steps)
     for knot, first, count in pieces:
         used = columns
@@ -190,12 +190,10 @@ def push(
             used = _turn(directions, wandering, knot)
         for group in range(groups):
             given = numbers[group].ctypes.data, length.ctypes.data, directions.ctypes.data
-            out = record_dot[group, first : first + count]
-            part = out if used == columns else np.empty((count, used, *out.shape[2:]))
+            part = np.empty((count, used, row - code.taped, width))
             _pushed(code, given, path.rows[group, first:], used, state_dot[group], part)
-            if part is not out:
-                out[:, :used] = part
-    return _members(record_dot, path.runs)
+            found[group * width : (group + 1) * width, first : first + count, :used] = np.moveaxis(part, -1, 0)
+    return found[: path.runs]
 
 
 def _pushed(

@@ -109,10 +109,13 @@ def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]
 
 def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     """The log as a file that `read_log` reads: CSV, angles in degrees, inputs as `command_…`, missing cells empty; or
-    messages of ROS 2 in ENU/FLU where the name ends in `.mcap`."""
+    messages of ROS 2 in ENU/FLU where the name ends in `.mcap`. Raises ArgumentError for names that end otherwise."""
     from coadjoint.vehicles.logs.bags.mounting import require_at_origin
 
-    if Path(path).suffix.lower() == ".mcap":
+    end = Path(path).suffix.lower()
+    if end not in (".csv", ".txt", ".mcap"):
+        raise ArgumentError(f"A log is written as .csv or .mcap, but the name of {path} ends otherwise.")
+    if end == ".mcap":
         from coadjoint.vehicles.logs.bags.writing import log_bytes
 
         require_at_origin(log.positions, "A bag with /odometry")

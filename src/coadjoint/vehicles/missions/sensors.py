@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +94,7 @@ def _names(given: dict[str, Any], vehicle: Any) -> tuple[str, ...]:
 def observe(file: MissionFile, run: Run) -> None:
     """Put what the sensors of [sensors] read into the dataset of a run; nothing where a step failed.
 
-    What cannot be read becomes a warning of the run, which is not lost.
+    What cannot be read, or does not arrive, becomes a warning of the run, which is not lost.
     """
     from coadjoint.vehicles.missions.vehicle import vehicle_of
     from coadjoint.vehicles.readings.of_run import readings
@@ -103,7 +104,10 @@ def observe(file: MissionFile, run: Run) -> None:
     section = sensors_section(file, vehicle_of(file)[0])
     assert section is not None
     try:
-        read = readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom)
+        with warnings.catch_warnings():  # they are told with the run
+            warnings.simplefilter("ignore", UserWarning)
+            read = readings(run, seed=section.seed, sensors=section.names, bottom=section.bottom)
+        run.warnings += read.warnings
         without_lost(file, read, run.dataset).add_to(run.dataset)
     except CoadjointError as error:
         run.warnings.append(f"What [sensors] asks for could not be read: {error}")

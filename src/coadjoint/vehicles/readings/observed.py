@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from coadjoint.models.quantities import not_negative
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.craft import Craft
 from coadjoint.vehicles.readings.craft_kinematics import kinematics
@@ -24,7 +25,7 @@ def observations(
     sensors: names, or sensors of one's own; by default all of the craft's vehicle. bottom: the depth of a level bottom,
     one number in m. Neither rates nor limits count here, and errors are drawn by `Noise`. Raises ArgumentError.
     """
-    at = kinematics(craft, bottom=bottom)
+    at = kinematics(craft, bottom=None if bottom is None else float(not_negative(bottom, "bottom")))
     return {PREFIX + one.name: partial(_read, one, at) for one in chosen_sensors(craft, sensors)}
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import Origin, State
-from coadjoint.models.quantities import number
+from coadjoint.models.quantities import not_negative
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.streamed import StreamedRun
 from coadjoint.spaces.named import Named
@@ -56,18 +57,32 @@ def readings(
     own; by default all of the vehicle. bottom: the depth of a level bottom, one number in m, or a function
     (north, east) ↦ depth, m, such as a `Bottom`, which is level below each reading; None where there is none.
     craft: the one of the run; by default it is found by its system. Raises ArgumentError for a run of no craft and
-    for sensors that there are not.
+    for sensors that there are not; warns of a sensor whose latency is longer than
+    the run.
     """
     if not isinstance(run, Run):
         raise ArgumentError(f"Argument `run` must be a run of co.simulate, of a single craft, but is {shown(run)}.")
     if bottom is not None and not callable(bottom):
-        bottom = float(number(bottom, "bottom"))
+        bottom = float(not_negative(bottom, "bottom"))
     craft = craft_of(run.system) if craft is None else craft
     chosen = chosen_sensors(craft, sensors)
     noises = [Noise(one, seed) for one in chosen]
     moving = moved(run, craft, bottom)
     found = {one.name: _read(one, noise, moving) for one, noise in zip(chosen, noises, strict=True)}
-    return Readings(found, int(seed))
+    late = _never_there(found.values(), float(moving.t[-1]))
+    for sentence in late:
+        warnings.warn(sentence, stacklevel=2)
+    return Readings(found, int(seed), late)
+
+
+def _never_there(read: Iterable[SensorReading], end: float) -> tuple[str, ...]:
+    """A sentence for each sensor of which no reading arrives by the end of the run, s."""
+    return tuple(
+        f"No reading of `{one.sensor.name}` arrives by the end of the run at {end:g} s, because its latency is "
+        f"{float(one.sensor.latency):g} s: is that in seconds?"
+        for one in read
+        if len(one) and one.arrival[0] > end
+    )
 
 
 def chosen_sensors(craft: Craft, asked: Sequence[Sensor | str] | None) -> tuple[Sensor, ...]:
@@ -132,7 +147,7 @@ def _read(sensor: Sensor, noise: Noise, moving: Kinematics) -> SensorReading:
     nodes = np.asarray(moving.t)
     times = reading_times(sensor, float(nodes[0]), float(nodes[-1]))
     exact, there = at_times(sensor, moving, times)
-    drawn = noise.read(exact)
+    drawn = noise.read(np.where(there[:, None], exact, 0.0))  # what is out of limits may be no number
     kept = there & ~drawn.lost
     number = np.flatnonzero(kept)
     taken = times[kept]

@@ -61,11 +61,13 @@ class SensorReading:
 class Readings(Mapping[str, SensorReading]):
     """The readings of all sensors of a run by their names.
 
-    taken: of each, in the order of the vehicle. seed: that of their errors.
+    taken: of each, in the order of the vehicle. seed: that of their errors. warnings: a sentence for each sensor whose
+    latency is so long that nothing of it arrives within the run.
     """
 
     taken: Mapping[str, SensorReading]
     seed: int
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> SensorReading:
         if name not in self.taken:

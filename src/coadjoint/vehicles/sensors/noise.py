@@ -45,12 +45,24 @@ class Noise:
         ]
 
     def read(self, exact: Any) -> Drawn:
-        """The next k readings, (k, m), of what would be read without errors, (k, m): exact ones and their errors."""
-        exact = np.asarray(exact, dtype=float)
+        """The next k readings, (k, m), of what would be read without errors, (k, m): exact ones and their errors.
+
+        Raises ArgumentError for other shapes and for numbers that are not finite.
+        """
+        try:
+            exact = np.asarray(exact, dtype=float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"Argument `exact` must be readings as numbers, but is {shown(exact)}.") from None
         if exact.ndim != 2 or exact.shape[1] != self.sensor.size:
             raise ArgumentError(
                 f"Argument `exact` must be readings of {', '.join(self.sensor.names)}, (k, {self.sensor.size}), but "
                 f"has the shape {exact.shape}."
+            )
+        if len(bad := np.flatnonzero(~np.all(np.isfinite(exact), axis=1))):
+            raise ArgumentError(
+                f"Argument `exact` must be finite readings of `{self.sensor.name}`, but number {bad[0] + 1} of "
+                f"{len(exact)} is {exact[bad[0]].tolist()}: give 0 in place of what it does not read, and leave that "
+                "reading out behind."
             )
         count, found, begin = len(exact), [], 0
         white, wander, walk, outlier = (

@@ -140,3 +140,20 @@ def test_a_dataset_in_place_of_a_log_is_told_with_what_to_do(tmp_path):
         read_log(tmp_path / "run.nc")
     co.load(tmp_path / "run.nc").save(tmp_path / "run.csv")
     assert len(read_log(tmp_path / "run.csv")) == 21
+
+
+def test_a_sensor_that_read_nothing_has_an_empty_topic(run, tmp_path):
+    """A GPS whose antenna stays below the surface, as on every dive."""
+    silent = run[0].dataset.copy()
+    silent = silent.isel(sensor_gps_time=slice(0, 0))
+    write_mcap(silent, tmp_path / "dive.mcap")
+    log = read_log(tmp_path / "dive.mcap")
+    assert np.array_equal(log.columns["north"], VehicleRecords(run[0].dataset).position[:, 0])
+    with pytest.raises(CoadjointError, match=r"no message that measures a vehicle .* /sensors/gps"):
+        read_log(tmp_path / "dive.mcap", topics=["/sensors/gps"])
+
+
+def test_an_arrival_that_no_message_can_have_is_told(run, tmp_path):
+    late = run[0].dataset.assign(sensor_usbl_arrival=run[0].dataset.sensor_usbl_arrival + 1e10)
+    with pytest.raises(CoadjointError, match=r"/sensors/usbl are there up to 1e\+10 s, .* give the sensor a shorter"):
+        write_mcap(late, tmp_path / "late.mcap")

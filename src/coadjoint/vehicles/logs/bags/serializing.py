@@ -20,6 +20,8 @@ def serialized(definition: Definition, count: int, values: Mapping[str, Any]) ->
     messages how many there are, whose fields are `transforms[0].header.frame_id`. What is not given is 0, "" and no
     values.
     """
+    if count == 0:
+        return []
     pieces: list[tuple[int, np.ndarray | bytes]] = [(0, _HEAD)]
     end = _message(definition, definition.name, "", count, values, pieces, 4)
     table = np.zeros((count, end), np.uint8)

@@ -32,6 +32,8 @@ OWN = "coadjoint"
 MAP, BODY = "map", "base_link"
 """The frames of messages, as ROS names them (REP 105)."""
 _CHUNK = 4_000_000
+LATEST = 2.0**31
+"""s; up to here stamps of ROS tell times."""
 
 
 def write_mcap(
@@ -111,7 +113,7 @@ def _content(rows: list[Written], time: np.ndarray, facts: dict[str, str]) -> by
     """The content of a file; raises ArgumentError for times that ROS cannot say."""
     writer = library("mcap.writer", "Writing MCAP")
     stamps = np.rint(time * 1e9).astype(np.int64)
-    if len(stamps) and (stamps[0] < 0 or stamps[-1] >= 2**31 * 10**9 or np.any(np.diff(stamps) <= 0)):
+    if len(stamps) and (stamps[0] < 0 or stamps[-1] >= LATEST * 1e9 or np.any(np.diff(stamps) <= 0)):
         raise ArgumentError("A run is written to MCAP at times from 0 on, at least 1 ns apart: begin it at 0.")
     content = io.BytesIO()
     to = writer.Writer(content, chunk_size=_CHUNK)
@@ -133,6 +135,11 @@ def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
         if row.type not in schemas:
             schemas[row.type] = to.register_schema(f"{package}/msg/{name}", "ros2msg", schema(row.type).encode())
         channels.append(to.register_channel(row.topic, "cdr", schemas[row.type]))
+        if row.logged is not None and np.max(row.logged, initial=0.0) >= LATEST:
+            raise ArgumentError(
+                f"Messages of {row.topic} are there up to {np.max(row.logged):.3g} s, but MCAP is written up to "
+                f"{LATEST:.3g} s: give the sensor a shorter `latency`, in seconds."
+            )
         own = stamps if row.time is None else np.rint(row.time * 1e9).astype(np.int64)
         logged.append(own if row.logged is None else np.rint(row.logged * 1e9).astype(np.int64))
         seconds = {"sec": own // 1_000_000_000, "nanosec": own % 1_000_000_000}
