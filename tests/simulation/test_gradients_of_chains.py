@@ -44,3 +44,11 @@ def test_the_derivative_of_where_a_chain_is_by_its_springs_is_that_of_difference
         found = float(derivative(lambda k: end(chain, k, save_every))(2.0))
     print(f"{found} by {derivative.__name__}, {slope} by differences")
     assert found == pytest.approx(slope, rel=1e-7)
+
+
+def test_a_start_of_a_chain_without_poses_given_is_made_inside_jit(chain):
+    system, start = chain
+    with co.float64():
+        made = jax.jit(lambda xi: system.state(xi=xi))(start.xi.reshape(LINKS, 3))
+    np.testing.assert_array_equal(made.a, start.a)
+    np.testing.assert_array_equal(made.xi, start.xi)

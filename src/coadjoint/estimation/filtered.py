@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.process import Process
 
 FAR = 10.0
@@ -89,6 +89,8 @@ class Filtered:
         """
         if self.covariances is None:
             raise ArgumentError("The NEES needs the covariances: run the filter with covariances=True.")
+        if not isinstance(known, Mapping | None):
+            raise ArgumentError(f"Argument `known` must be a dict of names and numbers, but is {shown(known)}.")
         truth = self._process.rows_of(truth, self.t, known)
         if self.rows.ndim == 3 and np.shape(truth) == (len(self.t), self.rows.shape[2]):
             truth = np.broadcast_to(truth[:, None], self.rows.shape)

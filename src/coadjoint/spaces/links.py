@@ -239,7 +239,7 @@ class RelativePoses(Space):
     def point(self, group: LieGroup, value: Any, name: str) -> Array:
         count, G = len(self.of(group)), _power(group).factor
         if value is None:
-            one = jax.tree.leaves(G.identity())
+            one = jax.tree.leaves(evaluate(G.identity))
             return np.tile(np.concatenate([np.ravel(leaf) for leaf in one]), count)
         rows = _rows(value, count, _size(G))
         if rows is None:
