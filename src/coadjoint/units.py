@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from math import pi
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Powers = tuple[float, float, float, float, float, float]
 """Of mass, length, time, angle (rad), revolutions and electric current; halves are roots, as in rad/s/√Hz."""
@@ -167,7 +168,7 @@ def jumps_by_degrees(angles: np.ndarray) -> bool:
     Degrees do that where they are wrapped to one turn. Radians jump by 2π at most where they are wrapped to one, and by
     less than π where they count turns, so that this is no false alarm; degrees that never cross the cut are not seen.
     """
-    return bool(np.any(np.abs(np.abs(np.diff(angles, axis=0)) - 360.0) < 30.0))
+    return bool((abs(abs(angles[1:] - angles[:-1]) - 360.0) < 30.0).any())
 
 
 def split_name(name: str, known: Collection[str] | None = None) -> tuple[str, str]:
