@@ -251,7 +251,7 @@ class SUn(_Unitary):
 
 
 def _triangles(size: int) -> tuple[Array, Array]:
-    """Which entries of a matrix (n, n) are over the diagonal, and which below it: computed, for reading takes longer."""
+    """Which entries of a matrix (n, n) are over the diagonal, and which below it; reading them would take longer."""
     i, j = (lax.broadcasted_iota(int, (size, size), axis) for axis in (0, 1))
     return i < j, i > j
 
