@@ -75,7 +75,10 @@ def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
 def test_native_code_takes_chains_of_small_links_as_far_as_it_compiles_soon():
     """30 links on SO(3), 60 that are not paired, 20 on a ring, 10 on SE(3); and the motion of 21 is that by XLA."""
     system, start = bodies(21)
-    ours, theirs = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind).final for kind in ("auto", "xla"))
+    ours, theirs = (
+        co.trajectory(system, start, dt=0.05, steps=20, backend=kind).final.replace(memory=None)
+        for kind in ("auto", "xla")
+    )
     for one, other in zip(*map(jax.tree.leaves, (ours, theirs)), strict=True):
         assert np.max(np.abs(one - other), initial=0.0) < 1e-13
     cases = [(30, "chain", True), (LONG, "chain", False), (60, (), True), (61, (), False)]
