@@ -166,7 +166,8 @@ def jumps_by_degrees(angles: np.ndarray) -> bool:
     """Whether angles (n, …), which are given as rad, jump from one to the next by a turn of 360, within 30.
 
     Degrees do that where they are wrapped to one turn. Radians jump by 2π at most where they are wrapped to one, and by
-    less than π where they count turns, so that this is no false alarm; degrees that never cross the cut are not seen.
+    less than π where they count turns: only a count that is reset from 52 to 62 turns would be taken for degrees.
+    Degrees that never cross the cut are not seen.
     """
     return bool((abs(abs(angles[1:] - angles[:-1]) - 360.0) < 30.0).any())
 

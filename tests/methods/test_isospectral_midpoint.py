@@ -256,8 +256,8 @@ def test_a_guess_is_the_polynomial_through_as_many_steps_as_are_not_wild():
         np.testing.assert_allclose(weights, [-2.0, 3.0, *np.zeros(STEPS - 2)], atol=1e-12)
 
 
-def test_the_rates_of_steps_are_exact_to_round_off_of_themselves():
-    """So weights of 127 leave a guess that one iteration ends; differences of momenta leave more than twice as many."""
+def test_the_rates_of_steps_leave_a_guess_that_one_iteration_ends():
+    """With weights of 127: they are those of the corrected momentum, to round-off of the momentum."""
     fluid = fluids.euler(8)
     start = fluids.start(fluid, fluids.random_vorticity(1, 5))
     method, steps = co.IsospectralMidpoint(), 400

@@ -61,7 +61,7 @@ class Filtered:
             if (len(nis) and np.mean(nis) > FAR * m) or len(nis) < 0.5 * np.count_nonzero(measured):
                 text += ": what it reads is not what the model expects; see to units, axes, signs, gravity and noise"
             elif len(nis) and np.mean(nis) < m / FAR:
-                text += ": far less; its covariance, or the noise of the process, is too large, or times are no seconds"
+                text += ": far less; its covariance, or process noise, is too large, or times are not in seconds"
             lines.append((name, text))
         width = max(len(name) for name, _ in lines)
         return "\n".join(f"{name:<{width}}  {text}" for name, text in lines)

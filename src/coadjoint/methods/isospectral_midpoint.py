@@ -225,7 +225,7 @@ class IsospectralMidpoint(Method, Whole):
         found = jax.lax.stop_gradient(found)
         large = len(z) >= LARGE * np.prod(rows_of(system))
         precision = jnp.float32 if self.tolerance <= SINGLE and large else jnp.float64
-        still = jax.lax.stop_gradient((z, epsilon))  # it is of round-off, and loops have no reverse mode
+        still = jax.lax.stop_gradient((z, epsilon))  # the correction is 0 at the solution
         more, odd = correction(system, (found.xi, found.along_a), found.off, *still, precision)
         taken = valued(found.odd, brackets(system, *slopes, z, epsilon))
         mu, a = momenta_of(system, 2 * (taken + odd))

@@ -33,7 +33,7 @@ MAP, BODY = "map", "base_link"
 """The frames of messages, as ROS names them (REP 105)."""
 _CHUNK = 4_000_000
 LATEST = 2.0**31
-"""s; up to here stamps of ROS tell times."""
+"""s; stamps of ROS hold times below this."""
 
 
 def write_mcap(
