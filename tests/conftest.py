@@ -8,9 +8,13 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Before JAX is loaded, which otherwise walks the stack for each equation that it compiles.
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
+import gc
 import shutil
 import tempfile
+import time
 from collections import defaultdict
 
 import pytest
@@ -20,14 +24,22 @@ import tiers
 CACHE = pytest.StashKey[str]()
 """The folder in which this run of tests keeps what set-up finds; its processes share it."""
 
+END = pytest.StashKey[float]()
+"""The time, s, after which no test begins, with `--minutes`."""
+
+gc.set_threshold(50_000, 20, 20)  # traces are many small objects that live long: looking for cycles took 5 % of the time
+
 
 def pytest_addoption(parser):
     parser.addoption("--measure", action="store_true", help="write what each test costs to tests/seconds.txt")
+    parser.addoption("--minutes", type=float, help="tests that have not begun after so many minutes are skipped")
 
 
 def pytest_configure(config):
     if "COADJOINT_CACHE" not in os.environ:  # what other versions or runs have kept is not tested
         os.environ["COADJOINT_CACHE"] = config.stash[CACHE] = tempfile.mkdtemp(prefix="coadjoint-cache-")
+    if config.getoption("--minutes") is not None:
+        config.stash[END] = time.monotonic() + 60 * config.getoption("--minutes")
     if config.getoption("--measure"):
         from measuring import Measuring
 
@@ -38,6 +50,11 @@ def pytest_unconfigure(config):
     if CACHE in config.stash:
         del os.environ["COADJOINT_CACHE"]
         shutil.rmtree(config.stash[CACHE], ignore_errors=True)
+
+
+def pytest_runtest_setup(item):
+    if time.monotonic() > item.config.stash.get(END, float("inf")):
+        pytest.skip(f"not begun after {item.config.getoption('--minutes'):g} minutes")
 
 
 def pytest_report_header(config):

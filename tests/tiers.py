@@ -5,7 +5,8 @@ hundreds of cases. So each function has a budget of processor time, and takes as
 (functions of a file with the same cases, for which a fixture prepares the same, put their budgets together):
 
     by default (the tests of the README)    DEFAULT s a function
-    `pytest -m long` (`.ci/run` runs both)  LONG s more, or what `@pytest.mark.budget(seconds)` says
+    `pytest -m long` (`.ci/run` runs both)  LONG s more, or what `@pytest.mark.budget(seconds)` says; one case of up to
+                                            ALONE s where none runs by default
     `pytest -m exhaustive`                  the rest
 
 What a case costs is measured, in `seconds.txt` (`pytest -n 2 -m "" --measure` writes it anew); a function that is not
@@ -20,11 +21,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-DEFAULT, LONG = 2.0, 8.0
+DEFAULT, LONG = 2.0, 3.0
 """Seconds of processor time that a function of tests may take by default, and with `-m long`."""
 
 MOST = 3.0
-"""A case of several runs even if it takes so many times the budget, with `-m long` a single one too."""
+"""A case of several runs even if it takes so many times the budget."""
+
+ALONE = 24.0
+"""Seconds of processor time that a case of a function none of whose cases runs by default may take with `-m long`."""
 
 FILE = Path(__file__).parent / "seconds.txt"
 GOLDEN = 0.6180339887498949
@@ -57,7 +61,7 @@ def tiers(further: Sequence[bool], each: Sequence[float], more: Sequence[float])
     if len(plain) > 1 and cost <= MOST * budget:
         by_default = max(by_default, 1)
     by_long = len(order) if cost == 0.0 else int(larger / cost)
-    if cost <= MOST * larger:
+    if cost <= max(MOST * larger, 0.0 if by_default else ALONE * len(each)):
         by_long = max(by_long, 1)
     found = ["exhaustive"] * len(order)
     for place, i in enumerate(order):

@@ -38,7 +38,6 @@ SCRIPTS = {
     "docs/figures/falling_cat.py": ["falling_cat"],
     "docs/figures/tutorial.py": ["leaf"],
     "docs/figures/integrable.py": ["integrable"],
-    "docs/figures/sections.py": ["sections"],
     "docs/figures/controllers.py": ["controllers", "five_controllers"],
     "docs/figures/stability.py": ["stability"],
     "docs/figures/water.py": ["water"],

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
@@ -21,7 +23,7 @@ def test_cases_fit_their_budgets(count, each):
     assert by_default == count if each == 0.0 else by_default > 0 or count == 1 or each > tiers.MOST * tiers.DEFAULT
     if count * each > tiers.DEFAULT:  # then as many as fit, and one where none does
         assert (by_default + 1) * each > tiers.DEFAULT
-        assert by_long > 0 or by_default == count or each > tiers.MOST * tiers.LONG
+        assert by_long > 0 or by_default == count or each > (tiers.MOST * tiers.LONG if by_default else tiers.ALONE)
 
 
 def test_further_cases_come_last_and_never_by_default():
@@ -51,3 +53,10 @@ def test_what_costs_are_known_of_is_there():
         text = (tiers.FILE.parent.parent / file).read_text()
         assert f"def {function.rpartition('::')[2]}(" in text, name
         assert math.isfinite(number) and number > 0
+
+
+def test_what_has_not_begun_after_the_minutes_given_is_skipped_and_counted():
+    one = f"{__file__}::test_what_costs_are_known_of_is_there"
+    given = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rs", one, "--minutes"]
+    ends = {minutes: subprocess.run([*given, minutes], capture_output=True, text=True).stdout for minutes in ("0", "9")}
+    assert "1 skipped" in ends["0"] and "not begun after 0 minutes" in ends["0"] and "1 passed" in ends["9"]

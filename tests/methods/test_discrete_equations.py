@@ -72,7 +72,7 @@ def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
     return co.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 
-@pytest.mark.budget(60)
+@pytest.mark.budget(20)
 def test_consecutive_steps_satisfy_the_discrete_equations(run):
     system = run.stepper.system
 

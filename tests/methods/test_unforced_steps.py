@@ -57,7 +57,7 @@ def run(request) -> Run:
     return Run(system, leaps, forms, max(np.max(np.abs(m)) for m in momenta))
 
 
-@pytest.mark.budget(120)
+@pytest.mark.budget(30)
 def test_steps_are_symplectic(run):
     for before, after, size in run.two_forms:
         assert abs(before) > 1e-4 * size, "a two-form of nothing proves nothing"

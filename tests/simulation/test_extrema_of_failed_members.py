@@ -29,6 +29,8 @@ def test_extrema_of_members_are_over_their_good_steps(monkeypatch, backend, pati
     monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", patience)
     system, start = spun_up()
     run: Any = co.simulate(system, start, dt=0.1, steps=60, backend=backend, progress=False)
+    # XLA may compute a monitor twice, for its row and for the extremum, and contract its sums differently.
+    rounding = {"native": 0.0, "xla": 4 * np.finfo(float).eps}[backend]
     failed = [i for i, torque in enumerate(TORQUES) if torque >= 40.0]
     assert sorted(run.failures) == failed and np.all(run.steps_done[failed] > 2)
     for name in ("energy", "kelvin_noether", "newton_residual"):
@@ -38,5 +40,5 @@ def test_extrema_of_members_are_over_their_good_steps(monkeypatch, backend, pati
             continue
         for member, done in enumerate(run.steps_done):
             rows = run.monitors[name][member, : done + (0 if member in failed else 1)]
-            np.testing.assert_array_equal(low[member], rows.min(axis=0))
-            np.testing.assert_array_equal(high[member], rows.max(axis=0))
+            np.testing.assert_allclose(low[member], rows.min(axis=0), rtol=rounding)
+            np.testing.assert_allclose(high[member], rows.max(axis=0), rtol=rounding)

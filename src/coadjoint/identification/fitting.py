@@ -10,6 +10,7 @@ from coadjoint.errors import ArgumentError, CoadjointError
 from coadjoint.identification.coloured import LONGEST, SHORTEST, Channel, Neighbours, correlation_time, whitened
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.least_squares import Estimates, Solution, least_squares, reduced, step
+from coadjoint.identification.sampling import FEWEST_STEPS
 from coadjoint.identification.setting import Setting
 from coadjoint.identification.smoothing import noise as rough_noise
 
@@ -100,7 +101,8 @@ def _begun(asked: Setting, h: float, segment: float | None, sigma: np.ndarray, s
     Over a short time a simulation cannot go far astray, however wrong its parameters are.
     """
     whole = asked.log.duration if segment is None else segment
-    lengths = [length for length in SHORT if length >= 8 * asked.log.interval and 2 * length <= whole]
+    shortest = max(8 * asked.log.interval, (FEWEST_STEPS + 1) * h)
+    lengths = [length for length in SHORT if shortest <= length <= whole / 2]
     for length in lengths if asked.tells_starts else ():
         fit = Fit(asked.shooting(h, length), asked, sigma, held=True)
         place = fit.at(shared)

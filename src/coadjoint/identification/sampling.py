@@ -23,6 +23,9 @@ BREAK = 0.25
 FEWEST = 4
 """Samples of a segment, at least."""
 
+FEWEST_STEPS = 3
+"""Steps that the longest segment lasts, at least."""
+
 
 class Interpolation(NamedTuple):
     """Between which nodes each number of the record is read, (segments, samples, numbers, 4), with their weights and
@@ -106,6 +109,11 @@ def samples(
     rows[owner[here], place[here]] = number[here]
     steps_away = np.where(rows >= 0, (log.time[rows] - starts[:, None]) / h, 0.0)
     to_next = np.diff(starts) / h
+    if steps_away.max() < FEWEST_STEPS - ON_NODE:
+        raise ArgumentError(
+            f"The log, or its longest segment, lasts {steps_away.max() * h:.3g} s, shorter than {FEWEST_STEPS} "
+            f"steps of {h:.3g} s: take a smaller `dt`; are times in seconds?"
+        )
     farthest = max(steps_away.max(), np.where(continued[1:], to_next, 0.0).max(initial=0.0))
     steps = int(np.ceil(farthest + reach / h)) + 2
     nodes, weights = _interpolation(steps_away, steps)
@@ -159,11 +167,7 @@ def _interpolation(x: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _around(x: np.ndarray, steps: int) -> np.ndarray:
-    """The four nodes around each x, a last axis; raises ArgumentError where there are fewer."""
-    if steps < 4:
-        raise ArgumentError(
-            "The log, or its longest segment, is shorter than three steps: take a smaller `dt`; are times in seconds?"
-        )
+    """The four nodes around each x, a last axis; there are at least so many steps."""
     return np.clip(np.floor(x).astype(int) - 1, 0, steps - 4)[..., None] + np.arange(4)
 
 
