@@ -27,7 +27,7 @@ CACHE = pytest.StashKey[str]()
 END = pytest.StashKey[float]()
 """The time, s, after which no test begins, with `--minutes`."""
 
-gc.set_threshold(50_000, 20, 20)  # traces are many small objects that live long: looking for cycles took 5 % of the time
+gc.set_threshold(50_000, 20, 20)  # traces are many small objects: looking for cycles took 5 % of the time
 
 
 def pytest_addoption(parser):
