@@ -18,7 +18,7 @@ from coadjoint.estimation.logarithm import logarithms
 from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
-from coadjoint.estimation.timetable import SAME
+from coadjoint.estimation.truth import states_at
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -33,7 +33,6 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.inputs import with_inputs
-from coadjoint.simulation.run import Run
 from coadjoint.simulation.steppers.commands import commands_from, places_of
 from coadjoint.simulation.steppers.trees import shapes_of
 
@@ -140,25 +139,11 @@ class ModelProcess(Process):
     def rows_of(self, states: Any, times: np.ndarray, known: Mapping[str, Any] | None = None) -> np.ndarray:
         """Rows (K, size) of a run at `times`, or of states: the attitudes, places and velocities at the nodes with the
         momenta that they have in this model, and θ, which is `known` or that of the system whose motion it is."""
-        if isinstance(states, Run):
-            begin, end = states.records.t[[0, -1]]
-            if times[0] < begin - SAME or times[-1] > end + SAME:
-                raise ArgumentError(
-                    f"Argument `truth` is a run from {begin:g} s to {end:g} s, but the filter has nodes from "
-                    f"{times[0]:g} s to {times[-1]:g} s: end both alike."
-                )
-            states = states.at(times)
-        if not isinstance(states, State):
+        found = states_at(states, times, self._system)
+        if found is None:
             return super().rows_of(states, times, known)
-        system = states.origin.system or self._system
-        if states.places != self._system.places or np.shape(states.t) != np.shape(times):
-            raise ArgumentError(
-                f"Argument `truth` must be {len(times)} states of the system of the filter, one for each node, but is "
-                f"{shown(states)}."
-            )
-        if not np.max(np.abs(states.t - times)) < SAME:
-            raise ArgumentError("Argument `truth` has states of other times than the nodes: give the run itself.")
-        there = evaluate(jax.vmap(lambda state: at_node(system, state)), states)
+        system = found.origin.system or self._system
+        there = evaluate(jax.vmap(lambda state: at_node(system, state)), found)
         like = self._layout.unpack(np.repeat(self._first[None, : self._layout.size], len(times), axis=0))
         like = like.replace(t=there.t, g=there.g, n=there.n, a=there.a)
         flat = [np.reshape(leaf, (len(times), -1)) for leaf in jax.tree.leaves(like)]
