@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-DEFAULT, LONG = 2.0, 3.0
+DEFAULT, LONG = 1.0, 2.0
 """Seconds of processor time that a function of tests may take by default, and with `-m long`."""
 
 MOST = 3.0

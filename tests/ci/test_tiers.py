@@ -30,19 +30,22 @@ def test_further_cases_come_last_and_never_by_default():
     marked = [i % 3 == 0 for i in range(60)]
     found = tiers.tiers(marked, [0.01], [25.0])
     assert all(tier == ("long" if further else "") for tier, further in zip(found, marked, strict=True))
-    found = tiers.tiers(marked, [1.0], [25.0])
+    found = tiers.tiers(marked, [tiers.DEFAULT / 2], [12.5 * tiers.DEFAULT])
     assert found.count("") == 2 and found.count("long") == 25
     assert {tier for tier, further in zip(found, marked, strict=True) if further} == {"exhaustive"}
 
 
 def test_the_cases_of_a_smaller_budget_are_spread_and_among_those_of_a_larger_one():
-    chosen = [i for i, tier in enumerate(tiers.tiers([False] * 100, [0.4], [25.0])) if not tier]
+    budget = tiers.DEFAULT
+    chosen = [i for i, tier in enumerate(tiers.tiers([False] * 100, [budget / 5], [25.0])) if not tier]
     assert len(chosen) == 5
     gaps = [b - a for a, b in pairwise(chosen)]
     assert max(gaps) <= 3 * min(gaps)
-    together = [i for i, tier in enumerate(tiers.tiers([False] * 100, [0.7, 0.1], [25.0, 25.0])) if not tier]
+    together = [
+        i for i, tier in enumerate(tiers.tiers([False] * 100, [0.35 * budget, 0.05 * budget], [25.0, 25.0])) if not tier
+    ]
     assert together == chosen  # functions that share their cases share their budgets
-    more = [i for i, tier in enumerate(tiers.tiers([False] * 100, [0.2], [25.0])) if not tier]
+    more = [i for i, tier in enumerate(tiers.tiers([False] * 100, [budget / 10], [25.0])) if not tier]
     assert set(chosen) < set(more)
 
 
