@@ -79,7 +79,7 @@ class Log:
         for key, value in found.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
-        doubted = [note for note in implausible(columns, self.units) if note not in self.notes]
+        doubted = [note for note in implausible(time, columns, self.units) if note not in self.notes]
         object.__setattr__(self, "notes", (*self.notes, *doubted))
 
     def __len__(self) -> int:

@@ -231,6 +231,37 @@ def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not():
     assert Log(t, {"pitch": pitch}).notes == ()
 
 
+@pytest.mark.parametrize(("angle", "rate"), [("roll", "p"), ("pitch", "q"), ("heading", "r")])
+def test_an_angle_that_turns_otherwise_than_its_rate_says_is_told(angle, rate):
+    random, t = np.random.default_rng(2), 0.1 * np.arange(400)
+    turned = 0.7 + 0.6 * np.sin(0.3 * t) + 2e-3 * random.normal(size=400)
+    turning = 0.18 * np.cos(0.3 * t) + 0.02 * random.normal(size=400)
+    turned[random.random(400) < 0.2] = np.nan
+
+    def notes(a, b):
+        return Log(t, {angle: a * turned, rate: b * turning, "u": t}).notes
+
+    degree = np.pi / 180
+    assert notes(1, 1) == ()
+    (degrees,), (radians,), (swift,), (slow,) = (
+        notes(0.5 / degree, 0.5), notes(degree, 1), notes(1, 1 / degree), notes(1, degree),
+    )  # fmt: skip
+    if "beyond" not in degrees:
+        assert f"`{angle}` turns 5" in degrees and f"`{angle}` looks like degrees read as radians" in degrees
+    assert f"`{rate}` looks like degrees read as radians, or `{angle}` like radians read as degrees" in radians
+    assert radians.replace("0.017", "") == swift.replace("0.017", "") and f"`{rate}` like radians" in slow
+    (against,) = notes(1, -1)
+    assert f"`{angle}` turns against `{rate}`" in against and "axes" in against
+
+
+def test_rates_about_a_body_that_lies_on_its_side_or_of_noise_alone_are_not_doubted():
+    random, t = np.random.default_rng(3), 0.1 * np.arange(400)
+    still = {"heading": 2e-3 * random.normal(size=400), "r": 0.02 * random.normal(size=400)}
+    assert Log(t, still).notes == ()
+    turned = {"heading": 0.3 * np.sin(0.3 * t), "r": -0.09 * np.cos(0.3 * t), "roll": np.full(400, 3.0)}
+    assert Log(t, turned).notes == ()
+
+
 def test_depths_above_the_surface_are_told_and_a_vehicle_that_floats_is_not(tmp_path):
     t, dive = 0.1 * np.arange(400), 10 - 10 * np.cos(0.02 * np.arange(400))
     (told,) = Log(t, {"depth": -dive}).notes
