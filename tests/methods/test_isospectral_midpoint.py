@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import matrix_coordinates
 from coadjoint.kernels.newton.fixed_point import AGEING, FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods import isospectral_midpoint
 from coadjoint.methods.isospectral_fields import moved
 from coadjoint.methods.isospectral_midpoint import STEPS, _weights
 from coadjoint.methods.program import Constants, StepProgram
@@ -101,6 +102,28 @@ def test_carried_g_turns_the_momentum_in_its_derivatives_too():
     for mu, turned, _ in (ours, theirs):
         np.testing.assert_allclose(mu, turned, rtol=0, atol=1e-14)
     assert np.max(np.abs(theirs[2])) > 0.01
+
+
+@pytest.mark.parametrize("large", [isospectral_midpoint.LARGE, 0], ids=["small", "large"])
+def test_a_step_from_unknowns_that_are_off_turns_the_momentum_by_g(large, monkeypatch):
+    """μ' = Ad*_g μ to round-off after three iterations; a correction of large momenta is in double precision then."""
+    monkeypatch.setattr(isospectral_midpoint, "LARGE", large)
+    system, start = system_on(co.SO3())
+    method = co.IsospectralMidpoint(carry_g=True, tolerance=1e-5)
+    begun = method.begin(system, start, H)
+
+    def ends(z):
+        found = None
+        for _ in range(3):
+            off, found = method.evaluated(system, begun, H, z)
+            z = z - off
+        after = method.advance(system, method.record(system, method.solved(begun, found), H, z), H)
+        return after.mu, system.group.Ad_dual(after.g, begun.mu), method.residual(system, begun, H, z)
+
+    mu, turned, off = evaluate(ends, begun.mu)
+    assert np.max(np.abs(off)) > 1e-6
+    np.testing.assert_allclose(mu, turned, rtol=0, atol=4e-15)
+    assert np.linalg.norm(mu) == pytest.approx(np.linalg.norm(start.mu), abs=4e-15)
 
 
 def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
