@@ -102,6 +102,8 @@ def test_carried_g_turns_the_momentum_in_its_derivatives_too():
     for mu, turned, _ in (ours, theirs):
         np.testing.assert_allclose(mu, turned, rtol=0, atol=1e-14)
     assert np.max(np.abs(theirs[2])) > 0.01
+    back = evaluate(jax.grad(lambda e: ends(e)[0][0]), np.float64(0.0))  # of a record alone, by reverse mode
+    assert back == pytest.approx(theirs[0][0], rel=1e-12)
 
 
 @pytest.mark.parametrize("large", [isospectral_midpoint.LARGE, 0], ids=["small", "large"])
@@ -113,7 +115,7 @@ def test_a_step_from_unknowns_that_are_off_turns_the_momentum_by_g(large, monkey
     begun = method.begin(system, start, H)
 
     def ends(z):
-        found = None
+        found: Any = None
         for _ in range(3):
             off, found = method.evaluated(system, begun, H, z)
             z = z - off
