@@ -239,6 +239,15 @@ def test_a_pair_that_is_missing_is_named_in_any_units():
         co.Midpoint().begin(system, start, 0.05)
 
 
+def test_links_that_act_on_each_other_only_where_they_move_are_named():
+    def rare(xi, a, p):
+        return chain(xi, a, p) + 0.1 * (xi[3] @ xi[17]) ** 2
+
+    system, start = bodies(24, lagrangian=rare)
+    with pytest.raises(ArgumentError, match=r"links 3 and 17 act on each other"):
+        co.Midpoint().begin(system, start, 0.05)
+
+
 def test_a_coupling_that_could_not_be_checked_is_told():
     def cracked(xi, a, p):
         return chain(xi, a, p) + jnp.sum(jnp.sqrt(a[:, 0, 0] - 1.0))

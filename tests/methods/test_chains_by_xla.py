@@ -1,5 +1,6 @@
 """Short chains by XLA carry factors from step to step: runs on the disk, and steppers."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -53,6 +54,19 @@ def test_a_trajectory_by_xla_carries_its_factors_as_a_run_does():
     native = co.trajectory(system, path.final, dt=0.05, steps=40, backend="native")
     again = co.trajectory(system, path.final, dt=0.05, steps=40, backend="xla")
     np.testing.assert_allclose(native.final.mu, again.final.mu, rtol=0, atol=1e-13)
+
+
+def test_the_end_of_a_trajectory_within_jit_begins_the_next_one():
+    """Without factors as the start has none: jax.lax.scan takes states of one structure alone."""
+    system, start = bodies(2.0)
+    begun = co.Midpoint().begin(system, start, 0.05)
+
+    def path(state, _):
+        return co.trajectory(system, state, dt=0.05, steps=2, backend="xla").final, None
+
+    with co.float64():
+        end = jax.eval_shape(lambda state: jax.lax.scan(path, state, length=3)[0], begun)
+    assert jax.tree.structure(end) == jax.tree.structure(begun)
 
 
 def test_a_stepper_by_xla_carries_its_factors_as_a_run_does_and_takes_states_without_them():

@@ -14,6 +14,8 @@ from coadjoint.errors import ArgumentError, GroupError
 from coadjoint.groups import matrix_coordinates
 from coadjoint.kernels.newton.fixed_point import AGEING, FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods import isospectral_midpoint
+from coadjoint.methods.isospectral_fields import moved
 from coadjoint.methods.isospectral_midpoint import STEPS, _weights
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.models import fluids
@@ -81,6 +83,49 @@ def test_carried_g_turns_the_momentum():
     assert run.largest("balance") < 1e-14 and run.largest("newton_residual") < 1e-13
     np.testing.assert_array_equal(run.final.mu, path(system, start, 20).final.mu)
     assert np.max(np.abs(run.final.g[0] - np.eye(3))) > 0.1
+
+
+def test_carried_g_turns_the_momentum_in_its_derivatives_too():
+    """μ' = Ad*_g μ of a step from μ = (1 − εP̃)W̃(1 + εP̃), along a change of W̃."""
+    system, start = system_on(co.SO3())
+    method, (z, along) = co.IsospectralMidpoint(carry_g=True), generator("g").normal(size=(2, 3))
+    begun, none = method.begin(system, start, H), jnp.zeros(0)
+
+    def ends(e):
+        record = method.record(system, begun, H, z + e * along)
+        middle = record.memory.middle
+        record = record.replace(mu=middle - moved(system, record.xi, none, middle, 0.5 * H))
+        after = method.advance(system, record, H)
+        return after.mu, system.group.Ad_dual(after.g, record.mu), after.g
+
+    ours, theirs = evaluate(lambda e: jax.jvp(ends, (e,), (1.0,)), np.float64(0.0))
+    for mu, turned, _ in (ours, theirs):
+        np.testing.assert_allclose(mu, turned, rtol=0, atol=1e-14)
+    assert np.max(np.abs(theirs[2])) > 0.01
+    back = evaluate(jax.grad(lambda e: ends(e)[0][0]), np.float64(0.0))  # of a record alone, by reverse mode
+    assert back == pytest.approx(theirs[0][0], rel=1e-12)
+
+
+@pytest.mark.parametrize("large", [isospectral_midpoint.LARGE, 0], ids=["small", "large"])
+def test_a_step_from_unknowns_that_are_off_turns_the_momentum_by_g(large, monkeypatch):
+    """μ' = Ad*_g μ to round-off after three iterations; a correction of large momenta is in double precision then."""
+    monkeypatch.setattr(isospectral_midpoint, "LARGE", large)
+    system, start = system_on(co.SO3())
+    method = co.IsospectralMidpoint(carry_g=True, tolerance=1e-5)
+    begun = method.begin(system, start, H)
+
+    def ends(z):
+        found: Any = None
+        for _ in range(3):
+            off, found = method.evaluated(system, begun, H, z)
+            z = z - off
+        after = method.advance(system, method.record(system, method.solved(begun, found), H, z), H)
+        return after.mu, system.group.Ad_dual(after.g, begun.mu), method.residual(system, begun, H, z)
+
+    mu, turned, off = evaluate(ends, begun.mu)
+    assert np.max(np.abs(off)) > 1e-6
+    np.testing.assert_allclose(mu, turned, rtol=0, atol=4e-15)
+    assert np.linalg.norm(mu) == pytest.approx(np.linalg.norm(start.mu), abs=4e-15)
 
 
 def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):

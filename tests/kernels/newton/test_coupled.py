@@ -8,6 +8,7 @@ import pytest
 from coadjoint.kernels.newton.coupled import RENEWED, Coupled
 from coadjoint.kernels.newton.layout import layout
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.trace.evaluate import evaluate
 
 CHAIN = tuple((i, i + 1) for i in range(6))
 COUPLINGS = {
@@ -70,6 +71,21 @@ def test_factors_are_carried_over_and_the_root_has_the_derivative_of_its_equatio
         expected = np.linalg.inv(np.asarray(jax.jit(jax.jacfwd(r))(found(p))))
     assert np.max(np.abs(slope - expected)) < 1e-12
     assert np.max(np.abs(back - expected)) < 1e-12
+
+
+def test_the_root_has_the_second_derivative_of_its_equations():
+    """r(pz) = 0 at z = z₁/p, of which the derivatives by p at 1 are −z₁ and 2z₁."""
+    how, _, r = equations(CHAIN, (2,))
+
+    def root(p):
+        return how.root(lambda z: r(p * z), jnp.zeros(14), jnp.asarray(0.1), (14,)).unknowns
+
+    def slope(p):
+        return jax.jvp(root, (p,), (1.0,))
+
+    (z, first), (_, second) = evaluate(lambda p: jax.jvp(slope, (p,), (1.0,)), np.float64(1.0))
+    np.testing.assert_allclose(first, -z, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(second, 2 * z, rtol=0, atol=1e-13)
 
 
 def solved(how, r, guess, carried):

@@ -4,8 +4,9 @@ import jax
 import numpy as np
 import pytest
 
+import coadjoint as co
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.models.rods.strains import _arctangent_ratio
+from coadjoint.models.rods.strains import _arctangent_ratio, logarithm, rotation_vector
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
 U = 0.5 * (NODES + 1)
@@ -27,3 +28,20 @@ def test_ratios_of_the_arctangent_and_two_derivatives_are_their_integrals(k: int
         found = float(evaluate(function, np.float64(t)))
         bound = 1e-15 * 4 ** (n + k)  # each further ratio loses as much where it leaves its series
         assert abs(found - integral(k, n, t)) < bound
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.5])
+@pytest.mark.parametrize("group", [co.SE3(), co.SE2(), co.SO3()], ids=repr)
+def test_the_logarithm_is_the_inverse_of_the_exponential_in_two_derivatives(group: co.LieGroup, angle: float):
+    """log exp(ξ + tη) is ξ + tη: η is its first derivative by t at 0, and its second one is 0."""
+    log, turning = (rotation_vector, 3) if isinstance(group, co.SO3) else (logarithm, group.dim // 2)
+    xi, eta = np.cos(np.arange(float(group.dim))), np.sin(1.0 + np.arange(group.dim))
+    xi[:turning] *= angle / np.linalg.norm(xi[:turning])
+
+    def slope(t):
+        return jax.jvp(lambda t: log(group.exp(xi + t * eta)), (t,), (1.0,))
+
+    (value, first), (_, second) = evaluate(lambda t: jax.jvp(slope, (t,), (1.0,)), np.float64(0.0))
+    np.testing.assert_allclose(value, xi, rtol=0, atol=5e-15)
+    np.testing.assert_allclose(first, eta, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(second, np.zeros(group.dim), rtol=0, atol=1e-13)

@@ -1,0 +1,39 @@
+"""Brackets and products by which isospectral steps move their unknowns, beside those of NumPy's complex matrices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.groups.unitary import ComplexMatrix
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods.isospectral_algebra import algebra_of
+from systems import generator
+
+TWICE = co.DirectProduct(co.SO3(), co.SO3())
+GROUPS = [co.SOn(4), co.Un(3), co.SUn(3), co.Power(co.SUn(2), 3), TWICE, co.Opposite(co.SO3())]
+
+
+def numbers(X: Any) -> np.ndarray:
+    return X.real + 1j * X.imaginary if isinstance(X, ComplexMatrix) else X
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=repr)
+def test_brackets_and_products_are_those_of_matrices(group):
+    """[P, W], PWP, [B, Θ] and BΘP + PΘB, of copies of a group of each."""
+    algebra, random = algebra_of(group), generator("products", repr(group))
+
+    def products(x, y, z, t):
+        P, B, W, Theta = algebra.matrix(x), algebra.matrix(y), algebra.unknown(z), algebra.unknown(t)
+        found = *algebra.products(P, W), *algebra.products_of_force(B, Theta, P)
+        return (P, B, W, Theta), tuple(map(algebra.unknown, found))
+
+    given = *random.normal(size=(2, group.dim)), *random.normal(size=(2, algebra.unknowns))
+    matrices, found = evaluate(products, *given)
+    P, B, W, Theta = map(numbers, matrices)
+    expected = P @ W - W @ P, P @ W @ P, B @ Theta - Theta @ B, B @ Theta @ P + P @ Theta @ B
+    for ours, theirs in zip(map(numbers, found), expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13)
