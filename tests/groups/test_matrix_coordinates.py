@@ -125,9 +125,9 @@ def test_two_real_products_give_what_an_anti_hermitian_product_is():
     np.testing.assert_allclose(found, P @ W @ P, rtol=0, atol=1e-13)
 
 
-def test_matrices_and_coordinates_of_single_precision_are_of_single_precision():
-    """Of U(n), whose isospectral steps correct large momenta in single precision."""
-    group = co.Un(3)
+@pytest.mark.parametrize("group", [co.Un(3), co.SUn(3)], ids=str)
+def test_matrices_and_coordinates_of_single_precision_are_of_single_precision(group):
+    """Isospectral steps correct large momenta in single precision."""
     with jax.enable_x64(True):
-        matrix = jax.eval_shape(group.parts, np.zeros(9, np.float32))
+        matrix = jax.eval_shape(group.parts, np.zeros(group.dim, np.float32))
         assert {part.dtype for part in (*matrix, jax.eval_shape(group.coordinates, matrix))} == {np.dtype("float32")}

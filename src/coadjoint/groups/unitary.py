@@ -218,11 +218,11 @@ class SUn(_Unitary):
         return _traceless(self.size)
 
     def _to_diagonal(self, rows: Array) -> Array:
-        along = self._diagonals() @ diagonal(rows)[:-1]
+        along = self._diagonals().astype(rows.dtype) @ diagonal(rows)[:-1]
         return jnp.broadcast_to(along, rows.shape)
 
     def _from_diagonal(self, B: Array) -> Array:
-        along = self._diagonals().T @ diagonal(B)
+        along = self._diagonals().T.astype(B.dtype) @ diagonal(B)
         return jnp.broadcast_to(jnp.append(along, 0.0), B.shape)
 
     def _determinant(self, g: ComplexMatrix) -> tuple[Array, Array]:

@@ -140,7 +140,7 @@ def computed(
     begun = in_records(begun) if backend == "native" else begun
     chosen = _choose(program, constants, begun, backend, inside)
     if chosen == "xla" and not inside:
-        begun = program.method.begin_by_xla(replace_parameters(program.skeleton, constants.system), begun)
+        begun = program.method.begin_by_xla(program.skeleton, begun)
     with jax.enable_x64(True):
         found = _run(chosen, program, constants, begun, h, blocks, inside)
     if inside:
