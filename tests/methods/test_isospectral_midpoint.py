@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.errors import ArgumentError, GroupError, LagrangianError
 from coadjoint.groups import matrix_coordinates
 from coadjoint.kernels.newton.fixed_point import AGEING, FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -139,10 +139,16 @@ def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
     watching = system.watching({"turn": lambda state: state.g[0][0, 0]})
     with pytest.raises(ArgumentError, match="`turn` needs g, which this method does not compute"):
         co.simulate(watching, start, dt=H, steps=2, method=method)
+    with pytest.raises(ArgumentError, match="`turned` needs g, which this method does not compute"):
+        co.simulate(system, start, dt=H, steps=2, method=method, events={"turned": lambda state: state.g[0][0, 1]})
+    with pytest.raises(LagrangianError, match="`wrong` raised AttributeError"):
+        co.simulate(system, start, dt=H, steps=2, method=method, events={"wrong": lambda state: state.height})
     with pytest.raises(ArgumentError, match="Kelvin–Noether quantities need g"):
         co.simulate(system, start, dt=H, steps=2, method=method, kelvin_noether=co.KelvinNoether(np.ones(64)))
     with pytest.raises(ArgumentError, match="The start has no g"):
         co.simulate(system, run.final, dt=H, steps=2, method=co.IsospectralMidpoint(carry_g=True))
+    with pytest.raises(ArgumentError, match=r"The start has no g, .* or go on with co.IsospectralMidpoint"):
+        co.simulate(system, run.final, dt=H, steps=2, method=co.HamiltonianMidpoint())
 
 
 @pytest.mark.parametrize(
@@ -236,6 +242,25 @@ def test_what_does_not_fit_is_refused():
         co.simulate(system, start, dt=H, steps=2, method=co.IsospectralMidpoint(), backend="native")
     with pytest.raises(co.StepError, match="take a smaller dt: the iteration needs"):
         co.simulate(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint(), accuracy=False)
+    with pytest.raises(co.StepError, match=r"A step of the trajectory failed: its numbers .* take a smaller dt"):
+        co.trajectory(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint())
+
+
+def test_the_step_that_is_named_where_one_was_too_long_is_the_longest_half_that_is_solved():
+    system, start = system_on(co.Un(3))
+    method = co.IsospectralMidpoint()
+
+    def run(dt):
+        return co.simulate(system, start, dt=dt, steps=1, method=method, accuracy=False, progress=False)
+
+    with pytest.raises(co.StepError) as caught:
+        run(30.0)
+    named = float(str(caught.value).split("and a step of ")[1].split(" s")[0])
+    exact = 30.0 / 2 ** round(np.log2(30.0 / named))
+    assert named == pytest.approx(exact, rel=1e-2)
+    assert run(exact).good_steps == 1
+    with pytest.raises(co.StepError):
+        run(2 * exact)
 
 
 def test_the_fixed_point_ends_where_it_diverges():

@@ -122,7 +122,14 @@ GROUPS = {
         r"`a0` must have shape \(9,\), but has shape \(8,\)",
     ),
     "no Θ": (lambda: magnetic().state(mu=np.zeros(9)), "give `a0`, 9 numbers in all"),
-    "too long a step": (too_long_a_step, "take a smaller dt: the iteration needs h‖ξ‖ below about 0.8"),
+    "too long a step": (
+        too_long_a_step,
+        r"take a smaller dt: the iteration needs h‖ξ‖ below about 0.8, and a step of .* s is solved there.*Hamiltonian",
+    ),
+    "g by Cayley where it does not fit": (
+        lambda: co.IsospectralMidpoint(carry_g=True).require_fit(co.System(co.SUn(3), hamiltonian=lambda mu: mu @ mu)),
+        "does not map the algebra of SUn.size=3. into the group: leave out carry_g=True, or take co.Un",
+    ),
     "a group that has no isospectral steps": (
         lambda: ISOSPECTRAL.require_fit(co.System(co.SE3(), hamiltonian=lambda mu: mu @ mu)),
         r"needs co.SOn, co.SO3, co.Un or co.SUn, or copies of one, but got SE3\(\): use co.HamiltonianMidpoint",
@@ -196,6 +203,15 @@ FLUIDS = {
         lambda: co.System(co.Power(co.SO3(), 1), lambda xi, a: jnp.sum(xi**2), advected=co.RelativePoses()),
         r"couples no two links, so that RelativePoses has no pairs: give `pairs`, as \[\(-1, 0\)\]",
     ),
+    "coordinates of another size": (
+        lambda: fluids.coefficients_of(4, np.zeros(15)),
+        r"`momentum` must be finite real numbers, the 16 coordinates on U\(4\) last, but is .*, of shape \(15,\)",
+    ),
+    "coordinates that are not finite": (
+        lambda: fluids.coefficients_of(2, np.full(4, np.nan)),
+        "`momentum` must be finite real numbers",
+    ),
+    "complex coordinates": (lambda: fluids.coefficients_of(2, 1j * np.ones(4)), "must be finite real numbers"),
     "no stirring": (lambda: fluids.DampedMidpoint(stirring=1.0), "`stirring` must be finite numbers c_lm"),
     "vortices by degrees": (
         lambda: fluids.vortices(20, [(0, 180)], [1.0], 0.5),

@@ -97,3 +97,17 @@ def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
         co.FileError, match=r"half\.nc cannot be read as netCDF: it is damaged, not whole, or still being written\.$"
     ):
         co.load(tmp_path / "half.nc")
+
+
+def test_a_run_of_momenta_alone_goes_on_from_its_file(tmp_path):
+    weights = np.linspace(0.5, 1.5, 8)
+    system = co.System(co.SUn(3), hamiltonian=lambda mu: 0.5 * mu @ (weights * mu), name="momenta")
+    start, method = system.state(mu=np.cos(np.arange(8.0))), co.IsospectralMidpoint()
+    run, whole = (co.simulate(system, start, dt=0.05, steps=steps, method=method, **QUICK) for steps in (5, 10))
+    loaded = co.load(run.save(tmp_path / "momenta.nc"), system).final
+    assert loaded.g is None and np.array_equal(loaded.mu, run.final.mu)
+    more = co.simulate(system, loaded, dt=0.05, steps=5, method=method, **QUICK).final
+    np.testing.assert_allclose(more.mu, whole.final.mu, atol=1e-13)
+    assert more.t == pytest.approx(whole.final.t)
+    with pytest.raises(co.ArgumentError, match=r"The start has no g, because a run with co\.IsospectralMidpoint"):
+        co.simulate(system, loaded, dt=0.05, steps=5, method=co.Midpoint(co.Exponential()), **QUICK)

@@ -207,7 +207,8 @@ def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.
     """`_require_regular` by block elimination: of D_i − L_i S_{i−1}⁻¹U_{i−1}, what links before it leave of a mass."""
     blocks = evaluate(lambda z: how.blocks(jax.linearize(jax.grad(at), z)[1]), velocities)
     lower, diagonal, upper = map(np.asarray, blocks)
-    links, size = np.argsort(how.layout.position), sum(how.sizes)
+    plan, size = how.layout, sum(how.sizes)
+    links = np.argsort(plan.position)
     # In units in which every row has the size 1, as `_weakest` takes them.
     scale = np.sqrt(np.max(np.abs(blocks), axis=(0, 3), initial=0.0))
     scale = np.where(scale > 0, scale, 1.0)
@@ -219,7 +220,7 @@ def _require_regular_links(how: Coupled, at: Callable[..., Any], velocities: np.
         )
         direction = vectors[:, np.argmin(np.abs(eigenvalues))] / scale[row]
         inside = int(np.argmax(np.abs(direction)))
-        link = links[min(row * how.layout.width + inside // size, how.count - 1)]
+        link = links[min(row * plan.width + inside // size, how.count - 1)]
         if abs(eigenvalues).min() <= SINGULAR:
             first = inside // size * size
             along = direction[first : first + size] / direction[inside]

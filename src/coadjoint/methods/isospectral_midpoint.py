@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.difference_maps import Cayley
-from coadjoint.errors import ArgumentError, shown
+from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -123,6 +123,10 @@ class IsospectralMidpoint(Method, Whole):
         return ((self, 1.0),)
 
     @property
+    def carries_g(self) -> bool:
+        return self.carry_g
+
+    @property
     def remedies(self) -> tuple[str, str]:
         return "take a smaller dt: the iteration needs h‖ξ‖ below about 0.8", "take a smaller dt"
 
@@ -150,7 +154,14 @@ class IsospectralMidpoint(Method, Whole):
                 f"{self.difference_map!r}: leave it out."
             )
         if self.carry_g:
-            self.difference_map.require_fit(system.group)
+            try:
+                self.difference_map.require_fit(system.group)
+            except GroupError:
+                raise GroupError(
+                    "With carry_g=True g moves by the Cayley transform, which does not map the algebra of "
+                    f"{system.group!r} into the group: leave out carry_g=True, or take co.Un, with an energy that does "
+                    "not depend on the trace."
+                ) from None
         if system.hamiltonian is None:
             raise ArgumentError(
                 "co.IsospectralMidpoint needs a system with a `hamiltonian` of the momentum: use co.Midpoint()."
@@ -162,12 +173,6 @@ class IsospectralMidpoint(Method, Whole):
             raise ArgumentError("co.IsospectralMidpoint takes no forces: use co.HamiltonianMidpoint().")
 
     def remember(self, system: System, state: State) -> State:
-        if self.carry_g and state.g is None:
-            raise ArgumentError(
-                "The start has no g, because a run with co.IsospectralMidpoint() made it: start from system.state(…), "
-                "or leave out carry_g=True."
-            )
-
         def memory(mu, a, t):
             z = lifted(system, mu, a)
             times = t - LONG_AGO * jnp.arange(1.0, STEPS + 1)

@@ -159,6 +159,11 @@ class Method(ABC):
         steps = [step for step, _ in self.stages]
         for step in steps:
             step.require_fit(system)
+        if state.g is None and any(step.carries_g for step in steps):
+            raise ArgumentError(
+                "The start has no g, because a run with co.IsospectralMidpoint() made it: start from system.state(…), "
+                "or go on with co.IsospectralMidpoint() without carry_g=True."
+            )
         velocities = self.start == "velocity" and state.from_velocities
         begun = velocity_start(system, state, *self.recorded, h) if velocities else momentum_start(system, state)
         return reduce(lambda state, step: step.remember(system, state), steps, begun.replace(memory=None))

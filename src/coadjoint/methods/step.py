@@ -38,6 +38,11 @@ class Step(ABC):
     tolerant = False
     """Whether the method goes on where this step's equations have no solution: then it has `advance_if`."""
 
+    @property
+    def carries_g(self) -> bool:
+        """Whether the step moves g, which its start must have then."""
+        return True
+
     def blocks(self, system: System) -> tuple[int, ...]:
         """How many unknowns, in their order, are of one kind and unit: Newton stops by each block's own scale."""
         return system.group.dim, system.additional.dim(system.group)

@@ -7,6 +7,7 @@ from typing import Any
 
 from coadjoint.errors import StepError
 from coadjoint.interrupts import forget, look
+from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
 from coadjoint.mechanics.over_step import failure
@@ -21,12 +22,15 @@ from coadjoint.simulation.ensemble import (
 from coadjoint.simulation.ensemble_driver import EnsembleDriver
 from coadjoint.simulation.ensemble_events import EnsembleEvents
 from coadjoint.simulation.event_driver import EventDriver
-from coadjoint.simulation.events import not_finite
+from coadjoint.simulation.events import not_finite, part_of_step
 from coadjoint.simulation.interrupts import interrupted
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import fixed_steps
 
 _log = logger(__name__)
+
+HALVINGS = 20
+"""How often dt is halved in search of a step that is solved where dt failed."""
 
 
 def carry_on(run: Run | Ensemble, progress: bool | None, began: float, accuracy: bool = True) -> Run | Ensemble:
@@ -81,10 +85,21 @@ def driver(run: Run | Ensemble, sink: Sink, progress: bool | None) -> Any:
     return Driver(plan, sink, *how)
 
 
+def _solved(run: Run) -> float | None:
+    """The longest of dt/2, dt/4, … that is solved where dt failed, s; None where none is, or Newton solves."""
+    if not all(isinstance(stage.structure, FixedPoint) for stage in run.plan.program.stages):
+        return None
+    fractions = (0.5**halvings for halvings in range(1, HALVINGS + 1))
+    solved = (f for f in fractions if not part_of_step(run.plan, run.position.state, f, monitors=True).code)
+    return next((fraction * run.dt for fraction in solved), None)
+
+
 def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
     unsolved, beyond = run.method.remedies
+    if shorter := _solved(run):
+        unsolved += f", and a step of {shorter:.3g} s is solved there"
     where = f"Step {index} of {run.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = run.plan.program.stages[0].structure.limit
@@ -95,4 +110,5 @@ def _sentence(run: Run) -> str:
         return f"{where}: {reason}"
     if reason := failure(run.system, float(run.position.state.t), run.dt):
         return f"{where}: {reason}"
-    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian and forces there."
+    energy = "Lagrangian" if run.system.hamiltonian is None else "Hamiltonian"
+    return f"{where} gave numbers that are not finite; {unsolved}, or check the {energy} and forces there."

@@ -78,11 +78,20 @@ def named_events(given: Mapping[str, Any] | None) -> dict[str, Event]:
 
 
 def require_event(event: Event, what: str, state: State) -> None:
-    """Raise LagrangianError unless an event is a function of a state whose value is one finite number."""
-    require_float64(event.function, f"The function `{what}`", (state,))
-    with in_words(f"The function `{what}`"):
-        value = evaluate(event.function, state)
-        number = np.shape(value) == () and not isinstance(value, dict) and np.asarray(value).dtype == float
+    """Raise LagrangianError unless an event is a function of a state whose value is one finite number, and
+    ArgumentError where it needs a g that the method does not compute.
+    """
+    try:
+        require_float64(event.function, f"The function `{what}`", (state,))
+        with in_words(f"The function `{what}`"):
+            value = evaluate(event.function, state)
+            number = np.shape(value) == () and not isinstance(value, dict) and np.asarray(value).dtype == float
+    except LagrangianError as error:
+        if state.g is None and _needs_g(event, state):
+            raise ArgumentError(
+                f"The function `{what}` needs g, which this method does not compute: see its carry_g."
+            ) from error
+        raise
     if not number:
         raise LagrangianError(
             f"The function `{what}` must return one number, which crosses zero at the event, such as "
@@ -90,6 +99,15 @@ def require_event(event: Event, what: str, state: State) -> None:
         )
     if not np.isfinite(np.asarray(value)):
         raise LagrangianError(f"The function `{what}` must be finite at the start, but is {value}.")
+
+
+def _needs_g(event: Event, state: State) -> bool:
+    """Whether an event that has no value at a state without g has one where there is g."""
+    try:
+        evaluate(event.function, state.replace(g=evaluate(state.places[0].identity)))
+    except Exception:  # a function of the user's, which may raise anything
+        return False
+    return True
 
 
 def not_finite(plan: Plan, state: State) -> str | None:

@@ -148,9 +148,19 @@ def computed(
     found = jax.tree.map(np.asarray, found)
     if found.code:
         reason = failure(program.skeleton, float(found.final.t), float(h))
-        what = reason or f"{Code(int(found.code)).name.lower().replace('_', ' ')}."
+        what = reason or _failed(Code(int(found.code)), program)
         raise StepError(f"A step of the trajectory failed: {what}")
     return found
+
+
+def _failed(code: Code, program: StepProgram) -> str:
+    """What happened in a step that ended with this code, and the remedy."""
+    unsolved, beyond = program.method.remedies
+    if code is Code.NOT_CONVERGED:
+        return f"it did not converge; {unsolved}."
+    if code is Code.BEYOND_CHART:
+        return f"it left the chart of the difference map; {beyond}."
+    return f"its numbers are not finite; {unsolved}, or check the energy and forces there."
 
 
 def _require_room(state: State, blocks: Blocks) -> None:

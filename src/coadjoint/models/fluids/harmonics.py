@@ -106,8 +106,16 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
 def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`.
 
-    size: N. momentum: the coordinates. Raises ArgumentError where all matrices T_lm, 8N³/3 bytes, do not fit in memory.
+    size: N. momentum: the coordinates. Raises ArgumentError for what are no coordinates, and where all matrices T_lm,
+    8N³/3 bytes, do not fit in memory.
     """
+    require_whole("size", size, 1)
+    found = np.asarray(momentum)
+    if found.dtype.kind not in "fi" or found.shape[-1:] != (size**2,) or not np.all(np.isfinite(found)):
+        raise ArgumentError(
+            f"Argument `momentum` must be finite real numbers, the {size**2} coordinates on U({size}) last, but is "
+            f"{shown(momentum)}, of shape {found.shape}."
+        )
     require_room_at("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
     rows = np.reshape(momentum, (*np.shape(momentum)[:-1], size, size))
     found = np.zeros(rows.shape, complex)
