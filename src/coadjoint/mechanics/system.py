@@ -15,6 +15,7 @@ from coadjoint.groups.group import Array
 from coadjoint.interrupts import heeded
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
+from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.invariance import Invariance, is_right, places_of
@@ -129,6 +130,7 @@ class System(ReducedFunctions):
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
+        require_room(group)
         parameters = parameters_from(parameters)
         require_plain(name, units, verify)
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]

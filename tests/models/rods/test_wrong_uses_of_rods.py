@@ -135,6 +135,10 @@ RODS = {
         lambda: rods.modes(weighted(), rods.planar_start(weighted())),
         r"must be a state of rest: take rods.equilibrium\(rod, state\)",
     ),
+    "more sections than there is memory": (
+        lambda: rod_in_space(elements=10**8),
+        "A rod at N = 100000001 would take 2e\\+04 GB of memory, and this machine has .* GB: take N up to",
+    ),
     "modes of too many sections": (
         lambda: rods.modes(rod_in_space(elements=300), rods.start(rod_in_space(elements=300))),
         "a dense matrix of at most 1500 unknowns, but this has 1806",
