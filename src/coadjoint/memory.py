@@ -23,3 +23,8 @@ def require_room(what: str, needed: float, remedy: str, most: float | None = Non
         raise ArgumentError(
             f"{what} would take {needed / 1e9:.3g} GB of memory, and {limit} {there / 1e9:.3g} GB: {remedy}."
         )
+
+
+def most_that_fit(count: int, needed: float, power: int) -> int:
+    """How many of `count` things fit where all take `needed` bytes, which grow as count^power."""
+    return int(count * min(installed() / needed, 1.0) ** (1 / power)) if needed > 0 else count

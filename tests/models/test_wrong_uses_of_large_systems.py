@@ -66,11 +66,11 @@ other: Any = 2.5
 CHAINS = {
     "more links than there is memory": (
         lambda: co.System(co.Power(co.SO3(), 10**9), lambda xi: 0.5 * jnp.sum(xi**2)),
-        r"A step of 1000000000 links on SO3\(\) would take 1.94e\+04 GB of memory, and .* GB: take up to",
+        r"A step of 1000000000 links on SO3\(\) would take 1.62e\+04 GB of memory, .* GB: take up to \d+ links",
     ),
     "more pairs than there is memory": (
         lambda: co.System(power(10**7, "all"), lambda xi: 0.5 * jnp.sum(xi**2)),
-        "A step of 10000000 links on SO3.* GB: take up to",
+        r"A step of 10000000 links on SO3.* GB: take up to \d+ links",
     ),
     "velocities of two links": (
         lambda: chain().state(xi=np.zeros((2, 3))),

@@ -1,4 +1,4 @@
-"""Columns of a log that cannot be what they are named: degrees as radians, heights as depths, rates turned around."""
+"""Columns of a log that cannot be what they are named: degrees as radians, heights as depths."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ HIGHEST = 3.0
 TURNS = {"roll": "p", "pitch": "q", "heading": "r"}
 """Which rate turns which Euler angle, where the others are small."""
 
-DEGREES, SURE, NEAR = 180 / np.pi, 10.0, 0.25
-"""How many times faster an angle in degrees turns; how many standard errors, and which part of it, are no chance."""
+DEGREES = 180 / np.pi
+"""How many times as fast an angle turns in degrees as in radians."""
 
-UPRIGHT = 0.8
-"""rad of roll and pitch within which a heading turns the way of its rate."""
+NEAR, ALIKE, LEAST = 0.25, 0.7, 30
+"""How near to that a slope must be, relatively; the correlation, and the pairs of samples, from which on it tells."""
+
+APART = 2.5
+"""Samples so many intervals apart are not neighbours."""
 
 
 def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
@@ -52,38 +55,31 @@ def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapp
 
 
 def _against_rates(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """Sentences of angles that turn otherwise than their rates say."""
+    """Sentences of angles that turn 57 times as fast, or as slowly, as their rates say."""
     found = []
-    tilt = np.max([np.abs(columns[name]) for name in ("roll", "pitch") if name in columns], axis=0, initial=0.0)
-    upright = np.broadcast_to(tilt < UPRIGHT, time.shape)
     for angle, rate in TURNS.items():
         if units.get(angle) != "rad" or units.get(rate) != "rad/s" or not {angle, rate} <= set(columns):
             continue
-        slope, error = _slope(time, columns[angle], columns[rate], np.full(time.shape, True))
-        for factor, one, other in ((DEGREES, angle, rate), (1 / DEGREES, rate, angle)):
-            if abs(abs(slope) / factor - 1) < NEAR and abs(slope) > SURE * error:
+        slope = abs(_slope(time, columns[angle], columns[rate]))
+        for factor, way, one, other in ((DEGREES, "fast", angle, rate), (1 / DEGREES, "slowly", rate, angle)):
+            if abs(slope / factor - 1) < NEAR:
                 found.append(
-                    f"`{angle}` turns {abs(slope):.2g} times as fast as `{rate}` says: `{one}` looks like degrees read "
-                    f"as radians, or `{other}` like radians read as degrees; see to the units of both."
+                    f"`{angle}` turns some 57 times as {way} as `{rate}` says: `{one}` looks like degrees read as "
+                    f"radians, or `{other}` like radians read as degrees; see to the units of both."
                 )
-        slope, error = _slope(time, columns[angle], columns[rate], upright)
-        if abs(slope + 1) < NEAR and abs(slope) > SURE * error:
-            found.append(
-                f"`{angle}` turns against `{rate}`: heading is positive to starboard, pitch nose up, and rates are "
-                "about x forward, y to starboard, z down; declare the `axes` of the log."
-            )
     return found
 
 
-def _slope(time: np.ndarray, angle: np.ndarray, rate: np.ndarray, here: np.ndarray) -> tuple[float, float]:
-    """b of Δangle = b ∫rate dt by least squares over neighbouring samples, and its standard error; jumps by a turn, and
-    samples that are not `here`, apart. (0, ∞) where there are too few."""
-    turned, moved = np.diff(angle), np.diff(time) * (rate[1:] + rate[:-1]) / 2
-    good = np.isfinite(turned) & np.isfinite(moved) & (np.abs(turned) < np.pi) & here[1:] & here[:-1]
+def _slope(time: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> float:
+    """b of Δangle = b ∫rate dt by least squares over neighbouring samples without a gap between them and without jumps
+    by a turn; 0 where these are few, or hardly correlated."""
+    step = np.diff(time)
+    turned, moved = np.diff(angle), step * (rate[1:] + rate[:-1]) / 2
+    good = np.isfinite(turned) & np.isfinite(moved) & (step < APART * np.median(step))
+    good &= np.abs(turned) < np.pi
     turned, moved = turned[good], moved[good]
-    square = moved @ moved
-    if len(moved) < 10 or not square > 0:
-        return 0.0, np.inf
-    b = turned @ moved / square
-    rest = turned - b * moved
-    return float(b), float(np.sqrt(rest @ rest / (len(moved) - 1) / square))
+    sizes = np.linalg.norm(turned), np.linalg.norm(moved)
+    if len(moved) < LEAST or not min(sizes) > 0:
+        return 0.0
+    b, correlation = turned @ moved / sizes[1] ** 2, turned @ moved / (sizes[0] * sizes[1])
+    return float(b) if abs(correlation) > ALIKE else 0.0

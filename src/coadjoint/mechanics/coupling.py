@@ -8,7 +8,6 @@ from functools import lru_cache
 import jax
 import jax.numpy as jnp
 
-from coadjoint import memory
 from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array
 from coadjoint.kernels.newton.coupled import Coupled
@@ -16,24 +15,6 @@ from coadjoint.kernels.newton.solver import Dense
 from coadjoint.kernels.program import Structure
 from coadjoint.mechanics.state import Places
 from coadjoint.spaces import Several, Space
-
-OF_A_LINK = 240.0
-"""Bytes that a step of links holds, at least, for each number of the matrix of a link and each of the three tangents of
-its unknowns: measured with free bodies on SO(3), 18 kB a link; a rod takes three times as much."""
-
-OF_A_PAIR = 80.0
-"""Bytes for each pair of unknowns where all links act on each other, measured."""
-
-
-def require_room(group: LieGroup) -> None:
-    """Raise ArgumentError where a step of so many links needs more memory than this machine has."""
-    if not isinstance(group, Power):
-        return
-    link, m = group.factor, group.dim
-    alike = OF_A_LINK * 3 * m * link.matrix_size**2 if group.coupling != "all" else OF_A_PAIR * m**2
-    power = 1 if group.coupling != "all" else 2
-    fits = int(group.count * min(memory.installed() / alike, 1.0) ** (1 / power))
-    memory.require_room(f"A step of {group.count} links on {link!r}", alike, f"take up to {fits}")
 
 
 def structure(places: Places) -> Structure:

@@ -15,13 +15,13 @@ from coadjoint.groups.group import Array
 from coadjoint.interrupts import heeded
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
-from coadjoint.mechanics.coupling import require_room
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.invariance import Invariance, is_right, places_of
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
+from coadjoint.mechanics.room import require_room
 from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, Motion, NodeMotion, Places, State
 from coadjoint.mechanics.system_arguments import (
@@ -130,7 +130,6 @@ class System(ReducedFunctions):
     ):
         if not isinstance(group, LieGroup):
             raise GroupError(f"Argument `group` must be a Lie group such as co.SO3(), but is {shown(group)}.")
-        require_room(group)
         parameters = parameters_from(parameters)
         require_plain(name, units, verify)
         given = [f for f in (lagrangian, hamiltonian, discrete_lagrangian, group_lagrangian) if f is not None]
@@ -154,6 +153,8 @@ class System(ReducedFunctions):
             "checks": checks,
         }
         spaces = values["additional"], values["advected"]
+        if hamiltonian is None:
+            require_room(Places(group, *spaces))
         if verify:
             require_own_forms(group, *spaces)
         for space in spaces:

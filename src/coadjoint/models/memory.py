@@ -10,5 +10,5 @@ ARRAYS = 60
 
 def require_room_at(what: str, size: int, needed: float, power: int) -> None:
     """Raise ArgumentError where what is done at N = `size` needs more bytes than there are; it grows as N^power."""
-    fits = int(size * min(memory.installed() / needed, 1.0) ** (1 / power))
+    fits = memory.most_that_fit(size, needed, power)
     memory.require_room(f"{what} at N = {size}", needed, f"take N up to {fits}")

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError, LagrangianError, shown
-from coadjoint.kernels.trace.evaluate import evaluate, traced
+from coadjoint.errors import ArgumentError, shown
+from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics import quantities
 from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
+from coadjoint.simulation.without_g import read_of
 from coadjoint.spaces.numbers import float64
 
 MOST = 2**53
@@ -41,24 +42,9 @@ def require_quantities(system: System, state: State) -> None:
             raise ArgumentError(
                 f"The quantity `{name}` must have a name of its own: datasets have a variable `{name}`."
             )
-        try:
-            require_scalar(partial(quantities.value, system, function), f"The quantity `{name}`", (state,))
-        except (LagrangianError, AttributeError) as error:
-            if state.g is None and _needs_g(system, function, state):
-                raise ArgumentError(
-                    f"The quantity `{name}` needs g, which this method does not compute: see its carry_g."
-                ) from error
-            raise
-
-
-def _needs_g(system: System, function: Any, state: State) -> bool:
-    """Whether a quantity that cannot be read of a state without g can be read where there is one."""
-    there = state.replace(g=evaluate(system.group.identity))
-    try:
-        require_scalar(partial(quantities.value, system, function), "", (there,))
-    except (LagrangianError, AttributeError):
-        return False
-    return True
+        what = f"The quantity `{name}`"
+        value = partial(quantities.value, system, function)
+        read_of(lambda state, value=value, what=what: require_scalar(value, what, (state,)), what, state)
 
 
 def whole(value: Any, name: str) -> int:

@@ -85,25 +85,31 @@ def driver(run: Run | Ensemble, sink: Sink, progress: bool | None) -> Any:
     return Driver(plan, sink, *how)
 
 
-def _solved(run: Run) -> float | None:
-    """The longest of dt/2, dt/4, … that is solved where dt failed, s; None where none is, or Newton solves."""
-    if not all(isinstance(stage.structure, FixedPoint) for stage in run.plan.program.stages):
-        return None
-    fractions = (0.5**halvings for halvings in range(1, HALVINGS + 1))
-    solved = (f for f in fractions if not part_of_step(run.plan, run.position.state, f, monitors=True).code)
-    return next((fraction * run.dt for fraction in solved), None)
+def _solved(run: Run) -> str:
+    """The longest of dt/2, dt/4, … that is solved where dt failed, as words; none where none is, Newton solves, or the
+    internal state has no course without the whole step."""
+    fixed = all(isinstance(stage.structure, FixedPoint) for stage in run.plan.program.stages)
+    state = run.position.state
+    if not fixed or state.internal_due is not None:
+        return ""
+    try:
+        for halvings in range(1, HALVINGS + 1):
+            fraction = 0.5**halvings
+            if not part_of_step(run.plan, state, fraction, monitors=True).code:
+                return f", and a step of {fraction * run.dt:.6g} s is solved there"
+    except (Exception, KeyboardInterrupt):  # the sentence of what failed is what counts
+        forget()
+    return ""
 
 
 def _sentence(run: Run) -> str:
     """What happened, where, and the remedy."""
     index, code = run.good_steps, run.position.code
     unsolved, beyond = run.method.remedies
-    if shorter := _solved(run):
-        unsolved += f", and a step of {shorter:.3g} s is solved there"
     where = f"Step {index} of {run.steps} (t = {float(run.position.state.t):.6g} s)"
     if code is Code.NOT_CONVERGED:
         many = run.plan.program.stages[0].structure.limit
-        return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}."
+        return f"{where} did not converge in {many} with dt = {run.dt:g}; {unsolved}{_solved(run)}."
     if code is Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}."
     if reason := not_finite(run.plan, run.position.state):
@@ -111,4 +117,6 @@ def _sentence(run: Run) -> str:
     if reason := failure(run.system, float(run.position.state.t), run.dt):
         return f"{where}: {reason}"
     energy = "Lagrangian" if run.system.hamiltonian is None else "Hamiltonian"
-    return f"{where} gave numbers that are not finite; {unsolved}, or check the {energy} and forces there."
+    return (
+        f"{where} gave numbers that are not finite; {unsolved}{_solved(run)}, or check the {energy} and forces there."
+    )

@@ -18,6 +18,7 @@ from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import ALL_HELD, EVENTS
 from coadjoint.simulation.driver import Plan
+from coadjoint.simulation.without_g import read_of
 
 Direction = Literal["rising", "falling", "both"]
 
@@ -81,33 +82,21 @@ def require_event(event: Event, what: str, state: State) -> None:
     """Raise LagrangianError unless an event is a function of a state whose value is one finite number, and
     ArgumentError where it needs a g that the method does not compute.
     """
-    try:
+
+    def value(state: State) -> Any:
         require_float64(event.function, f"The function `{what}`", (state,))
         with in_words(f"The function `{what}`"):
-            value = evaluate(event.function, state)
-            number = np.shape(value) == () and not isinstance(value, dict) and np.asarray(value).dtype == float
-    except LagrangianError as error:
-        if state.g is None and _needs_g(event, state):
-            raise ArgumentError(
-                f"The function `{what}` needs g, which this method does not compute: see its carry_g."
-            ) from error
-        raise
+            return evaluate(event.function, state)
+
+    found = read_of(value, f"The function `{what}`", state)
+    number = np.shape(found) == () and not isinstance(found, dict) and np.asarray(found).dtype == float
     if not number:
         raise LagrangianError(
             f"The function `{what}` must return one number, which crosses zero at the event, such as "
-            f"lambda state: state.q[2] - 10.0, but returned {shown(value)}."
+            f"lambda state: state.q[2] - 10.0, but returned {shown(found)}."
         )
-    if not np.isfinite(np.asarray(value)):
-        raise LagrangianError(f"The function `{what}` must be finite at the start, but is {value}.")
-
-
-def _needs_g(event: Event, state: State) -> bool:
-    """Whether an event that has no value at a state without g has one where there is g."""
-    try:
-        evaluate(event.function, state.replace(g=evaluate(state.places[0].identity)))
-    except Exception:  # a function of the user's, which may raise anything
-        return False
-    return True
+    if not np.isfinite(np.asarray(found)):
+        raise LagrangianError(f"The function `{what}` must be finite at the start, but is {found}.")
 
 
 def not_finite(plan: Plan, state: State) -> str | None:

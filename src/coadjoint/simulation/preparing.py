@@ -46,6 +46,7 @@ from coadjoint.simulation.events import Event, as_event, named_events, require_e
 from coadjoint.simulation.finished import Shown
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.run import Run
+from coadjoint.simulation.without_g import needs_g
 
 ALONE = Shown(run_card, certificate)
 TOGETHER = Shown(ensemble_card)
@@ -146,9 +147,7 @@ def _watching(system: System, state: State, chosen: list[KelvinNoether], monitor
     found: dict[str, Any] = {}
     if monitors:
         if chosen and state.g is None:
-            raise ArgumentError(
-                "Kelvin–Noether quantities need g, which this method does not compute: see its carry_g."
-            )
+            raise needs_g("Kelvin–Noether quantities", "need")
         for quantity in chosen:
             quantity.require_equivariant(system, state)
         if not chosen:

@@ -231,35 +231,53 @@ def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not():
     assert Log(t, {"pitch": pitch}).notes == ()
 
 
-@pytest.mark.parametrize(("angle", "rate"), [("roll", "p"), ("pitch", "q"), ("heading", "r")])
-def test_an_angle_that_turns_otherwise_than_its_rate_says_is_told(angle, rate):
+def swaying() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, an angle and its rate, with noise and without some samples of the angle."""
     random, t = np.random.default_rng(2), 0.1 * np.arange(400)
-    turned = 0.7 + 0.6 * np.sin(0.3 * t) + 2e-3 * random.normal(size=400)
-    turning = 0.18 * np.cos(0.3 * t) + 0.02 * random.normal(size=400)
+    turned = 0.3 + 0.2 * np.sin(0.6 * t) + 2e-3 * random.normal(size=400)
     turned[random.random(400) < 0.2] = np.nan
-
-    def notes(a, b):
-        return Log(t, {angle: a * turned, rate: b * turning, "u": t}).notes
-
-    degree = np.pi / 180
-    assert notes(1, 1) == ()
-    (degrees,), (radians,), (swift,), (slow,) = (
-        notes(0.5 / degree, 0.5), notes(degree, 1), notes(1, 1 / degree), notes(1, degree),
-    )  # fmt: skip
-    if "beyond" not in degrees:
-        assert f"`{angle}` turns 5" in degrees and f"`{angle}` looks like degrees read as radians" in degrees
-    assert f"`{rate}` looks like degrees read as radians, or `{angle}` like radians read as degrees" in radians
-    assert radians.replace("0.017", "") == swift.replace("0.017", "") and f"`{rate}` like radians" in slow
-    (against,) = notes(1, -1)
-    assert f"`{angle}` turns against `{rate}`" in against and "axes" in against
+    return t, turned, 0.12 * np.cos(0.6 * t) + 0.01 * random.normal(size=400)
 
 
-def test_rates_about_a_body_that_lies_on_its_side_or_of_noise_alone_are_not_doubted():
-    random, t = np.random.default_rng(3), 0.1 * np.arange(400)
-    still = {"heading": 2e-3 * random.normal(size=400), "r": 0.02 * random.normal(size=400)}
-    assert Log(t, still).notes == ()
-    turned = {"heading": 0.3 * np.sin(0.3 * t), "r": -0.09 * np.cos(0.3 * t), "roll": np.full(400, 3.0)}
-    assert Log(t, turned).notes == ()
+@pytest.mark.parametrize(("angle", "rate"), [("roll", "p"), ("heading", "r"), ("pitch", "q")])
+@pytest.mark.parametrize("of_angle", [1, 180 / np.pi, np.pi / 180])
+@pytest.mark.parametrize("of_rate", [1, 180 / np.pi, np.pi / 180, -1])
+def test_an_angle_that_turns_57_times_as_fast_or_slowly_as_its_rate_says_is_told(angle, rate, of_angle, of_rate):
+    t, turned, turning = swaying()
+    log = Log(t, {angle: of_angle * turned, rate: of_rate * turning, "u": t})
+    ratio = of_angle / abs(of_rate)
+    told = [one for one in log.notes if "some 57 times" in one]
+    if angle == "pitch" and of_angle > 1:
+        assert "`pitch` goes beyond 3.14 rad" in log.notes[0] and told == []
+    elif 50 < ratio < 60:
+        assert len(told) == 1 and f"`{angle}` looks like degrees read as radians" in told[0] and "as fast" in told[0]
+    elif 50 < 1 / ratio < 60:
+        assert len(told) == 1 and f"`{rate}` looks like degrees read as radians" in told[0] and "as slowly" in told[0]
+    else:
+        assert log.notes == ()
+    assert log.between(5, 30).notes == log.notes
+
+
+def test_rates_of_noise_across_gaps_late_or_of_a_banked_turn_are_not_doubted():
+    random, t = np.random.default_rng(3), 0.1 * np.arange(600)
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        wander = np.cumsum(0.02 * random.normal(size=600)) * 0.1
+        for gap in (0.0, 60.0, 600.0):
+            times = np.where(np.arange(600) < 300, t, t + gap)
+            turned = np.cumsum(wander * np.gradient(times)) + 2e-3 * random.normal(size=600)
+            for noise in (0.0, 0.02, 0.35):
+                log = Log(times, {"heading": turned, "r": wander + noise * random.normal(size=600)})
+                assert log.notes == ()
+    late = {"heading": 0.3 * np.sin(3 * t), "r": 0.9 * np.cos(3 * (t - 1.0))}
+    assert Log(t, late).notes == ()
+    pitch, phi = 0.4 - 0.01 * t, 0.6
+    rate = 0.3 * np.cos(pitch)
+    banked = {
+        "roll": np.full(600, phi), "pitch": pitch, "heading": 0.3 * t, "p": -0.3 * np.sin(pitch),
+        "q": -0.01 * np.cos(phi) + rate * np.sin(phi), "r": 0.01 * np.sin(phi) + rate * np.cos(phi),
+    }  # fmt: skip
+    assert Log(t, banked).notes == ()
 
 
 def test_depths_above_the_surface_are_told_and_a_vehicle_that_floats_is_not(tmp_path):

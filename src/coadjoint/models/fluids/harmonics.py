@@ -103,6 +103,15 @@ def from_coefficients(size: int, coefficients: Coefficients) -> np.ndarray:
     return rows.ravel()
 
 
+def _numbers(given: Any) -> np.ndarray | None:
+    """The array of real numbers; None where there is none."""
+    try:
+        found = np.asarray(given)
+    except ValueError:  # of rows of several lengths
+        return None
+    return found if found.dtype.kind in "fiu" else None
+
+
 def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     """c_lm (…, N, N) of coordinates (…, N²) on U(N): the inverse of `from_coefficients`.
 
@@ -110,14 +119,14 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     8N³/3 bytes, do not fit in memory.
     """
     require_whole("size", size, 1)
-    found = np.asarray(momentum)
-    if found.dtype.kind not in "fi" or found.shape[-1:] != (size**2,) or not np.all(np.isfinite(found)):
+    mu = _numbers(momentum)
+    if mu is None or mu.shape[-1:] != (size**2,) or not np.all(np.isfinite(mu)):
         raise ArgumentError(
             f"Argument `momentum` must be finite real numbers, the {size**2} coordinates on U({size}) last, but is "
-            f"{shown(momentum)}, of shape {found.shape}."
+            f"{shown(momentum)}."
         )
     require_room_at("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
-    rows = np.reshape(momentum, (*np.shape(momentum)[:-1], size, size))
+    rows = mu.reshape(*mu.shape[:-1], size, size)
     found = np.zeros(rows.shape, complex)
     for m in range(size):
         i = np.arange(size - m)

@@ -17,7 +17,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import Force
 from coadjoint.mechanics.system import System
-from coadjoint.models.memory import require_room_at
+from coadjoint.memory import most_that_fit, require_room
 from coadjoint.models.quantities import checked, not_negative, number, positive, positive_pair, vector
 from coadjoint.models.rods.layout import RodLayout
 from coadjoint.models.rods.strains import logarithm, straight
@@ -34,8 +34,8 @@ SEEN = (0.1, 1.0, 10.0)
 ROUND_OFF = 1e-6
 """How far a motion may be from a pose, also where it is computed in float32."""
 
-OF_A_SECTION = {False: 2.0e5, True: 2.5e4}
-"""Bytes that a step holds for each section, in space and in a plane, measured: 234 and 30 kB."""
+OF_AN_ELEMENT = {False: 2.0e5, True: 2.5e4}
+"""Bytes that a step holds, at least, for each element in space and in a plane: 234 and 30 kB were measured."""
 
 UNITS = {
     "xi": "rad/s, m/s",
@@ -153,7 +153,9 @@ def elastic_energy(layout: RodLayout, poses: Any, p: Any, end: Any = None) -> Ar
 
 def _rod(layout: RodLayout, length: Any, given: dict[str, Any], rest: Any, outside: tuple[Any, ...]) -> System:
     gravity, load, moment, motion = outside
-    require_room_at("A rod", layout.sections, OF_A_SECTION[layout.planar] * layout.sections, 1)
+    needed = OF_AN_ELEMENT[layout.planar] * layout.elements
+    fits = most_that_fit(layout.elements, needed, 1)
+    require_room(f"A rod of {layout.elements} elements", needed, f"take up to {fits} elements")
     checks = _checks(layout)
     size = 2 if layout.planar else 3
     lengths = checks["length"](length, "length")
