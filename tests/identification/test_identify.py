@@ -310,7 +310,7 @@ def test_a_wrong_log_is_told_in_a_sentence(fine):
         identify(SYSTEM, degrees, start=STATE, parameters=["linear"])
     with pytest.raises(ArgumentError, match=r"samples are 100 s apart: are times in seconds\?"):
         identify(SYSTEM, replace(log, time=1000 * log.time), start=STATE, parameters=["linear"])
-    with pytest.raises(ArgumentError, match=r"shorter than 3 steps of 0.05 s.*are times in seconds\?"):
+    with pytest.raises(ArgumentError, match=r"lasts 0.0599 s, shorter than 3 steps of 0.05 s.*are times in seconds\?"):
         identify(SYSTEM, replace(log, time=1e-3 * log.time), start=STATE, parameters=["linear"], dt=0.05)
     with pytest.raises(ArgumentError, match="too few"):
         identify(SYSTEM, log.between(0.0, 0.3), start=STATE, parameters=["linear"])

@@ -109,10 +109,12 @@ def samples(
     rows[owner[here], place[here]] = number[here]
     steps_away = np.where(rows >= 0, (log.time[rows] - starts[:, None]) / h, 0.0)
     to_next = np.diff(starts) / h
-    if steps_away.max() < FEWEST_STEPS - ON_NODE:
+    longest = float(np.max(log.time[last] - log.time[first]))
+    if longest < (FEWEST_STEPS - ON_NODE) * h:
+        what, or_ = ("The log", "") if segment is None else ("The longest segment", ", or a longer `segment`")
         raise ArgumentError(
-            f"The log, or its longest segment, lasts {steps_away.max() * h:.3g} s, shorter than {FEWEST_STEPS} "
-            f"steps of {h:.3g} s: take a smaller `dt`; are times in seconds?"
+            f"{what} lasts {longest:.3g} s, shorter than {FEWEST_STEPS} steps of {h:.3g} s: take a smaller `dt`{or_}; "
+            "are times in seconds?"
         )
     farthest = max(steps_away.max(), np.where(continued[1:], to_next, 0.0).max(initial=0.0))
     steps = int(np.ceil(farthest + reach / h)) + 2
