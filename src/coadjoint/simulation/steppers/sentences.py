@@ -19,4 +19,5 @@ def failed_step(where: str, code: int, dt: float, remedies: tuple[str, str], com
         return f"{where} did not converge with dt = {dt:g}; {unsolved}, {again}."
     if code == Code.BEYOND_CHART:
         return f"{where} left the chart of the difference map: {beyond}, {again}."
-    return f"{where} gave numbers that are not finite; {unsolved}, or check the Lagrangian or Hamiltonian, forces and `until` there."
+    functions = "the Lagrangian or Hamiltonian, forces and `until`"
+    return f"{where} gave numbers that are not finite; {unsolved}, or check {functions} there."
