@@ -20,7 +20,7 @@ from coadjoint.spaces import Several, Space
 def structure(places: Places) -> Structure:
     """That of equations for (ξ, y), (dim G + dim Q,): of links that are coupled, unless all of them are."""
     group, Q, _ = places
-    return _structure(group, tuple(_dims(Q, group))) if isinstance(group, Power) else Dense()
+    return structure_of_links(group, tuple(_dims(Q, group))) if isinstance(group, Power) else Dense()
 
 
 def _dims(Q: Space, group: LieGroup) -> list[int]:
@@ -30,7 +30,8 @@ def _dims(Q: Space, group: LieGroup) -> list[int]:
 
 
 @lru_cache(maxsize=256)
-def _structure(group: Power, sizes: tuple[int, ...]) -> Structure:
+def structure_of_links(group: Power, sizes: tuple[int, ...] = ()) -> Structure:
+    """That of equations for ξ and parts of y of these sizes, each of all links."""
     if group.coupling == "all" or any(size % group.count for size in sizes):
         return Dense()
     found = Coupled(group.count, (group.factor.dim, *(size // group.count for size in sizes)), group.pairs)

@@ -154,7 +154,7 @@ class System(ReducedFunctions):
         }
         spaces = values["additional"], values["advected"]
         if hamiltonian is None:
-            require_room(Places(group, *spaces))
+            require_room(group)
         if verify:
             require_own_forms(group, *spaces)
         for space in spaces:
