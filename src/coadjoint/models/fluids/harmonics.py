@@ -121,9 +121,10 @@ def coefficients_of(size: int, momentum: np.ndarray) -> Coefficients:
     require_whole("size", size, 1)
     mu = _numbers(momentum)
     if mu is None or mu.shape[-1:] != (size**2,) or not np.all(np.isfinite(mu)):
+        shape = "" if mu is None else f", of shape {mu.shape}"
         raise ArgumentError(
             f"Argument `momentum` must be finite real numbers, the {size**2} coordinates on U({size}) last, but is "
-            f"{shown(momentum)}."
+            f"{shown(momentum)}{shape}."
         )
     require_room_at("All spherical harmonics", size, 8.0 * size**3 / 3, 3)
     rows = mu.reshape(*mu.shape[:-1], size, size)
