@@ -21,6 +21,7 @@ def read_of(read: Callable[[State], Any], what: str, state: State) -> Any:
 
 
 def needs_g(what: str, verb: str = "needs") -> ArgumentError:
+    """What is told of something that cannot be read without g."""
     return ArgumentError(f"{what} {verb} g, which this method does not compute: see its carry_g.")
 
 
