@@ -111,7 +111,7 @@ def test_what_cannot_be_done_is_one_sentence_and_status_2(tmp_path, capsys, argu
     assert out == ""
     assert words in err
     assert err.count("\n") == 1
-    assert {path.name for path in tmp_path.iterdir()} <= {"top.toml", "top.py", "__pycache__"}, "Python's own cache aside"
+    assert {path.name for path in tmp_path.iterdir()} <= {"top.toml", "top.py", "__pycache__"}
 
 
 def test_a_step_that_fails_keeps_what_was_computed(tmp_path, capsys):
