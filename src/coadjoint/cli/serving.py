@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from coadjoint.vehicles.serving.plain import Service
 
 
-RATE = 400.0
-"""Of ArduSub's loop, Hz; another rate of its packets makes the craft anew, which is compiled by then."""
-
-
 @dataclass(frozen=True)
 class Serve:
     """Serve a vehicle over UDP: `coadjoint serve bluerov2_heavy_blue --ardupilot`, or plain JSON without it."""
@@ -116,23 +112,17 @@ class Serve:
         return craft, begin
 
     def _for_ardupilot(self) -> tuple[Lockstep, str]:
-        from coadjoint.vehicles.serving.ardupilot import Lockstep
+        from coadjoint.vehicles.serving.ardupilot import Lockstep, Rates
         from coadjoint.vehicles.serving.frames import motors, thrusters_of
         from coadjoint.vehicles.serving.served import Served
 
         craft, begin = self._craft()
         thrusters = thrusters_of(craft.vehicle)
         found = motors(self.frame, thrusters)
-
-        ready = Served(craft, begin(), 1.0 / (self.rate or RATE), self.imu)
-
-        def start(rate: int) -> Served:
-            asked = self.rate or _rate(rate)
-            return ready if asked == (self.rate or RATE) else Served(craft, begin(), 1.0 / asked, self.imu)
-
+        rates = Rates(lambda rate: Served(craft, begin(), 1.0 / rate, self.imu), self.rate)
         names = ", ".join(f"{'-' if motor.sign < 0 else ''}{motor.thruster + 1}" for motor in found)
         told = f"{craft.vehicle.name} for ArduSub's frame {self.frame}: its motors are the thrusters {names}."
-        return Lockstep(start, thrusters, found), told
+        return Lockstep(rates, thrusters, found), told
 
     def _plain(self) -> tuple[Service, str]:
         from coadjoint.vehicles.serving.plain import Service
@@ -145,17 +135,15 @@ class Serve:
         return Service(served, begin), f"{craft.vehicle.name} in steps of 1/{rate:g} s; its commands are {names}."
 
 
-def _rate(rate: int) -> int:
-    if rate < 1:
-        raise ArgumentError(f"ArduPilot's packets have a frame rate of {rate} Hz: give --rate.")
-    return rate
-
-
-COUNTED = ("answers", "refused", "requests", "errors", "frames", "duplicates", "late", "lost", "restarts")
+COUNTED = (
+    "answers", "unsent", "refused", "requests", "errors", "unanswered", "ignored", "frames", "duplicates", "late",
+    "lost", "failed", "restarts",
+)  # fmt: skip
 
 
 def _figures(loop: Loop, counts: Counter[str]) -> dict[str, Any]:
     found: dict[str, Any] = {"answers": loop.answers, "refused": loop.refused, **counts}
+    found |= {"unsent": loop.unsent} if loop.unsent else {}
     found |= {"simulated_s": loop.simulated, "seconds": loop.seconds}
     if loop.paced and loop.answers:
         late = loop.lateness

@@ -28,28 +28,6 @@ IMU = (0.2, -0.1, 0.05)
 AHEAD = [1450, 1450, 1550, 1550, 1500, 1500, 1500, 1520]
 
 
-@pytest.fixture(scope="module")
-def craft() -> Craft:
-    return Craft(vehicles.load(NAME), water=vehicles.water.UniformWater((0.1, -0.2, 0.0)))
-
-
-@pytest.fixture(scope="module")
-def served(craft: Craft) -> Served:
-    return Served(craft, craft.start(position=(0.0, 0.0, 2.0)), 1.0 / RATE, IMU)
-
-
-@pytest.fixture
-def fresh(served: Served) -> Served:
-    served.reset()
-    return served
-
-
-@pytest.fixture
-def lockstep(fresh: Served) -> Lockstep:
-    thrusters = thrusters_of(fresh.craft.vehicle)
-    return Lockstep(lambda rate: fresh, thrusters, motors("vectored_6dof", thrusters))
-
-
 def errors_of_the_inertial_unit(served: Served) -> np.ndarray:
     """f − Rᵀ(d²(q + R r)/dt² − g e_z) and ω − log(R₀ᵀR₂)/2h by differences of places and attitudes, at t = 0.05 s."""
     moving = {"velocity": (0.8, 0.3, -0.2), "angular_velocity": (0.6, -0.5, 0.9), "actuators": {"thrusters": AHEAD}}
@@ -233,7 +211,7 @@ def service(fresh: Served) -> Service:
 
 
 def asked(service: Service, **request) -> dict:
-    return json.loads(service.answer(json.dumps(request).encode()))
+    return json.loads(service.answer(json.dumps(request).encode()) or b"")
 
 
 def test_a_plain_request_is_carried_out_once(service):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.each import Each, count_members, stacked
@@ -17,6 +18,7 @@ from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
+from coadjoint.spaces.numbers import float64
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
 from coadjoint.vehicles.model.controller_mistakes import called, steer
@@ -291,6 +293,8 @@ def _columns(name: str, shape: tuple[int, ...]) -> str:
 
 def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
     """Where each actuator starts; raises ArgumentError for a name that is none, wrong shapes, and out of its range."""
+    if not isinstance(given, Mapping) and given is not None:
+        raise ArgumentError(f"Argument `actuators` must map names to where they start, but is {shown(given)}.")
     values = dict(given or {})
     known = {part.name: part.command for part in vehicle.commanded if part.command is not None}
     for name, value in values.items():
@@ -299,7 +303,8 @@ def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
                 f"`{name}` in `actuators` is no actuator of `{vehicle.name}`; its actuators are: "
                 f"{', '.join(known) or 'none'}."
             )
-        shape = np.shape(value.values)[1:] if isinstance(value, Each) else np.shape(value)
+        each = isinstance(value, Each)
+        shape = np.shape(value.values)[1:] if each else np.shape(float64(value, f"`{name}` in `actuators`"))
         if shape != known[name].shape:
             raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
         part = vehicle.part(name)

@@ -8,12 +8,13 @@ forward, starboard, down (ArduPilot, libraries/SITL/examples/JSON/readme.md).
 from __future__ import annotations
 
 import json
+import logging
 import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, CoadjointError, StepError
 from coadjoint.groups.attitude import to_quaternion
 from coadjoint.log import logger
 from coadjoint.vehicles.parts.thrusters import Thrusters
@@ -21,6 +22,12 @@ from coadjoint.vehicles.serving.frames import Motor, commands
 from coadjoint.vehicles.serving.served import Reading, Served
 
 PORT = 9002
+RATE = 400.0
+"""Of ArduSub's loop, Hz."""
+MOST_RATES = 4
+"""For how many frame rates a craft is prepared."""
+TOLD = 10
+"""How many restarts are logged as warnings."""
 LATE = 10
 """By how many frames a packet may be late; one that is further back is of an autopilot that has started anew."""
 
@@ -63,12 +70,45 @@ def line(reading: Reading) -> bytes:
     return f"\n{json.dumps(measured, separators=(',', ':'), allow_nan=False)}\n".encode()
 
 
+class Rates:
+    """The craft for a frame rate, Hz: made once for each, for at most `MOST_RATES`; others raise ArgumentError.
+
+    make: the craft to be stepped so many times a second. only: the rate that is taken whatever a packet says.
+    """
+
+    def __init__(self, make: Callable[[float], Served], only: float | None = None):
+        self._make, self._only = make, only
+        self._made: dict[float, Served | CoadjointError] = {}
+        self._prepared(only or RATE)
+
+    def __call__(self, rate: int) -> Served:
+        if self._only is None and rate < 1:
+            raise ArgumentError(f"ArduPilot's packets have a frame rate of {rate} Hz: give --rate.")
+        found = self._prepared(self._only or float(rate))
+        if isinstance(found, CoadjointError):
+            raise found
+        return found
+
+    def _prepared(self, rate: float) -> Served | CoadjointError:
+        if rate not in self._made:
+            if len(self._made) == MOST_RATES:
+                raise ArgumentError(
+                    f"ArduPilot's packets have the frame rate {rate:g} Hz after {MOST_RATES} others: give --rate."
+                )
+            try:
+                self._made[rate] = self._make(rate)
+            except CoadjointError as error:
+                self._made[rate] = error
+        return self._made[rate]
+
+
 class Lockstep:
     """Answers packets: one step for each new frame, the same answer again for a frame that comes twice.
 
-    begin: a craft to be stepped by a frame rate, Hz; it is called at the first packet, and when the count goes back by
-    more than a few: an autopilot that has started anew, with which the craft begins anew, too. A frame that comes late
-    gets the last answer. `counts` tells of frames, duplicates, late and lost ones, and restarts.
+    begin: a craft to be stepped by a frame rate, Hz, as `Rates` is; it is called at the first packet, and when the
+    count goes back by more than a few: an autopilot that has started anew, with which the craft begins anew, too. A
+    frame that comes late gets the last answer. Where a step fails the craft stays at the last good node, and the next
+    frame tries again. `counts` has the frames, duplicates, late, lost and failed ones, and restarts.
     """
 
     def __init__(self, begin: Callable[[int], Served], thrusters: Thrusters, motors: Sequence[Motor]):
@@ -81,25 +121,33 @@ class Lockstep:
         """The line that answers a packet; raises ArgumentError for what is none, StepError where a step fails."""
         packet = unpacked(data)
         if self.served is None:
-            self.served = self.begin(packet.rate)
+            self._start(packet)
         elif packet.number == self._last or (packet.number and 0 < self._last - packet.number <= LATE):
             self.counts["duplicates" if packet.number == self._last else "late"] += 1
             return self._answer
         elif packet.number < self._last:
+            self._start(packet)
             self.counts["restarts"] += 1
-            _log.warning("ArduPilot began anew, at %d Hz: the vehicle is back at its start.", packet.rate)
-            self.served = self.begin(packet.rate)
-            self.served.reset()
-        else:
-            self._lose(packet.number - self._last - 1)
-        self.served.advance({self.thrusters.name: commands(self.motors, self.thrusters, packet.pulses)}, 1)
+            level = logging.WARNING if self.counts["restarts"] <= TOLD else logging.DEBUG
+            _log.log(level, "ArduPilot began anew, at %d Hz: the vehicle is back at its start.", packet.rate)
+        assert self.served is not None
+        try:
+            self.served.advance({self.thrusters.name: commands(self.motors, self.thrusters, packet.pulses)}, 1)
+        except StepError:
+            self.counts["failed"] += 1
+            self.served.stepper.restore(self.served.stepper.state)
+            raise
         self.counts["frames"] += 1
+        if lost := packet.number - self._last - 1:
+            self.counts["lost"] += lost
         self._last, self._answer = packet.number, line(self.served.reading())
         return self._answer
 
-    def _lose(self, frames: int) -> None:
-        if frames:
-            self.counts["lost"] += frames
+    def _start(self, packet: Packet) -> None:
+        """Begin anew, as if the frame before this packet had been the last one."""
+        served = self.begin(packet.rate)
+        served.reset()
+        self.served, self._last = served, packet.number - 1
 
     @property
     def t(self) -> float:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from coadjoint.errors import ArgumentError
+from coadjoint.errors import ArgumentError, CoadjointError, told
 from coadjoint.log import logger
 
 _log = logger(__name__)
@@ -22,9 +22,9 @@ _EDGES = np.logspace(-7, 2, 901)
 
 
 class Answering(Protocol):
-    """What answers datagrams."""
+    """What answers datagrams: with bytes, or with None for no answer. An error says that one cannot be used."""
 
-    def answer(self, data: bytes) -> bytes: ...
+    def answer(self, data: bytes) -> bytes | None: ...
 
     @property
     def t(self) -> float: ...
@@ -54,13 +54,14 @@ class Loop:
     """Answers datagrams on a UDP port, each to where it came from.
 
     paced: answers no sooner than the craft's time has passed on the clock since the first answer; `lateness` tells how
-    well. `answers`, `refused` count; `simulated` is the time of the craft, over all its starts, s, and `seconds` that
+    well. No datagram ends the loop: one whose answer raises an error is counted in `refused` and not answered.
+    `answers` and `unsent` count, too; `simulated` is the time of the craft, over all its starts, s, and `seconds` that
     of the clock from the first answer to the last. Raises ArgumentError where the port cannot be had.
     """
 
     def __init__(self, host: str, port: int, paced: bool = False):
         self.paced = paced
-        self.answers = self.refused = 0
+        self.answers = self.refused = self.unsent = 0
         self.simulated = self.seconds = 0.0
         self.lateness = Lateness()
         self._first: float | None = None
@@ -99,18 +100,22 @@ class Loop:
         before = answering.t
         try:
             answer = answering.answer(data)
-        except ArgumentError as error:
+        except Exception as error:  # Whatever a datagram does, the next one is answered.
             self.refused += 1
             if self.refused == 1:
-                _log.warning("%s", error)
-            return
+                _log.warning("%s", error if isinstance(error, CoadjointError) else f"{told(error)}.")
+            answer = None
         t = answering.t
         self.simulated += t - before if t >= before else t
+        if answer is None:
+            return
         self._pace(before, t)
         try:
             self._socket.sendto(answer, sender)
         except OSError as error:
-            _log.warning("An answer to %s:%d could not be sent: %s.", *sender[:2], error.strerror)
+            self.unsent += 1
+            if self.unsent == 1:
+                _log.warning("An answer to %s:%d could not be sent: %s.", *sender[:2], error.strerror)
         self.answers += 1
 
     def _pace(self, before: float, t: float) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Callable, Mapping
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from coadjoint.vehicles.serving.served import Reading, Served
 PORT = 9010
 MOST_STEPS, LONGEST_ID = 100_000, 200
 KEYS = ("id", "commands", "steps", "reset")
+MOST_ERRORS = 10
+"""How many errors are answered within a second."""
 
 
 def fields(reading: Reading) -> dict[str, Any]:
@@ -37,25 +41,34 @@ class Service:
     All keys may be left out: without `commands` they stay, without `steps` there is one step, with 0 there is none.
     `reset`: true goes back to the start, and an object to another one, with keys of `start`; commands go back to where
     they began. A request with the `id` of the last one, a whole number or a text, is answered as that was, and not
-    carried out again, so that what was lost can be sent again. `counts` tells of requests and of those with errors.
+    carried out again, so that what was lost can be sent again.
     An answer has `id`, and `error`, a sentence, where a request cannot be carried out: then nothing has moved. Where a
-    step fails the craft stays at the last good node until `reset`.
+    step fails without a reset, the craft stays at the last good node until `reset`. At most `MOST_ERRORS` errors are
+    answered within a second, and what has the key `error` is not answered, so that two services never answer each
+    other's errors. `counts` has the requests, those with errors, the errors that were not answered, and the errors of
+    others. clock: seconds.
     """
 
-    def __init__(self, served: Served, start: Callable[..., State]):
+    def __init__(self, served: Served, start: Callable[..., State], clock: Callable[[], float] = time.monotonic):
         self.served, self.start = served, start
         self.counts: Counter[str] = Counter()
         self._last: Any = None
-        self._answer = b""
+        self._answer, self._wrong = b"", False
+        self._clock = clock
+        self._errors: deque[float] = deque(maxlen=MOST_ERRORS)
 
-    def answer(self, data: bytes) -> bytes:
-        """The answer to a request, a line."""
+    def answer(self, data: bytes) -> bytes | None:
+        """The answer to a request, a line; None where there is none."""
         number = None
         try:
-            request = _request(data)
+            request = _parsed(data)
+            if "error" in request:
+                self.counts["ignored"] += 1
+                return None
             number = _number(request)
             if number is not None and number == self._last:
-                return self._answer
+                return self._sparingly()
+            _require_known(request, KEYS, "A request")
             self._carry_out(request)
             found: dict[str, Any] = fields(self.served.reading())
         except (ArgumentError, StepError) as error:
@@ -63,7 +76,17 @@ class Service:
             self.counts["errors"] += 1
         self.counts["requests"] += 1
         answer = json.dumps({"id": number, **found}, allow_nan=False) + "\n"
-        self._last, self._answer = number, answer.encode()
+        self._last, self._answer, self._wrong = number, answer.encode(), "error" in found
+        return self._sparingly()
+
+    def _sparingly(self) -> bytes | None:
+        """The last answer; None for an error after too many others within a second."""
+        if self._wrong:
+            now, full = self._clock(), len(self._errors) == MOST_ERRORS
+            if full and now - self._errors[0] < 1.0:
+                self.counts["unanswered"] += 1
+                return None
+            self._errors.append(now)
         return self._answer
 
     def _carry_out(self, request: Mapping[str, Any]) -> None:
@@ -74,14 +97,15 @@ class Service:
             raise ArgumentError(f"`commands` must be an object of names and numbers, but is {shown(commands)}.")
         if not isinstance(reset, (bool, dict)):
             raise ArgumentError(f'`reset` must be true, or an object such as {{"speed": 1.5}}, but is {shown(reset)}.')
-        if isinstance(reset, dict):
-            self.served.reset(_started(self.start, reset))
-        elif reset:
-            self.served.reset()
-        if steps:
-            self.served.advance(commands, steps)
-        elif commands:
+        if commands and not steps:
             raise ArgumentError("`commands` need at least one step over which they are held.")
+        with nullcontext() if reset is False else self.served.intact():
+            if isinstance(reset, dict):
+                self.served.reset(_started(self.start, reset))
+            elif reset:
+                self.served.reset()
+            if steps:
+                self.served.advance(commands, steps)
 
     @property
     def t(self) -> float:
@@ -93,17 +117,20 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number of JSON.")
 
 
-def _request(data: bytes) -> dict[str, Any]:
+def _parsed(data: bytes) -> dict[str, Any]:
     try:
         found = json.loads(data, parse_constant=_no_number)
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
         raise ArgumentError(f'A request is a JSON object such as {{"steps": 2}}, without NaN, but {data[:40]!r} came.')
-    unknown = [key for key in found if key not in KEYS]
-    if unknown:
-        raise ArgumentError(f"A request has the keys {', '.join(KEYS)}, but not {', '.join(unknown)}.")
     return found
+
+
+def _require_known(given: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    unknown = [key for key in given if key not in known]
+    if unknown:
+        raise ArgumentError(f"{what} has the keys {', '.join(known)}, but not {shown(', '.join(unknown))[1:-1]}.")
 
 
 def _number(request: Mapping[str, Any]) -> int | str | None:
@@ -118,7 +145,5 @@ def _number(request: Mapping[str, Any]) -> int | str | None:
 
 def _started(start: Callable[..., State], given: Mapping[str, Any]) -> State:
     known = ("position", "speed", "velocity", "euler_zyx", "angular_velocity", "actuators")
-    unknown = [key for key in given if key not in known]
-    if unknown:
-        raise ArgumentError(f"`reset` has the keys {', '.join(known)}, but not {', '.join(unknown)}.")
+    _require_known(given, known, "`reset`")
     return start(**{"speed": None, **given}) if "velocity" in given else start(**given)

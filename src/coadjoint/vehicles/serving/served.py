@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -93,6 +94,17 @@ class Served:
         """Back to the start, or to another one; commands go back to where they began, set points must be given."""
         self._missing = self._needed
         self.stepper.reset() if start is None else self.stepper.reset(start)
+
+    @contextmanager
+    def intact(self) -> Iterator[None]:
+        """Go back to where the craft is now if an error leaves this context."""
+        kept, missing = self.stepper.clone(), self._missing
+        try:
+            yield
+        except Exception:
+            self.stepper.restore(kept)
+            self._missing = missing
+            raise
 
     def reading(self) -> Reading:
         """What is known now."""
