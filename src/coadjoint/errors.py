@@ -8,6 +8,9 @@ from typing import Any
 _ENDLESS = re.compile(r"[^\s/\\]{300,}")
 """A word that no file and no name can be; a sentence shows where it begins."""
 
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters but tab and newline, marks of direction, separators of lines, and halves of surrogate pairs."""
+
 LONGEST = 80
 """Characters of a value that a sentence shows."""
 
@@ -30,11 +33,19 @@ def told(error: BaseException) -> str:
     return f"{type(error).__name__}: {first[: 2 * LONGEST]}" if first else type(error).__name__
 
 
+def printable(text: str) -> str:
+    """A text that a terminal shows and does not obey: control characters become escapes, such as \\u001b.
+
+    Such an escape means the same character in JSON and in the texts of TOML.
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
+
+
 class CoadjointError(Exception):
     """Base of every error that the library raises on purpose."""
 
     def __str__(self) -> str:
-        return _ENDLESS.sub(lambda word: f"{word.group()[:LONGEST]}…", super().__str__())
+        return printable(_ENDLESS.sub(lambda word: f"{word.group()[:LONGEST]}…", super().__str__()))
 
 
 class ArgumentError(CoadjointError, ValueError):

@@ -10,9 +10,20 @@ from __future__ import annotations
 
 import logging
 
+from coadjoint.errors import printable
+
 logging.getLogger("coadjoint").addHandler(logging.NullHandler())
 
 
 def logger(module: str) -> logging.Logger:
-    """The logger of a module of this library, of its `__name__`."""
-    return logging.getLogger(module)
+    """The logger of a module of this library, of its `__name__`; control characters in its messages become escapes."""
+    found = logging.getLogger(module)
+    found.addFilter(_shown)
+    return found
+
+
+def _shown(record: logging.LogRecord) -> bool:
+    said = record.getMessage()
+    if (shown := printable(said)) != said:
+        record.msg, record.args = shown, ()
+    return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -37,11 +36,11 @@ class Reproduce:
 
         found = reproduce(self.out, overwrite=self.overwrite, progress=False if self.json else None)
         if found is None and self.json:
-            print((self.out / SUMMARY).read_text(encoding="utf-8"), end="")
+            terminal.text((self.out / SUMMARY).read_text(encoding="utf-8"))
         elif found is None:
             terminal.line(f"The folder {self.out} holds this reproduction, finished: nothing was run.")
         elif self.json:
-            print(to_json(found.summary()), end="")
+            terminal.text(to_json(found.summary()))
         else:
             _show_reproduction(found, self.out)
         return OK
@@ -75,7 +74,7 @@ class Run:
         if self.check:
             warnings = check(file, folder, self.overwrite)
             if self.json:
-                print(json_text.dumps({"valid": True, "warnings": warnings}, ensure_ascii=False))
+                terminal.json({"valid": True, "warnings": warnings}, indent=None)
             else:
                 terminal.line(f"{self.file} is a run file; its results would go to {folder}/.")
                 for sentence in warnings:
@@ -132,7 +131,7 @@ class Plot:
         wanted = self.figures or figures_asked(self.source)
         names = save_figures([run.dataset for run in found.values()], folder, wanted, self.format, labels)
         paths = [str(folder / name) for name in names]
-        print(json_text.dumps(paths) if self.json else "\n".join(paths))
+        terminal.json(paths, indent=None) if self.json else terminal.line("\n".join(paths))
         return OK
 
 
@@ -149,9 +148,9 @@ class Info:
         from coadjoint.cli.stored import cards, summary
 
         if self.json:
-            print(json_text.dumps(summary(self.source), indent=2, ensure_ascii=False))
+            terminal.json(summary(self.source))
         else:
-            print("\n\n".join(cards(self.source)))
+            terminal.line("\n\n".join(cards(self.source)))
         return OK
 
 
@@ -170,13 +169,13 @@ class Models:
         if not self.name:
             shown = catalogue.descriptions()
             if self.json:
-                print(json_text.dumps(shown, indent=2, ensure_ascii=False))
+                terminal.json(shown)
             else:
                 terminal.table(("model", "what it is"), list(shown.items()))
         elif self.json:
-            print(json_text.dumps(catalogue.defaults(self.name), indent=2, ensure_ascii=False))
+            terminal.json(catalogue.defaults(self.name))
         else:
-            print(catalogue.example(self.name), end="")
+            terminal.text(catalogue.example(self.name))
         return OK
 
 
@@ -204,7 +203,7 @@ class Vehicles:
                 raise ArgumentError(f"To show one vehicle write: coadjoint vehicles show {self.name or 'NAME'}.")
             rows = vehicles.registry()
             if self.json:
-                print(json_text.dumps(rows, indent=2, ensure_ascii=False))
+                terminal.json(rows)
             else:
                 vehicles.show_shelf(rows)
         elif not self.name:
@@ -216,11 +215,11 @@ class Vehicles:
                 raise ArgumentError("A mission is TOML, and no JSON: leave --json out.")
             from coadjoint.vehicles.missions.example import example
 
-            print(example(self.name), end="")
+            terminal.text(example(self.name))
         elif self.toml:
-            print(vehicles.text_of(self.name), end="")
+            terminal.text(vehicles.text_of(self.name))
         elif self.json:
-            print(json_text.dumps(vehicles.described(vehicles.loaded(self.name)), indent=2, ensure_ascii=False))
+            terminal.json(vehicles.described(vehicles.loaded(self.name)))
         else:
             vehicles.show(vehicles.loaded(self.name))
         return OK
@@ -254,7 +253,7 @@ class Audit:
         if not self.json:
             show(found, self.out, self._written())
         else:
-            print(to_json(summary(found)), end="")
+            terminal.text(to_json(summary(found)))
             if self.out is not None:
                 write(found, self.out, self._written())
         return OK if found.passed else FAILED
@@ -271,7 +270,7 @@ def _show_run(written: Written, as_json: bool) -> None:
     from coadjoint.report.summary import to_json
 
     if as_json:
-        print(to_json(written.summary), end="")
+        terminal.text(to_json(written.summary))
     else:
         notes = [("note", sentence) for sentence in written.summary.get("notes", [])]
         halves = [text.partition("  ") for text in str(written.summary.get("card", "")).splitlines()]

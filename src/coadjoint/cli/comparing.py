@@ -42,7 +42,7 @@ class Compare:
         names = _names(self.first, self.second)
         found = compare(datasets[0], datasets[1], names)
         if self.json:
-            print(to_json(found.summary()), end="")
+            terminal.text(to_json(found.summary()))
         else:
             show(found)
         if self.out is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,7 +95,7 @@ class Identify:
             process_noise=self.process_noise,
         )
         if self.json:
-            print(json_text.dumps(_summary(found), indent=2, ensure_ascii=False))
+            terminal.json(_summary(found))
         else:
             terminal.line(str(found))
         if self.out is not None:

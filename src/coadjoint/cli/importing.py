@@ -51,7 +51,7 @@ class Import:
         if self.out is not None:
             write_text(self.out, found.text)
         if self.json:
-            print(to_json(found.report.summary()), end="")
+            terminal.text(to_json(found.report.summary()))
             return 0
         terminal.line(str(found.report))
         for sentence in found.vehicle.warnings:

@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with stoppable() as came:
         try:
-            with heeded():
+            with heeded(), terminal.warned():
                 return _run(sys.argv[1:] if arguments is None else list(arguments))
         except KeyboardInterrupt as stop:
             folder = [f"; `coadjoint resume {part}` goes on with the run" for part in stop.args if _is_folder(part)]

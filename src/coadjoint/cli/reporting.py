@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,7 +41,7 @@ class Report:
         text = page(contents(self.folder, self.figures, self.scene))
         make(target.parent)
         write_text(target, text)
-        print(json_text.dumps(str(target))) if self.json else terminal.line(f"Written: {target}.")
+        terminal.json(str(target), indent=None) if self.json else terminal.line(f"Written: {target}.")
         return 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from dataclasses import dataclass, replace
 from math import degrees, isfinite, isinf, radians
 from pathlib import Path
@@ -69,7 +68,7 @@ class Stability:
             raise ArgumentError(next(iter(failures.values())))
         picture = self._draw(vehicle, found) if len(speeds) > 1 or self.out is not None else None
         if self.json:
-            print(json_text.dumps(_summary(vehicle, found, failures, picture), indent=2, ensure_ascii=False))
+            terminal.json(_summary(vehicle, found, failures, picture))
         elif len(speeds) == 1:
             terminal.fields(_card(flight, *found[speeds[0]]))
         else:

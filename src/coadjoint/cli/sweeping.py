@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,7 +48,7 @@ class Sweep:
             count, apart = groups(sweep, found["quick"])
             told |= {"steps": found["steps"], "variables": found["chosen"], "groups": count, "apart": apart}
             told["together"] = not apart
-            print(json_text.dumps(told)) if self.json else _check(self.file, folder, told)
+            terminal.json(told, indent=None) if self.json else _check(self.file, folder, told)
             return 0
         progress = False if self.json else None
         try:
@@ -59,7 +58,7 @@ class Sweep:
         except KeyboardInterrupt:
             terminal.complain("What is done is kept: the same command again goes on with what is missing.")
             raise
-        print(json_text.dumps(made.summary, indent=2, ensure_ascii=False)) if self.json else show(made)
+        terminal.json(made.summary) if self.json else show(made)
         return 0
 
 

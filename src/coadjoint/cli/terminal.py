@@ -1,9 +1,18 @@
-"""What commands print: tables on a terminal, plain lines where the output is piped."""
+"""What commands print: tables on a terminal, plain lines where the output is piped.
+
+All output passes through here, and no control character of a name, a file or a folder reaches the terminal.
+"""
 
 from __future__ import annotations
 
+import json as json_text
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from coadjoint.errors import printable
 
 
 def fields(rows: Sequence[tuple[str, str]]) -> None:
@@ -13,6 +22,7 @@ def fields(rows: Sequence[tuple[str, str]]) -> None:
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = True) -> None:
     """Rows under column heads: a rich table on a terminal, aligned text elsewhere."""
+    columns, rows = _cells(columns), [_cells(row) for row in rows]
     if not sys.stdout.isatty():
         _plain(columns, rows, heads)
         return
@@ -23,20 +33,50 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = T
 
     made = Table(show_header=heads, box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, column in enumerate(columns):
-        made.add_column(column, style="bold" if index == 0 else None, no_wrap=index == 0)
+        made.add_column(Text(column), style="bold" if index == 0 else None, no_wrap=index == 0)
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
     Console().print(made)
 
 
 def line(text: str) -> None:
-    """One line of output."""
-    print(text)
+    """One line of output, or several."""
+    print(printable(text))
+
+
+def text(content: str) -> None:
+    """A text that ends its own lines."""
+    print(printable(content), end="")
+
+
+def json(found: Any, indent: int | None = 2) -> None:
+    """JSON, in which control characters are escapes."""
+    print(printable(json_text.dumps(found, indent=indent, ensure_ascii=False)))
 
 
 def complain(sentence: str) -> None:
     """One sentence on stderr."""
-    print(sentence, file=sys.stderr)
+    print(printable(sentence), file=sys.stderr)
+
+
+@contextmanager
+def warned() -> Iterator[None]:
+    """Print warnings that are shown meanwhile as sentences."""
+    usual = warnings.formatwarning
+
+    def sentence(message: Any, category: type[Warning], *place: Any, **more: Any) -> str:
+        ours = issubclass(category, UserWarning)
+        return printable(f"Warning: {message}\n" if ours else usual(message, category, *place, **more))
+
+    warnings.formatwarning = sentence
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
+
+
+def _cells(row: Sequence[str]) -> tuple[str, ...]:
+    return tuple(printable(cell).replace("\n", " ") for cell in row)
 
 
 def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool) -> None:

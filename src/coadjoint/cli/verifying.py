@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +27,7 @@ class Verify:
         found = verify(self.folder)
         if self.json:
             told = {"complete": found.complete, "files": found.files, "problems": found.problems}
-            print(json_text.dumps({**told, "unknown": found.unknown}, indent=2, ensure_ascii=False))
+            terminal.json({**told, "unknown": found.unknown})
         else:
             for sentence in found.problems:
                 terminal.line(sentence)

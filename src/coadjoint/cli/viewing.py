@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 import os
 import sys
 from dataclasses import dataclass
@@ -59,7 +58,7 @@ class View:
         make(target.parent)
         write_text(target, page(shown))
         if self.json:
-            print(json_text.dumps(str(target)))
+            terminal.json(str(target), indent=None)
         else:
             terminal.line(f"Written: {target}.")
         if not self.no_open and not self.json and not opened(target):

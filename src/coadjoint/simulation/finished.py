@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.errors import printable
 from coadjoint.simulation.recording import Recording
 
 
@@ -46,4 +47,4 @@ class Finished(Recording):
         return np.concatenate([np.zeros(0, dtype=int), *self.memory.steps])
 
     def __str__(self) -> str:
-        return self.shown.card(self)
+        return printable(self.shown.card(self))

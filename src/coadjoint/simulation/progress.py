@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import Any
 
+from coadjoint.errors import printable
 from coadjoint.log import logger
 
 _log = logger(__name__)
@@ -26,8 +27,9 @@ def compiling(title: str, what: str, wanted: bool | None) -> Iterator[None]:
         return
     from rich.console import Console
     from rich.status import Status
+    from rich.text import Text
 
-    status = Status(f"{title}: compiling a step {what}", console=Console(stderr=True))
+    status = Status(Text(printable(f"{title}: compiling a step {what}")), console=Console(stderr=True))
     late = Timer(_QUIET_SECONDS, status.start)
     late.daemon = True
     late.start()
@@ -46,7 +48,7 @@ class Progress:
     """
 
     def __init__(self, steps: int | None, wanted: bool | None, title: str, unit: str = "steps"):
-        self.steps, self.title, self.unit = steps, title, unit
+        self.steps, self.title, self.unit = steps, printable(title), unit
         self.wanted = sys.stderr.isatty() if wanted is None else wanted
         self.done = 0
         self._logged = 0.0
@@ -80,7 +82,8 @@ class Progress:
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
 
-        columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        title = TextColumn("{task.description}", markup=False)
+        columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         bar = Bar(*columns, TextColumn("{task.fields[speed]}"), console=Console(stderr=True), transient=True)
         bar.start()
         return bar

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint import disk
-from coadjoint.errors import ArgumentError, FileError, shown
+from coadjoint.errors import ArgumentError, FileError, printable, shown
 from coadjoint.extensions import located
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.plotting.plots import Plots
@@ -153,10 +153,10 @@ class SavedRun(Recording):
         )
 
     def __str__(self) -> str:
-        return str(self.dataset.attrs.get("card", "a run without a certificate"))
+        return printable(str(self.dataset.attrs.get("card", "a run without a certificate")))
 
     def __repr__(self) -> str:
-        return f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>"
+        return printable(f"<SavedRun of {self.dataset.attrs.get('system', 'a system')}>")
 
 
 def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun:

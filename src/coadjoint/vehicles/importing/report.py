@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.errors import printable
+
 
 class Taken(NamedTuple):
     """One number of the vehicle file: its key, its value there, and where it was read."""
@@ -70,7 +72,7 @@ class Report:
         ):
             if sentences:
                 lines += ["", title, *(f"  {sentence}" for sentence in sentences)]
-        return "\n".join(lines)
+        return printable("\n".join(lines))
 
 
 def _often(times: int) -> str:

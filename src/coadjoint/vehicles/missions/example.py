@@ -26,7 +26,8 @@ def example(name: str) -> str:
     speed = float(getattr(own, "speed", 0.0) or 0.0) if own is not None else 0.0
     key = "file" if name.endswith(".toml") else "name"
     parts = [
-        f"# {vehicle.name}: a mission for `coadjoint run`. Every key but those of [vehicle] and [run] can be left out.",
+        f"# {' '.join(vehicle.name.split())}: a mission for `coadjoint run`. Every key but those of [vehicle] and "
+        "[run] can be left out.",
         "# Units stand at the end of a key (m, m_s, deg, min, …); without one, numbers are SI.",
         'axes = "NED/FRD"  # of all sections; or "ENU/FLU": east, north, up; forward, port, up; yaw for heading\n',
         to_toml({"vehicle": {key: name}}),
