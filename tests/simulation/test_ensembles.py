@@ -151,3 +151,14 @@ def test_members_that_ended_at_several_times_go_on_from_one_time():
         co.simulate(VEHICLE, ended, dt=0.02, steps=5)
     on = co.simulate(VEHICLE, ended.replace(t=np.zeros(2)), dt=0.02, steps=5, accuracy=False)
     np.testing.assert_allclose(on.final.t, 0.1)
+
+
+@pytest.mark.parametrize("patience", [1e-9, 1.0])
+def test_the_nodes_of_members_that_end_at_events_do_not_depend_on_how_a_run_is_cut_into_chunks(monkeypatch, patience):
+    monkeypatch.setattr("coadjoint.simulation.ensemble_events.PATIENCE", patience)
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi)
+    start = body.state(xi=co.each([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]))
+    run = co.simulate(body, start, dt=0.01, duration=2.0, until=lambda state: state.g[1, 0] - 0.2, accuracy=False)
+    longest = int(np.arcsin(0.2) / 0.01)  # the slower member turns by arcsin 0.2 at 1 rad/s
+    assert run.records.t.shape == (2, longest + 2)  # its nodes, 0 to the last before the event, and the end of all
+    assert np.isfinite(run.records.t[0, :-1]).all() and np.isnan(run.records.t[:, -1]).all()

@@ -43,12 +43,14 @@ class EnsembleEvents(EnsembleDriver):
         return super()._goes_on(position) and len(self.ended) < len(position.codes)
 
     def _stretch(self, position: MembersPosition, speed: float) -> None:
-        """Run for about PATIENCE seconds, node by node."""
+        """Run for about PATIENCE seconds, node by node; no further than the end of the last member."""
         wished = max(int(speed * PATIENCE), 1)
         length = min(wished, self.plan.steps - position.steps, self._capacity)
         began = time.perf_counter()
         chunk = self._watched(position, self._run(position.state, length, 1))
         position.seconds += time.perf_counter() - began
+        if len(self.ended) == len(position.codes):  # how far a chunk goes beyond that depends on the clock
+            length = max(int(chunk.steps.max()) + 1, 1)
         self.taking = True
         self._take(position, chunk, length)
         self.taking = False
