@@ -59,13 +59,13 @@ def _content(path: Path) -> bytes:
 
 
 def workers() -> list[Any]:
-    """The processes of workers that this one has started, below their nannies."""
+    """The processes of workers that this one has started."""
     import psutil
 
     found = []
     for child in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):
-            if "spawn_main" in " ".join(child.cmdline()):
+            if "sweeps.local" in " ".join(child.cmdline()):
                 found.append(child)
     return found
 

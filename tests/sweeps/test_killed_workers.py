@@ -16,20 +16,16 @@ from coadjoint.sweeps.file import read_sweep
 from coadjoint.sweeps.store import done
 from coadjoint.sweeps.sweep import execute
 
-distributed = pytest.importorskip("distributed", reason="sweeps need dask.distributed, the extra [cluster]")
+pytest.importorskip("psutil", reason="kills processes by psutil, which the extra [cluster] brings")
 
 MEMBERS, TASK, TASKS = 48, 4, 12
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """A sweep by a worker of this process, which nobody kills."""
+    """A sweep in this process, which nobody kills."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    quiet = {"processes": False, "dashboard_address": None}
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, **quiet) as cluster:
-        return execute(
-            read_sweep(sweep_file(folder, MEMBERS, TASK)), folder / "out", cluster.scheduler_address, progress=False
-        )
+    return execute(read_sweep(sweep_file(folder, MEMBERS, TASK)), folder / "out", workers=1, progress=False)
 
 
 @pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.exhaustive)])
@@ -70,6 +66,7 @@ def until(held, seconds: float = 120.0) -> None:
 
 @pytest.mark.long
 def test_a_scheduler_that_is_lost_and_started_again_is_waited_for(undisturbed, tmp_path):
+    pytest.importorskip("distributed", reason="schedulers need dask.distributed, the extra [cluster]")
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     folder, failed = tmp_path / "out", list[BaseException]()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -14,7 +15,7 @@ from coadjoint.sweeps import cluster
 from coadjoint.sweeps.file import read_sweep
 from coadjoint.sweeps.sweep import execute
 
-distributed = pytest.importorskip("distributed", reason="sweeps need dask.distributed, the extra [cluster]")
+distributed = pytest.importorskip("distributed", reason="schedulers need dask.distributed, the extra [cluster]")
 
 
 def sweep_file(folder: Path) -> Path:
@@ -46,7 +47,7 @@ def test_a_client_that_reached_nobody_is_closed_at_once_and_silently(monkeypatch
     with warnings.catch_warnings():
         warnings.simplefilter("error", pytest.PytestUnraisableExceptionWarning)
         began = time.monotonic()
-        with pytest.raises(cluster._Lost), cluster.connected("tcp://127.0.0.1:9", None):
+        with pytest.raises(cluster._Lost), cluster.connected("tcp://127.0.0.1:9"):
             pass
         gc.collect()
     assert time.monotonic() - began < 10
@@ -80,3 +81,22 @@ def test_a_check_names_what_members_cannot_differ_in_together(tmp_path, capsys):
     assert main(["sweep", str(file), "--check"]) == 0
     told = capsys.readouterr().out
     assert "in 1 task of 3" in told and "differ in run.dt" in told and "3 groups in all" in told
+
+
+def test_workers_of_a_scheduler_compute_a_sweep(tmp_path):
+    quiet = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    sweep = read_sweep(sweep_file(tmp_path))
+    with distributed.LocalCluster(**quiet) as there:
+        made = execute(sweep, tmp_path / "out", there.scheduler_address, progress=False)
+    here = execute(sweep, tmp_path / "here", workers=1, progress=False)
+    assert made.dataset.equals(here.dataset) and made.dataset.sizes["member"] == 2
+
+
+def test_a_sweep_without_a_scheduler_needs_no_dask(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "find_spec", lambda name: None)
+    sweep = read_sweep(sweep_file(tmp_path))
+    with pytest.raises(co.ArgumentError, match=r"coadjoint\[cluster\]"):
+        execute(sweep, tmp_path / "out", "tcp://127.0.0.1:9", progress=False)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.setattr("socket.socket.bind", None)
+    assert execute(sweep, tmp_path / "out", workers=1, progress=False).failures == {}

@@ -1,4 +1,4 @@
-"""Sweeps of a small run file by a worker of this process."""
+"""Sweeps of a small run file in this process."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from coadjoint.runs.running import simulate
 from coadjoint.sweeps.file import read_sweep
 from coadjoint.sweeps.store import MEMBERS, done
 from coadjoint.sweeps.sweep import execute
-
-distributed = pytest.importorskip("distributed", reason="sweeps need dask.distributed, the extra [cluster]")
 
 TOP = """
 [system]
@@ -43,14 +41,6 @@ save_every = 10
 """
 
 
-@pytest.fixture(scope="module")
-def address():
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address
-
-
 def written(folder: Path, text: str = SWEEP) -> Path:
     (folder / "top.toml").write_text(TOP)
     file = folder / "sweep.toml"
@@ -59,9 +49,9 @@ def written(folder: Path, text: str = SWEEP) -> Path:
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory, address):
+def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
-    return execute(read_sweep(written(folder)), folder / "out", address, progress=False)
+    return execute(read_sweep(written(folder)), folder / "out", workers=1, progress=False)
 
 
 def test_a_member_of_a_grid_is_the_run_with_its_numbers(swept):
@@ -88,19 +78,19 @@ def test_statistics_are_those_of_the_members(swept):
     np.testing.assert_allclose(table.sel(statistic="50%"), np.quantile(values, 0.5, axis=0), rtol=1e-12)
 
 
-def test_a_sweep_that_was_killed_computes_what_is_missing_to_the_same_bits(swept, tmp_path, address, monkeypatch):
+def test_a_sweep_that_was_killed_computes_what_is_missing_to_the_same_bits(swept, tmp_path, monkeypatch):
     file = written(tmp_path)
     sweep = read_sweep(file)
     monkeypatch.setattr("coadjoint.sweeps.sweep._enter_members", lambda claim: 1 / 0)  # killed before its end
     with pytest.raises(ZeroDivisionError):
-        execute(sweep, tmp_path / "out", address, progress=False)
+        execute(sweep, tmp_path / "out", workers=1, progress=False)
     monkeypatch.undo()
     shard = tmp_path / "out" / "unfinished" / "shards" / "000001.npz"
     shard.unlink()
     for chunk in (tmp_path / "out" / MEMBERS).rglob("c.1*"):
         chunk.write_bytes(b"half of")
     assert done(tmp_path / "out") == {0, 2}
-    again = execute(sweep, tmp_path / "out", address, progress=False)
+    again = execute(sweep, tmp_path / "out", workers=1, progress=False)
     assert again.summary["computed_tasks"] == 1
     assert bits(again.folder) == bits(swept.folder)
 
@@ -111,15 +101,18 @@ def test_the_same_command_again_returns_what_is_finished(swept):
     assert again.summary == swept.summary and bits(again.folder) == before
 
 
-def test_no_member_depends_on_those_of_its_task(swept, tmp_path, address):
+def test_no_member_depends_on_those_of_its_task(swept, tmp_path):
     other = execute(
-        read_sweep(written(tmp_path, SWEEP.replace("task = 3", "task = 8"))), tmp_path / "out", address, progress=False
+        read_sweep(written(tmp_path, SWEEP.replace("task = 3", "task = 8"))),
+        tmp_path / "out",
+        workers=1,
+        progress=False,
     )
     for name, values in swept.dataset.items():
         np.testing.assert_array_equal(other.dataset[name].values, values.values, err_msg=str(name))
 
 
-def test_numbers_of_the_grid_of_time_are_swept_too(tmp_path, address):
+def test_numbers_of_the_grid_of_time_are_swept_too(tmp_path):
     (tmp_path / "top.toml").write_text(TOP.replace("steps = 40", "duration = 0.04"))
     found = co.sweep(
         tmp_path / "top.toml",
@@ -128,16 +121,16 @@ def test_numbers_of_the_grid_of_time_are_swept_too(tmp_path, address):
         sampling="grid",
         variables=["xi"],
         save_every=10,
-        scheduler=address,
+        workers=1,
         progress=False,
     )
     assert found.dataset.steps_done.values.tolist() == [40, 40, 20, 20]
 
 
-def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path, address):
+def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path):
     (tmp_path / "top.toml").write_text(TOP)
     found = co.sweep(
-        tmp_path / "top.toml", mass=co.each([-1.0, 5.0, 4.0, 6.0]), store=tmp_path / "out", scheduler=address,
+        tmp_path / "top.toml", mass=co.each([-1.0, 5.0, 4.0, 6.0]), store=tmp_path / "out", workers=1,
         variables=["xi"], progress=False,
     )  # fmt: skip
     assert found.failures == {"refused": 1}
@@ -160,11 +153,11 @@ def test_members_that_cannot_be_are_told_and_the_others_run(tmp_path, address):
         ('run = "top.toml"', 'run = "pot.toml"', "There is no run file"),
     ],
 )
-def test_what_is_mistaken_is_told_in_a_sentence(tmp_path, address, before, after, sentence):
+def test_what_is_mistaken_is_told_in_a_sentence(tmp_path, before, after, sentence):
     assert before in SWEEP
     file = written(tmp_path, SWEEP.replace(before, after))
     with pytest.raises((co.ArgumentError, co.FileError), match=sentence):
-        execute(read_sweep(file), tmp_path / "out", address, progress=False)
+        execute(read_sweep(file), tmp_path / "out", workers=1, progress=False)
     assert not (tmp_path / "out").exists()
 
 
@@ -186,7 +179,7 @@ def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
         lock.release()
 
 
-def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path, address, monkeypatch):
+def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path, monkeypatch):
     def full(*given):
         raise OSError(28, "No space left on device")
 
@@ -194,8 +187,8 @@ def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path
     with monkeypatch.context() as patched:
         patched.setattr("coadjoint.sweeps.store._put", full)
         with pytest.raises(co.FileError, match=r"No space left on device.*the same command again"):
-            execute(sweep, tmp_path / "out", address, progress=False)
-    found = execute(sweep, tmp_path / "out", address, progress=False)
+            execute(sweep, tmp_path / "out", workers=1, progress=False)
+    found = execute(sweep, tmp_path / "out", workers=1, progress=False)
     assert bits(found.folder) == bits(swept.folder)
 
 
@@ -206,9 +199,9 @@ def test_a_folder_that_workers_cannot_see_is_told(tmp_path):
         read_by_worker(str(tmp_path / "nowhere"), "0")
 
 
-def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_path, address):
+def test_statistics_alone_keep_nothing_of_members_and_say_the_same(swept, tmp_path):
     alone = execute(
-        read_sweep(written(tmp_path, SWEEP + 'keep = "statistics"\n')), tmp_path / "out", address, progress=False
+        read_sweep(written(tmp_path, SWEEP + 'keep = "statistics"\n')), tmp_path / "out", workers=1, progress=False
     )
     assert not (alone.folder / MEMBERS).exists()
     assert alone.statistics.equals(swept.statistics)

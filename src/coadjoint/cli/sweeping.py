@@ -26,9 +26,9 @@ class Sweep:
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Output folder, by default named like the file; one that holds this sweep is finished, or told as it is."""
     scheduler: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None
-    """A scheduler of dask.distributed, as tcp://HOST:8786; by default processes of this machine."""
+    """A scheduler of dask.distributed, as tls://HOST:8786; by default processes of this machine."""
     workers: int | None = None
-    """How many processes of this machine, by default one for each core."""
+    """How many processes of this machine, by default one for each core; one is the command's own."""
     check: bool = False
     """Tell what `sweep` would run, and refuse what it would refuse; nothing is run."""
     json: bool = False

@@ -63,7 +63,7 @@ def sweep(
         courses: whether statistics at every node are kept, by default False.
         figures: whether they are drawn, by default True; none with "statistics".
         scheduler: the address of a scheduler, as "tcp://HOST:8786"; by default processes of this machine.
-        workers: how many of those, by default one for each core.
+        workers: how many of those, by default one for each core; with one, or a single task, it is this process.
         overwrite: whether a finished sweep in the folder is begun again, by default False.
         progress: as in `co.simulate`.
         parameters: what varies of the section `parameters`, by its keys.

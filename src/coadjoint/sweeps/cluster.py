@@ -1,24 +1,20 @@
-"""The workers of a sweep, by dask.distributed: those of a scheduler, or processes on this machine."""
+"""The workers of a scheduler of dask.distributed, on other machines or on this one."""
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, told
-from coadjoint.kernels.run.ensemble import cores
 from coadjoint.log import logger
+from coadjoint.sweeps.local import LIVES, Done, load
 
 AHEAD = 3
 """Tasks that are given out for each thread of a worker: one at work and some that wait."""
-LIVES = 10
-"""How often a task is given out again after the workers that had it died."""
 PATIENCE = 120.0
 """Seconds that a sweep waits for a scheduler that does not answer, or has no workers."""
 ANSWER = 10.0
@@ -31,9 +27,6 @@ NOISY = ("distributed", "tornado", "asyncio")
 
 _log = logger(__name__)
 
-Done = Callable[[int, Mapping[str, float]], None]
-"""Called with the number of a task that is done, and with its times."""
-
 
 class _Lost(Exception):
     """The scheduler is gone."""
@@ -42,15 +35,16 @@ class _Lost(Exception):
 def require() -> None:
     """Raise ArgumentError where dask.distributed is not installed."""
     if find_spec("distributed") is None:
-        raise ArgumentError('A sweep needs dask.distributed: install it with pip install "coadjoint[cluster]".')
+        raise ArgumentError(
+            'A sweep with a scheduler needs dask.distributed: install it with pip install "coadjoint[cluster]".'
+        )
 
 
 def run(
     made: Callable[[int], Any],
     missing: Callable[[], Sequence[int]],
     done: Done,
-    scheduler: str | None,
-    workers: int | None,
+    scheduler: str,
 ) -> dict[str, float]:
     """Compute all missing tasks; one whose worker dies is given out again, and a scheduler that is lost waited for.
 
@@ -64,7 +58,7 @@ def run(
     while numbers := missing():
         before, began = len(numbers), time.perf_counter()
         try:
-            with connected(scheduler, workers) as client:
+            with connected(scheduler) as client:
                 waited_since = None
                 _ready(client)
                 there = time.perf_counter()
@@ -86,30 +80,24 @@ def run(
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
-    """A client of a scheduler with workers; without an address, of one that is started for as long as this lasts."""
+def connected(scheduler: str) -> Iterator[Any]:
+    """A client of a scheduler, for as long as this lasts."""
     from dask import config
     from distributed import Client
 
     quiet = {"distributed.logging.distributed": "critical", "distributed.comm.timeouts.connect": f"{ANSWER} s"}
-    with config.set({**quiet, "distributed.scheduler.allowed-failures": LIVES}):
-        if scheduler is not None:
-            with suppress_noise(), _opened(Client, scheduler) as client:
-                yield client
-            return
-        with suppress_noise(), _local(workers or cores()) as cluster, _opened(Client, cluster) as client:
-            yield client
+    with config.set(quiet), suppress_noise(), _opened(Client, scheduler) as client:
+        yield client
 
 
 @contextmanager
-def _opened(cls: Any, where: Any) -> Iterator[Any]:
+def _opened(cls: Any, where: str) -> Iterator[Any]:
     client = cls.__new__(cls)  # to be closed even where it could not connect
     try:
         try:
             client.__init__(where, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError):
-            told_of = where if isinstance(where, str) else "of this machine"
-            raise _Lost(f"The scheduler {told_of} does not answer") from None
+            raise _Lost(f"The scheduler {where} does not answer") from None
         yield client
     finally:
         _close(client)
@@ -126,44 +114,11 @@ def _close(client: Any) -> None:
 
 
 @contextmanager
-def _local(workers: int) -> Iterator[Any]:
-    """A scheduler and workers on this machine, each a process that is spawned and has one thread."""
-    from distributed.deploy.subprocess import SubprocessCluster
-
-    own = {"memory_limit": 0, "death_timeout": 60}
-    scheduler = {"allowed_failures": LIVES}
-    start: Any = SubprocessCluster
-    size = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
-    with _deaf():
-        cluster = start(**size, worker_kwargs=own, scheduler_kwargs=scheduler)
-    try:
-        yield cluster
-    finally:
-        _end([*cluster.workers.values()])
-        with suppress(Exception):
-            cluster.close(timeout=2)
-        cluster.shutdown_on_close = False  # at the end of Python, which would wait for what is gone
-        _end([cluster.scheduler])
-
-
-def _end(started: Sequence[Any]) -> None:
-    """End processes and their children at once: what tasks were at is not waited for."""
-    import psutil
-
-    for one in started:
-        with suppress(psutil.Error, AttributeError):
-            process = psutil.Process(one.process.pid)
-            for running in (*process.children(recursive=True), process):
-                with suppress(psutil.Error):
-                    running.kill()
-
-
-@contextmanager
 def suppress_noise() -> Iterator[None]:
     """Without the log messages of dask and what it stands on about workers and schedulers that come and go."""
     import logging
 
-    import distributed.deploy.subprocess  # noqa: F401, which names its loggers
+    import distributed  # noqa: F401, which names its loggers
 
     named = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in NOISY]
     before = {name: logging.getLogger(name).disabled for name in named}
@@ -174,22 +129,6 @@ def suppress_noise() -> Iterator[None]:
     finally:
         for name, disabled in before.items():
             logging.getLogger(name).disabled = disabled
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes that are started meanwhile hear no Ctrl-C, which is for this one to end them."""
-    import signal
-    import threading
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _run(client: Any, made: Callable[[int], Any], numbers: Sequence[int], done: Done) -> None:
@@ -253,15 +192,11 @@ def _ready(client: Any) -> None:
     """Wait for workers, and let them load what tasks need; raises FileError where they cannot."""
     _threads(client)
     try:
-        client.run(_load)
+        client.run(load)
     except ImportError as error:
         raise FileError(f"A worker cannot load the library: {told(error)}; install coadjoint[cluster] there.") from None
     except OSError:
         raise _Lost(f"The scheduler {_address(client)} is gone") from None
-
-
-def _load() -> None:
-    import coadjoint.sweeps.task  # noqa: F401
 
 
 def _lost_or_raise(client: Any, error: BaseException, number: int, lives: Counter[int]) -> None:
@@ -286,17 +221,10 @@ def _lost_or_raise(client: Any, error: BaseException, number: int, lives: Counte
         )
 
 
-def _call(task: Any) -> Any:
+def _call(task: Any) -> dict[str, float]:
     """On a worker: compute a task and write its shard."""
     from distributed import get_worker
 
-    from coadjoint.sweeps.store import write
-    from coadjoint.sweeps.task import compute, swept
+    from coadjoint.sweeps.task import perform
 
-    shard = compute(task, get_worker().state.nthreads)
-    began = time.perf_counter()
-    keep = swept(task.folder, task.configuration).results.keep
-    shard.members = {**task.rows, **shard.members}
-    write(Path(task.folder), task.number, task.first, shard, keep != "statistics")
-    spent = time.perf_counter() - began
-    return {"seconds": shard.seconds + spent, "kernel": shard.kernel, "writing": spent, "process": float(os.getpid())}
+    return perform(task, get_worker().state.nthreads)

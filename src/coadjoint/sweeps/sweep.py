@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +15,19 @@ import numpy as np
 
 from coadjoint import disk
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.kernels.run.ensemble import cores
 from coadjoint.log import logger
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, Claim, claimed
 from coadjoint.report.summary import to_json, versions
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
-from coadjoint.sweeps import cluster, store
+from coadjoint.sweeps import cluster, local, store
 from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, meant
-from coadjoint.sweeps.task import Task, ensemble
+from coadjoint.sweeps.task import Task, ensemble, perform
 
 _log = logger(__name__)
 
@@ -46,10 +48,10 @@ def execute(
     Raises FileError where the folder holds something else, is in use, or cannot be written; ArgumentError for numbers
     that are none and for a scheduler's address that is none.
     """
-    cluster.require()
     if workers is not None and workers < 1:
         raise ArgumentError(f"The number of workers must be at least 1, but is {workers}.")
     if scheduler is not None:
+        cluster.require()
         require_address(scheduler)
     _ = sweep.size
     with claimed(folder, sweep.text, overwrite, sweep.places) as claim:
@@ -210,7 +212,10 @@ def _compute(
             processes.add(spent["process"])
             bar.advance(1, time.perf_counter() - began)
 
-        waited = cluster.run(made, missing, done, scheduler, workers)
+        if scheduler is not None:
+            waited = cluster.run(made, missing, done, scheduler)
+        else:
+            waited = local.run(lambda number: partial(perform, made(number)), first, done, workers or cores())
     return {
         **waited,
         "writing_seconds": taken["writing"],

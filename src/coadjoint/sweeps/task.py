@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -29,6 +30,7 @@ from coadjoint.simulation.preparing import prepare
 from coadjoint.sweeps.file import RUN, Sweep, of_tables
 from coadjoint.sweeps.reduction import Observer, Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
+from coadjoint.sweeps.store import write
 from coadjoint.texts import read_table
 
 if TYPE_CHECKING:
@@ -96,6 +98,17 @@ def swept(folder: str, configuration: str) -> Sweep:
         raise FileError(f"The folder {folder} holds another sweep by now: this task does not belong to it.")
     table = read_table(text, path)
     return of_tables({key: value for key, value in table.items() if key != RUN}, table[RUN], path, kept_inputs(path))
+
+
+def perform(task: Task, threads: int = 1) -> dict[str, float]:
+    """Compute a task and write its shard; what this took, and the number of the process."""
+    shard = compute(task, threads)
+    began = time.perf_counter()
+    keep = swept(task.folder, task.configuration).results.keep
+    shard.members = {**task.rows, **shard.members}
+    write(Path(task.folder), task.number, task.first, shard, keep != "statistics")
+    spent = time.perf_counter() - began
+    return {"seconds": shard.seconds + spent, "kernel": shard.kernel, "writing": spent, "process": float(os.getpid())}
 
 
 def compute(task: Task, threads: int = 1) -> Shard:
