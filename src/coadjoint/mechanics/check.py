@@ -17,6 +17,7 @@ from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import large, structure
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
+from coadjoint.mechanics.own_derivative import require_own_derivative
 from coadjoint.mechanics.reading import in_words, require_float64, require_scalar
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ SINGULAR = 1e-13
 def check(system: System, start: State, regular: bool = True) -> list[str]:
     """Raise LagrangianError where ℓ or ℋ cannot be integrated from `start`; return warnings, a sentence each.
 
-    ℓ must return one float64 number that is finite with finite gradient, hold no float32 constants, and have a
-    regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible; of ℋ, ∂²ℋ/∂(μ, π)². Inside the user's own transformations
-    only shapes are seen.
+    ℓ must return one float64 number that is finite, with a finite gradient that is that of its values, hold no float32
+    constants, and have a regular Legendre transform: ∂²ℓ/∂(ξ, ν)² invertible; of ℋ, ∂²ℋ/∂(μ, π)². Inside the user's
+    own transformations only shapes are seen.
     """
     if system.discrete_lagrangian is not None or system.group_lagrangian is not None:
         _check_discrete(system, start)
@@ -41,19 +42,18 @@ def check(system: System, start: State, regular: bool = True) -> list[str]:
         return []
     what, function = given(system)
     arguments = point(system, start)
-    require_scalar(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
+    function = partial(function, t=start.t, inputs=start.inputs, internal=start.internal)
+    read = require_scalar(function, what, arguments)
     if traced(system.parameters, start):
         return []
     with in_words(what):
-        _require_finite(partial(function, t=start.t, inputs=start.inputs, internal=start.internal), what, arguments)
+        _require_derivative(system, function, what, arguments, read)
         _require_symmetric(system, start)
         if system.hamiltonian is not None:
             if regular:
                 require_regular_hamiltonian(system, start)
             return []
-        return _require_regular(
-            system, partial(function, t=start.t, inputs=start.inputs, internal=start.internal), arguments
-        )
+        return _require_regular(system, function, arguments)
 
 
 def given(system: System) -> tuple[str, Callable[..., Any]]:
@@ -80,9 +80,17 @@ def _check_discrete(system: System, start: State) -> None:
         return system.reduced_group_lagrangian(F, n, s, a, h, start.t, start.inputs, start.internal)
 
     if system.discrete_lagrangian is not None:
-        require_scalar(in_algebra, "The discrete Lagrangian", (start.xi, *rest))
+        what = "The discrete Lagrangian"
+        read = require_scalar(in_algebra, what, (start.xi, *rest))
+        _require_derivative_of_discrete(system, partial(in_algebra, h=rest[-1]), what, (start.xi, *rest[:-1]), read)
     if system.group_lagrangian is not None:
-        require_scalar(in_group, "The discrete Lagrangian in group form", (start.g, *rest))
+        what, group = "The discrete Lagrangian in group form", system.group
+        read = require_scalar(in_group, what, (start.g, *rest))
+
+        def turned(eta, n, s, a):
+            return in_group(group.compose(start.g, group.exp(eta)), n, s, a, rest[-1])
+
+        _require_derivative_of_discrete(system, turned, what, (np.zeros(group.dim), *rest[:-1]), read)
 
 
 def _check_forces(system: System, start: State) -> None:
@@ -122,8 +130,15 @@ def _finite(tree: Any) -> bool:
     return all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(tree))
 
 
-def _require_finite(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
-    value, gradient = evaluate(jax.value_and_grad(function, argnums=(0, 1, 2, 3)), *arguments)
+def _require_derivative(
+    system: System, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+) -> None:
+    """Raise unless ℓ or ℋ and its gradient are finite at the start, and its gradient is that of its value.
+
+    read: its jaxpr, None where the function is the library's own.
+    """
+    slopes = tabulate(jax.value_and_grad(function, argnums=(0, 1, 2, 3)), *arguments)
+    value, gradient = slopes(*arguments)
     if not np.isfinite(value):
         raise LagrangianError(f"{what} must be finite at the start, but is {float(value)}.")
     names = ("mu", "n", "pi", "a") if "Hamiltonian" in what else ("xi", "n", "nu", "a")
@@ -133,6 +148,17 @@ def _require_finite(function: Callable[..., Any], what: str, arguments: tuple[An
             f"The gradient of t{what[1:]} in {', '.join(bad)} must be finite at the start, but is not: look for "
             "a norm or square root at zero, or a division by zero."
         )
+    if read is not None:
+        require_own_derivative(system.places, slopes, what, arguments, read)
+
+
+def _require_derivative_of_discrete(
+    system: System, function: Callable[..., Any], what: str, arguments: tuple[Any, ...], read: Any
+) -> None:
+    """Raise unless the gradient of Λ is that of its value; read as above."""
+    if read is not None and not traced(system.parameters, arguments):
+        slopes = tabulate(jax.value_and_grad(function, argnums=(0, 1, 2, 3)), *arguments)
+        require_own_derivative(system.places, slopes, what, arguments, read)
 
 
 def _require_symmetric(system: System, start: State) -> None:

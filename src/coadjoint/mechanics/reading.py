@@ -85,16 +85,20 @@ def _read(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -
         return jax.make_jaxpr(lambda *given: function(*given), return_shape=True)(*arguments)
 
 
-def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> None:
-    """Raise LagrangianError unless the function is pure, returns one float64 number and holds no float32."""
+def require_scalar(function: Callable[..., Any], what: str, arguments: tuple[Any, ...]) -> Any:
+    """Raise LagrangianError unless the function is pure, returns one float64 number and holds no float32.
+
+    Returns its jaxpr; None of functions that are known, and not read.
+    """
     if _known.get():
-        return
+        return None
     jaxpr, result = _read(function, what, arguments)
     if not hasattr(result, "shape") or result.shape != ():
         raise LagrangianError(f"{what} must return one number, but returns {_shown(result)}; use @ or jnp.sum.")
     if not jax.numpy.issubdtype(result.dtype, np.floating):
         raise LagrangianError(f"{what} must return a float64 number, but returns {result.dtype}.")
     _require_float64(function, what, arguments, jaxpr)
+    return jaxpr
 
 
 def _shown(result: Any) -> str:
