@@ -92,7 +92,8 @@ def _unknowns(transcription: Transcription, states: State) -> np.ndarray:
         ]
 
     found = evaluate(jax.vmap(of_step), states)
-    return np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
+    z = np.concatenate([np.asarray(z).reshape(len(states.t), -1) for z in found], axis=1)
+    return np.tile(z, (1, 1 + transcription.problem.path_points))
 
 
 def _of_run(transcription: Transcription, run: Run) -> tuple[State, dict[str, np.ndarray]]:

@@ -15,6 +15,7 @@ from coadjoint.control.likelihood import deviations
 from coadjoint.control.program import NonlinearProgram
 from coadjoint.control.sensitivity import Sensitivity, sensitivity
 from coadjoint.control.transcription import Split, Transcription
+from coadjoint.control.within_steps import WorstWithin, lines, worst_within
 from coadjoint.errors import OptimumError, StepError
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -35,7 +36,8 @@ class Optimum:
     residuals: of what was measured, name → (K, …), (function − y)/σ, NaN where nothing was. costates: (N, nx), the
     multipliers of x_{k+1} = Φ, in the order of `names`. violation: how far the solver left the constraints.
     difference: the largest |x − x of the run| of any number of the state. iterations, and seconds of building, solving:
-    of the solver.
+    of the solver. within: name → how far a constraint of the path is violated between the nodes of the run at most, the
+    bound that it leaves, and when.
     """
 
     run: Run
@@ -53,6 +55,7 @@ class Optimum:
     solve_seconds: float
     solver: str
     solution: SolvedProgram
+    within: dict[str, WorstWithin]
 
     def sensitivity(self, *names: str, start: tuple[str, ...] = ()) -> Sensitivity:
         """The first derivatives of the optimum by its data, from the conditions that it satisfies.
@@ -86,6 +89,7 @@ class Optimum:
                        f"built in {self.build_seconds:.3g} s"),
             ("constraints", f"violated by at most {self.violation:.1e}; the run differs from the optimum by at most "
                             f"{self.difference:.1e}"),
+            *lines(self.within, self.solution.problem.path_points),
             *((f"parameter {name}", f"{np.array2string(value, precision=6)}")
               for name, value in self.parameters.items()),
         ]  # fmt: skip
@@ -162,7 +166,7 @@ def flown(
         _residuals(transcription, parts), equations[:, nz:],
         [transcription.graph.names()[i] for i in transcription.live],
         violation(program, numbers["g"]), difference(transcription, run, parts), iterations, *seconds, solver,
-        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]),
+        SolvedProgram(problem, numbers["x"], numbers["lam_g"], numbers["lam_x"]), worst_within(problem, run),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from coadjoint.control.library import casadi
 from coadjoint.control.optimum import ROUND_OFF, chosen_system, difference, flight, violation
 from coadjoint.control.solve import FoundOptimum
 from coadjoint.control.transcription import Transcription
+from coadjoint.control.within_steps import WorstWithin, lines, worst_within
 from coadjoint.simulation.run import Run
 
 
@@ -21,7 +22,8 @@ class PhasedOptimum:
     runs: phase → the motion, flown by `co.simulate` from where the run before ended. inputs, parameters: phase → name →
     values, as of `co.control.Optimum`. costs, durations (s): of each phase; cost, duration (s): of all. violation: how
     far the solver left the constraints. difference: the largest |x − x of the run| of any number of the state.
-    iterations, and seconds of building, solving: of the solver.
+    iterations, and seconds of building, solving: of the solver. within: phase → name → how far a constraint of the path
+    is violated between the nodes of its run, as of `co.control.Optimum`.
     """
 
     runs: dict[str, Run]
@@ -36,6 +38,7 @@ class PhasedOptimum:
     solve_seconds: float
     solver: str
     joints: tuple[Joint, ...]
+    within: dict[str, dict[str, WorstWithin]]
 
     @property
     def cost(self) -> float:
@@ -67,6 +70,8 @@ class PhasedOptimum:
             ("constraints", f"violated by at most {self.violation:.1e}; the runs differ from the optimum by at most "
                             f"{self.difference:.1e}"),
         ]  # fmt: skip
+        found = {f"{name} in {phase}": one for phase, each in self.within.items() for name, one in each.items()}
+        rows += lines(found, 0)
         if self.difference > 10 * sum(count.values()) * max(self.violation, ROUND_OFF):
             rows.append(("warning", "the runs leave the optimum by more than ten times what the violations of all "
                                     "steps add up to: the motion is unstable, or the tolerance too large"))  # fmt: skip
@@ -84,7 +89,7 @@ def phases_flown(
     """The optimum of what the solver found."""
     into, numbers = {joint.after: joint for joint in joints}, program.split(found.numbers["x"])
     runs: dict[str, Run] = {}
-    inputs, parameters, costs, durations, gaps = {}, {}, {}, {}, []
+    inputs, parameters, costs, durations, gaps, within = {}, {}, {}, {}, [], {}
     for name, transcription in parts.items():
         split, start = transcription.split(numbers[name]), None
         if name in into:
@@ -95,8 +100,9 @@ def phases_flown(
         costs[name] = float(casadi().Function("f", [own.w], [own.f])(numbers[name]))
         durations[name] = split.h * transcription.problem.count
         gaps.append(difference(transcription, runs[name], split))
+        within[name] = worst_within(transcription.problem, runs[name])
     left = violation(program.whole, found.numbers["g"])
     return PhasedOptimum(
         runs, inputs, parameters, costs, durations, left, max(gaps), found.iterations, built, found.seconds,
-        found.words, joints,
+        found.words, joints, within,
     )  # fmt: skip

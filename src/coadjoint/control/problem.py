@@ -46,6 +46,8 @@ class Problem(Statement):
         cost: L(motion [, p]), a number a second, of the `co.NodeMotion`; by default none.
         final_cost: M(motion [, p]), a number, of the last node; by default none.
         path: name → `co.control.Bounds`, at every node; by default none.
+        path_points: at how many points inside each step `path` holds as well, evenly spaced, by default 0. Each adds
+            the equations of a part of the step, so that the constrained path is that of `optimum.run.at(times)`.
         end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
         free_duration: (shortest, longest) duration, s: then h is chosen too, N stays. By default fixed.
         parameters: names of parameters of the system that are chosen too → (lower, upper).
@@ -100,6 +102,7 @@ class Problem(Statement):
         the values may be None. Raises ArgumentError and LagrangianError for what cannot be estimated.
         """
         steps = self.count if horizon is None else steps_of(horizon, self.dt, "horizon", 1)
+        self._require_no_points("An estimator")
         names = (known,) if isinstance(known, str) else known
         if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
             raise ArgumentError(f'Argument `known` must be names of inputs, such as ("thrust",), not {shown(known)}.')
@@ -134,7 +137,14 @@ class Problem(Statement):
         The start of the problem says only which system and internal state it is. Raises ArgumentError and
         LagrangianError for what cannot be a controller.
         """
+        self._require_no_points("A controller")
         problem = self
         if horizon is not None:
             problem = replace(self, duration=None, steps=steps_of(horizon, self.dt, "horizon", 1))
         return controller(problem, period, delay, iterations, fallback, changing)
+
+    def _require_no_points(self, what: str) -> None:
+        if self.path_points:
+            raise ArgumentError(
+                f"{what} imposes `path` at its nodes alone: leave out `path_points`, and take a smaller dt."
+            )

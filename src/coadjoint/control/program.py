@@ -82,6 +82,9 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
             parts.append(ca.vec(at_nodes[begin : begin + len(of_path.lower), :]))
             blocks.append(Block(of_path, steps + 1))
             begin += len(of_path.lower)
+    if functions.within is not None:
+        parts.append(ca.vec(functions.within.map(steps)(x, u, z, *each)))
+        blocks.append(Block(_inside(transcription), steps))
     for rows_of, values, nodes in _of_inputs(transcription, u, h):
         parts.append(ca.vec(values))
         blocks.append(Block(rows_of, nodes))
@@ -92,6 +95,14 @@ def nonlinear_program(transcription: Transcription) -> NonlinearProgram:
         parts.append(functions.end(last, after[:, -1], p, h))
         blocks += [Block(of_end, 1) for of_end in transcription.end]
     return NonlinearProgram(w, ca.densify(f), ca.vertcat(*parts), blocks, _bounds(transcription))
+
+
+def _inside(transcription: Transcription) -> Rows:
+    """The constraints of the path at all points inside a step."""
+    names = ", ".join(f"`{name}`" for name in transcription.problem.path)
+    limits = (np.concatenate([getattr(one, side) for one in transcription.path]) for side in ("lower", "upper"))
+    lower, upper = (np.tile(limit, transcription.problem.path_points) for limit in limits)
+    return Rows(f"the path ({names}) inside the step", lower, upper)
 
 
 def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any:

@@ -20,6 +20,9 @@ from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.simulation.arguments import grid, require_kinds
 
+MOST_POINTS = 100
+"""The most points inside a step at which constraints of the path are imposed."""
+
 
 @dataclass(frozen=True)
 class Input:
@@ -57,7 +60,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Bounds:
-    """lower ≤ function(motion [, p]) ≤ upper at every node, of a number or a vector.
+    """lower ≤ function(motion [, p]) ≤ upper at every node, and at `path_points` of a problem, of a number or a vector.
 
     function: of the `co.NodeMotion` at the node, where ξ and ν are those of the momenta and `motion.inputs` the
     inputs at the start of the step that begins there (at the last node, at the end of the step before).
@@ -118,6 +121,7 @@ class Statement:
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     free_start: Mapping[str, Any] = field(default_factory=dict)
     measured: Mapping[str, Measured] = field(default_factory=dict)
+    path_points: int = 0
 
     def __post_init__(self):
         require_kinds(self.system, self.start, self.method)
@@ -128,6 +132,7 @@ class Statement:
         object.__setattr__(self, "steps", count)
         object.__setattr__(self, "duration", h * count)
         self._require_functions()
+        self._require_path_points()
         self._require_inputs()
         self._require_free()
         self._require_estimated()
@@ -159,6 +164,16 @@ class Statement:
                     f"end, but is {shown(self.end)}."
                 )
             require_signature(self.end, "Argument `end`", arguments)
+
+    def _require_path_points(self) -> None:
+        given = self.path_points
+        if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or not 0 <= given <= MOST_POINTS:
+            raise ArgumentError(
+                f"Argument `path_points` must be a whole number from 0 to {MOST_POINTS}, of points inside each step at "
+                f"which `path` holds, but is {shown(given)}."
+            )
+        if given and not self.path:
+            raise ArgumentError("Argument `path_points` is where `path` holds inside steps: give `path`.")
 
     def _require_inputs(self) -> None:
         if not isinstance(self.inputs, Mapping) or not all(isinstance(name, str) for name in self.inputs):

@@ -18,10 +18,11 @@ import numpy as np
 from coadjoint.control import starts
 from coadjoint.control.ends import ends
 from coadjoint.control.expressions import casadi_expressions
-from coadjoint.control.inputs_between import Columns, Profile, columns, first, source
+from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import Begun, StepGraph, step_graph
 from coadjoint.control.statement import Input, Statement
+from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.tracer import flat
@@ -56,7 +57,8 @@ class Split(NamedTuple):
 class Functions(NamedTuple):
     """Functions of CasADi.
 
-    equations: (x, u, z, p, h) → (r, Φ). cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
+    equations: (x, u, z, p, h) → (r, Φ). within: (x, u, z, p, h) → the constraints of the path at points inside the
+    step, None without such. cost, path: (x, u, p, h) → what a node costs a second, and its constraints.
     start: (x, u, p, h) of the first node → what is zero there. end, final: of the last node, and what it costs.
     measured: name → (x, u, p, h) → what would be measured at a node.
     """
@@ -68,6 +70,7 @@ class Functions(NamedTuple):
     end: Any
     final: Any
     measured: dict[str, Any]
+    within: Any = None
 
 
 @dataclass
@@ -92,9 +95,9 @@ class Transcription:
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
-        """How many numbers x, u and z of a step and the parameters, with η, have."""
-        found = self.graph.symbols
-        return len(self.live), len(found.commands), len(found.unknowns), len(found.parameters) + len(self.eta)
+        """How many numbers x, u and z of a step, with those of points inside it, and the parameters, with η, have."""
+        found, nz = self.graph.symbols, self.functions.equations.size1_in(2)
+        return len(self.live), len(found.commands), nz, len(found.parameters) + len(self.eta)
 
     @property
     def inputs(self) -> list[tuple[str, Input]]:
@@ -190,6 +193,10 @@ def transcribe(
     more = wanted(graph) if wanted else []
     live = graph.needed([*cost, *final, *of_path, *of_end, *of_start, *chain.from_iterable(seen.values()), *more])
     functions = functions_of(graph, eta, live, cost, of_path, start, of_end, final, seen)
+    if problem.path_points:
+        chosen = [(name, value) for name, value in problem.inputs.items() if isinstance(value, Input)]
+        given = functions.equations, functions.path, problem.path_points, columns(chosen), at_end(chosen)
+        functions = functions._replace(**dict(zip(("equations", "within"), with_points(*given), strict=True)))
     rows = [_path_rows(name, len(found), problem) for name, found in path.items()]
     zeros = [Rows(what, np.zeros(len(found)), np.zeros(len(found))) for what, found in end.items()]
     what = "the start" if problem.free_start else "the velocities of the start"
