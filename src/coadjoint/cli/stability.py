@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import degrees, isfinite, isinf, radians
+from math import degrees, floor, isfinite, isinf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,11 +94,11 @@ def speeds_from(text: str) -> list[float]:
     try:
         if ":" in text:
             first, last, step = (float(part) for part in text.split(":"))
-            count = int((last - first) / step + 1e-9) + 1 if step > 0 else 0
+            count = floor((last - first) / step + 1e-9) + 1 if step > 0 else 0
             found = [round(first + k * step, 12) for k in range(min(count, MOST + 1))]
         else:
             found = [float(part) for part in text.split(",")]
-    except ValueError:
+    except (ValueError, OverflowError):  # the latter of an endless range
         found = []
     if not found or len(found) > MOST or not all(0 <= speed < 1e3 for speed in found):
         raise ArgumentError(

@@ -1,0 +1,56 @@
+"""What turns with the sphere is at rest on it, and the energy of a swimmer is that of its ellipses on their way."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.parameters import Parameters
+from coadjoint.models import fluids, swimmer
+from coadjoint.models.fluids.euler import axial
+from coadjoint.models.fluids.harmonics import from_coefficients
+
+FLUIDS = [fluids.euler, fluids.magnetohydrodynamics, fluids.boussinesq]
+
+
+@pytest.mark.parametrize("model", FLUIDS, ids=lambda model: model.__name__)
+def test_a_fluid_that_turns_with_its_sphere_has_neither_energy_nor_velocity(model):
+    """μ = f = 2Ω cos θ: ℋ(f) = 0 and ∂ℋ/∂μ(f) = 0; f + ω has the energy of ω on a sphere at rest."""
+    N, rotation = 4, 0.7
+    fluid, still = model(N, rotation), model(N)
+    f, omega = rotation * axial(N, 2.0), from_coefficients(N, fluids.random_vorticity(3, 3))
+    nothing = () if model is fluids.euler else (np.zeros(N * N),)
+
+    def energy(system, mu):
+        return evaluate(jax.value_and_grad(lambda mu: system.hamiltonian(mu, *nothing, system.parameters)), mu)
+
+    none, velocity = energy(fluid, f)
+    assert none == 0 and np.max(np.abs(velocity)) == 0
+    assert energy(fluid, f + omega)[0] == pytest.approx(energy(still, omega)[0], rel=1e-13) and energy(still, omega)[0]
+
+
+def test_the_energy_of_a_swimmer_is_that_of_its_ellipses():
+    """½Σ(𝒥ω_i² + M_x u_i² + M_y w_i²) of places and angles in space that are differentiated in time, less ½k|x|²."""
+    p = Parameters(semi_axes=np.array([0.5, 0.1]), density=2.0, stiffness=3.0)
+    x, v, xi = np.array([0.4, -0.7]), np.array([1.1, 0.6]), np.array([0.3, -0.2, 0.5])
+    a, b = p.semi_axes
+    mass = np.pi * p.density * a * b
+    about = mass * (a**2 + b**2) / 4 + np.pi * p.density * (a**2 - b**2) ** 2 / 8
+    along, across = mass + np.pi * p.density * b**2, mass + np.pi * p.density * a**2
+
+    def placed(t):
+        """Angles (3,) and centres (3, 2) in space, the middle one at O along the axis at t = 0."""
+        bends, turned = x + t * v, t * xi[0]
+        way = lambda angle: a * np.array([np.cos(angle), np.sin(angle)])  # noqa: E731
+        front = way(turned) + way(turned + bends[0])
+        rear = -way(turned) - way(turned + bends[1])
+        return turned + np.array([bends[0], 0, bends[1]]), t * xi[1:] + np.array([front, [0, 0], rear])
+
+    step = 1e-5
+    turning, moving = ((after - before) / (2 * step) for after, before in zip(placed(step), placed(-step), strict=True))
+    c, s = np.cos(placed(0)[0]), np.sin(placed(0)[0])
+    u, w = c * moving[:, 0] + s * moving[:, 1], c * moving[:, 1] - s * moving[:, 0]
+    expected = 0.5 * np.sum(about * turning**2 + along * u**2 + across * w**2) - 0.5 * p.stiffness * x @ x
+    assert evaluate(swimmer.lagrangian, xi, x, v, p) == pytest.approx(expected, rel=1e-9)
