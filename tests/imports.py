@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "coadjoint"
@@ -43,10 +44,28 @@ def _for_types(tree: ast.Module) -> set[int]:
     return {id(node) for block in blocks for node in ast.walk(block)}
 
 
+@cache
+def _nodes(tree: ast.Module) -> list[ast.AST]:
+    """The imports, texts and attributes of a module, by which it can name another one."""
+    found: list[ast.AST] = []
+    left: list[ast.AST] = [tree]
+    while left:
+        node = left.pop()
+        if isinstance(node, ast.ImportFrom | ast.Import | ast.Constant | ast.Attribute | ast.Expr):
+            found.append(node)
+        for value in vars(node).values():
+            if isinstance(value, ast.AST):
+                left.append(value)
+            elif isinstance(value, list):
+                left.extend(item for item in value if isinstance(item, ast.AST))
+    return found
+
+
 def _names(tree: ast.Module, types: bool) -> Iterator[str]:
-    readers = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    nodes = _nodes(tree)
+    readers = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
     skipped = set() if types else _for_types(tree)
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in skipped:
             continue
         if isinstance(node, ast.ImportFrom) and node.module is not None:

@@ -21,6 +21,7 @@ SYSTEM = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * 
 START = SYSTEM.state(xi=[0.3, 1.0, -0.2])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("home, name", [(left_rectangle, "LeftRectangle"), (midpoint, "Midpoint")])
 def test_a_method_is_one_file_of_at_most_80_lines(home: Any, name: str) -> None:
     text = inspect.getsource(home)

@@ -34,6 +34,7 @@ def test_a_name_that_is_taken_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
         list(Registry("BELLS", {"large": "math:sin"}))
 
 
+@pytest.mark.long
 def test_the_core_runs_without_loading_the_vehicles() -> None:
     code = (
         "import sys, coadjoint as co\n"

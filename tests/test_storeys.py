@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
+
+import pytest
 
 from imports import circles, modules, named
 
@@ -68,10 +71,26 @@ ROOMS_OF_KERNELS = (
     ),
 )
 
-TREES = modules()
 FACES = {"coadjoint", "coadjoint.vehicles"}
 """What lists the public names of all that is behind it."""
-NAMED = {module: named(TREES, module) - FACES for module in TREES if module not in FACES}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Every module of the library."""
+    return modules()
+
+
+@cache
+def names() -> dict[str, set[str]]:
+    """The modules that each module names."""
+    return {module: named(trees(), module) - FACES for module in trees() if module not in FACES}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read():
+    """All files are read once for all tests here."""
+    names()
 
 
 def room(module: str) -> str:
@@ -87,15 +106,15 @@ def upwards(order: tuple[str, ...], prefix: str = "") -> list[str]:
     def of(module: str) -> str:
         return room(module) if prefix else room(module).partition(".")[0]
 
-    pairs = [(a, b) for a, found in NAMED.items() for b in found if of(a).startswith(prefix) and of(a) != of(b)]
+    pairs = [(a, b) for a, found in names().items() for b in found if of(a).startswith(prefix) and of(a) != of(b)]
     pairs = [(a, b) for a, b in pairs if of(b).startswith(prefix)]
     return [f"{a} names {b}" for a, b in pairs if level.get(of(b), len(level)) >= level.get(of(a), -1)]
 
 
 def test_nothing_below_the_vehicles_names_them():
-    below = [module for module in NAMED if not module.startswith(("coadjoint.vehicles", "coadjoint.cli"))]
-    found = {a: [b for b in named(TREES, a) if b.startswith("coadjoint.vehicles")] for a in below}
-    assert not {a: names for a, names in found.items() if names}
+    below = [module for module in names() if not module.startswith(("coadjoint.vehicles", "coadjoint.cli"))]
+    found = {a: [b for b in names()[a] if b.startswith("coadjoint.vehicles")] for a in below}
+    assert not {a: others for a, others in found.items() if others}
 
 
 def test_a_room_imports_only_from_those_below_it():
@@ -112,16 +131,16 @@ def test_a_room_of_the_kernels_imports_only_from_those_below_it():
 
 def test_no_rooms_and_no_files_name_one_another():
     rooms: dict[str, set[str]] = {}
-    for module, names in NAMED.items():
-        rooms.setdefault(room(module), set()).update({room(name) for name in names} - {room(module)})
+    for module, others in names().items():
+        rooms.setdefault(room(module), set()).update({room(name) for name in others} - {room(module)})
     assert circles(rooms) == []
-    files = circles({module: named(TREES, module, types=False) - FACES for module in NAMED})
+    files = circles({module: named(trees(), module, types=False) - FACES for module in names()})
     assert not files, "Files name one another: put what both need into a third, or pass it as an argument."
 
 
 def test_no_two_classes_of_a_storey_have_one_name():
     found: dict[tuple[str, str], list[str]] = {}
-    for module, tree in TREES.items():
+    for module, tree in trees().items():
         storey = next((name for name in ("vehicles", "cli") if module.startswith(f"coadjoint.{name}")), "core")
         for node in tree.body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):

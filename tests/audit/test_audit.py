@@ -64,6 +64,8 @@ def test_what_is_left_out_leaves_every_claim_of_order_to_four_systems():
         assert sum(audited(BY_NAME["Midpoint"], tau, problem) for problem in PROBLEMS.values()) == 4
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["heavy top", "plane motion"])
 def test_order_8_of_a_single_step_shows(name):
     found = audit_cell(BY_NAME["Galerkin(degree=4)"], "Cayley", co.Cayley(), PROBLEMS[name], STEPS)
@@ -74,6 +76,7 @@ def test_order_8_of_a_single_step_shows(name):
     assert found.shown
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "name", ["LeftRectangle", "Midpoint", "HamiltonianMidpoint", "Variational", "Suzuki4(LeftRight)"]
 )
@@ -83,6 +86,7 @@ def test_a_method_shows_what_it_claims(name):
     assert {"order", "symplectic", "momentum", "energy"} <= set(found)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
 def test_the_variable_step_shows_its_order_and_an_exact_discrete_energy(tau):
     """Over the exponential many steps of this top are fixed, and tell so; the claim is about the others."""
@@ -91,6 +95,7 @@ def test_the_variable_step_shows_its_order_and_an_exact_discrete_energy(tau):
     assert not not_shown(found) and found["energy"].measured <= 1e-14
 
 
+@pytest.mark.long
 def test_forces_leave_the_order_of_a_symmetric_pair():
     found = findings(BY_NAME["LeftRight"], co.Cayley(), PROBLEMS["driven top"])
     assert set(found) == {"order", "symmetric"}
@@ -117,6 +122,7 @@ def test_a_step_that_is_not_symplectic_is_found():
     assert found["energy"].measured > 1
 
 
+@pytest.mark.long
 def test_an_approximate_tangent_of_the_map_breaks_momentum_and_two_form():
     printed = Shipped("as printed", wrong.AsPrinted, wrong.unverified)
     assert {"symplectic", "momentum"} <= set(findings(printed, co.Exponential()))
@@ -157,6 +163,7 @@ def test_a_method_is_not_asked_where_it_refuses():
     assert not audit([BY_NAME["EnergyMomentum"]], CAYLEY, [curved], progress=False).passed, "it has shown nothing"
 
 
+@pytest.mark.long
 def test_energy_is_exact_where_that_is_claimed():
     for name, problem, expected in (
         ("EnergyMomentum", TOP, True),
@@ -191,9 +198,10 @@ def test_drift_of_errors_that_stay_that_wander_and_that_grow():
     assert drift(np.arange(10_000) + 0.5) == pytest.approx(2, rel=1e-6), "a straight line has no scatter to take off"
 
 
-FLAT = [name for name, problem in PROBLEMS.items() if problem.system.additional.flat and problem.exact is None]
+FLAT = ["heavy top", "body in fluid", "free rigid body", "rigid motion", "plane motion", "driven top"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", FLAT)
 def test_the_reference_is_the_motion_that_dop853_finds(name):
     problem = PROBLEMS[name]
@@ -234,7 +242,7 @@ def test_names_that_are_not_known_are_refused(flag, name, capsys):
     assert err.count("\n") == 1
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_every_claim_of_every_method_is_shown():
     found = audit(progress=False)
     assert found.passed, "\n".join(found.failures)

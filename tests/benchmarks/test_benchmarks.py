@@ -20,6 +20,7 @@ def from_the_root(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT))
 
 
+@pytest.mark.long
 def test_the_loop_by_hand_and_the_native_kernel_take_the_same_steps():
     one, problems = (importlib.import_module(f"benchmarks.{name}") for name in ("one", "problems"))
     vehicle, steps = problems.vehicle(), 2000
@@ -32,6 +33,7 @@ def test_the_loop_by_hand_and_the_native_kernel_take_the_same_steps():
     assert abs(iterations - chunk.iterations) <= 0.05 * iterations
 
 
+@pytest.mark.long
 def test_the_fleet_by_hand_is_the_native_ensemble():
     many = importlib.import_module("benchmarks.many")
     fleet = many.Fleet(11)
@@ -40,6 +42,8 @@ def test_the_fleet_by_hand_is_the_native_ensemble():
     assert np.ptp(ours.n[:, 2]) > 0.1, "the members should move apart"
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["vehicle", "heavy_top", "ellipsoid"])
 def test_the_equations_for_other_programs_are_those_of_the_system(name: str):
     """RK4 by hand, DOP853 in NumPy and the midpoint rule converge to one motion."""
@@ -60,6 +64,7 @@ def test_the_equations_for_other_programs_are_those_of_the_system(name: str):
         assert distance <= 2e-8
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["ellipsoid", "remus"])
 def test_bodies_in_an_ideal_fluid_move_alike_by_their_own_equations_and_ours(name: str):
     kirchhoff = importlib.import_module("benchmarks.kirchhoff")
@@ -91,7 +96,7 @@ def test_results_stay_out_of_the_repository():
     assert not (ROOT / "docs" / "measured").exists()
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_the_quick_form_of_the_command_runs(tmp_path: Path):
     sections = ["one", "many_1", "gradients", "stepping", "instructions", "precision"]
     done = subprocess.run(

@@ -9,6 +9,7 @@ import coadjoint as co
 from benchmarks import large
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("size", [2, 3, 4])
 def test_a_basis_of_a_unitary_group_spans_it(size: int) -> None:
     for special, dim in ((True, size**2 - 1), (False, size**2)):

@@ -9,6 +9,7 @@ from benchmarks.momenta import by_numpy, fluid, fluid_rows, matrix, problem, quf
 import coadjoint as co
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", ["so", "u"])
 def test_numpy_makes_the_same_steps(family: str) -> None:
     system, start, h, weights = problem(family, 4)
@@ -17,6 +18,7 @@ def test_numpy_makes_the_same_steps(family: str) -> None:
     np.testing.assert_allclose(by_numpy(system.group, weights, start.mu, h, 5), path.final.mu, atol=1e-13)
 
 
+@pytest.mark.long
 def test_steps_of_fluids_are_as_long_as_said_and_quflow_is_left_out_where_it_is_not_installed(monkeypatch) -> None:
     """ε‖P̃‖ = 0.079, with ξ of the record −P/ħ and ε = h/2ħ."""
     system, start, h = fluid(4)
@@ -28,6 +30,7 @@ def test_steps_of_fluids_are_as_long_as_said_and_quflow_is_left_out_where_it_is_
     assert quflow_steps() is None and len(fluid_rows(4, rounds=1)) == 1
 
 
+@pytest.mark.long
 def test_quflow_takes_the_same_steps_from_the_same_start_and_its_change_of_the_spectrum_is_beside_ours(monkeypatch):
     """Of one that doubles W, whose eigenvalues change by as much as they are."""
     asked = []

@@ -78,6 +78,7 @@ csv = false
 HEAVY = "-50.0 %: it sinks unless something holds it."
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("more", "beginning"),
     [("[parameters]\nmass = {twice}", "With [parameters] its weight is"), ("", "mine.toml: its weight is")],
@@ -125,6 +126,7 @@ def test_a_figure_that_an_ensemble_will_not_have_is_refused_before_it_runs(tmp_p
     assert main(["run", "dive.toml", *figures, *alone, "--check"]) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("varied", [False, True])
 def test_the_outline_of_an_ensemble_has_the_figures_of_its_dataset(varied, tmp_path):
     file = tmp_path / "dive.toml"

@@ -36,6 +36,7 @@ def told(capsys) -> tuple[str, str]:
     return captured.out, captured.err
 
 
+@pytest.mark.long
 def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     file = write(tmp_path, TOP)
     assert main(["run", str(file)]) == 0
@@ -56,6 +57,7 @@ def test_a_run_writes_its_folder_and_prints_its_certificate(tmp_path, capsys):
     assert summary["time_final"] == pytest.approx(0.02)
 
 
+@pytest.mark.long
 def test_changes_are_kept_with_the_run(tmp_path, capsys):
     file = write(tmp_path, TOP)
     assert main(["run", str(file), "--set", "run.steps=5", "--set", "method.name=LeftRight", "--out", "other"]) == 0
@@ -114,6 +116,7 @@ def test_what_cannot_be_done_is_one_sentence_and_status_2(tmp_path, capsys, argu
     assert {path.name for path in tmp_path.iterdir()} <= {"top.toml", "top.py", "__pycache__"}
 
 
+@pytest.mark.long
 def test_a_step_that_fails_keeps_what_was_computed(tmp_path, capsys):
     changes = ["system.factory=top.py:square_root", "initial=", "initial.q=[0,0,1]", "initial.qdot=[0,0,-2]"]
     changes += ["run.dt=0.01", "run.steps=100"]
@@ -132,6 +135,7 @@ def test_a_step_that_fails_keeps_what_was_computed(tmp_path, capsys):
     assert "not finite" in told(capsys)[0]
 
 
+@pytest.mark.long
 def test_figures_are_drawn_again_and_runs_compared(tmp_path, capsys):
     file = write(tmp_path, TOP_OF_CATALOGUE)
     main(["run", str(file)])
@@ -151,6 +155,7 @@ def test_figures_are_drawn_again_and_runs_compared(tmp_path, capsys):
     assert "The folder both/top.nc cannot be made" in told(capsys)[1]
 
 
+@pytest.mark.long
 def test_every_model_of_the_catalogue_prints_a_run_file_that_runs(tmp_path, capsys):
     assert main(["models", "--json"]) == 0
     for name in json.loads(told(capsys)[0]):
@@ -189,6 +194,8 @@ def test_help_comes_at_once_and_without_jax():
     assert float(done.stdout.split()[-1]) < 0.5, "s of processor time, of the interpreter and all"
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize(
     ("number", "status", "word"),

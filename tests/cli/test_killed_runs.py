@@ -21,7 +21,8 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are f
 CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.folder=out"]
 
 
-@pytest.mark.parametrize("moment", ["results", pytest.param("all", marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("moment", ["results", pytest.param("all", marks=pytest.mark.long)])
 def test_a_run_that_was_killed_at_any_operation_is_finished_by_the_same_command(tmp_path, monkeypatch, moment):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
     monkeypatch.setattr(streaming, "BURDEN", 0.0)
@@ -52,6 +53,7 @@ def test_a_run_that_was_killed_at_any_operation_is_finished_by_the_same_command(
         shutil.rmtree(tmp_path / "cut")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("done", [True, False])
 def test_every_flipped_bit_is_found(tmp_path, monkeypatch, done):
     monkeypatch.chdir(tmp_path)

@@ -19,12 +19,13 @@ from power_loss import LOST, losses, put, recorded
 CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.folder=out"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("begun", "seeds", "share"),
     [
         (False, 0, 40),
-        pytest.param(False, 2, 3, marks=pytest.mark.exhaustive),
-        pytest.param(True, 2, 3, marks=pytest.mark.exhaustive),
+        pytest.param(False, 2, 3, marks=pytest.mark.long),
+        pytest.param(True, 2, 3, marks=pytest.mark.long),
     ],
 )
 def test_results_are_written_again_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, begun, seeds, share):

@@ -20,9 +20,10 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are f
 CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.folder=out"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("processes", "share"),
-    [(2, 33), pytest.param(2, 1, marks=pytest.mark.exhaustive), pytest.param(3, 1, marks=pytest.mark.exhaustive)],
+    [(2, 33), pytest.param(2, 1, marks=pytest.mark.long), pytest.param(3, 1, marks=pytest.mark.long)],
 )
 def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes, share):
     monkeypatch.setattr(streaming, "PERIOD", 0.0)

@@ -34,6 +34,7 @@ def killed(tmp_path, monkeypatch):
     return folder
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
     for command in ("info", "plot"):
         assert main([command, "cut"]) == 2
@@ -51,6 +52,7 @@ def test_a_killed_run_goes_on_to_the_same_trajectory(killed, capsys):
     assert "holds this run, finished and undamaged: nothing was run" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_same_command_goes_on_with_a_run_that_was_killed(killed, capsys):
     file = write(killed.parent, TOP)
     assert main(["run", str(file), *GRID, "--set", "run.dt=0.5", "--out", "cut"]) == 2
@@ -68,6 +70,7 @@ def test_the_same_command_goes_on_with_a_run_that_was_killed(killed, capsys):
     assert "nothing was run" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_factory_that_was_changed_meanwhile_is_refused(killed, capsys):
     source = killed / "inputs" / "1" / "top.py"
     source.write_text(source.read_text().replace("0.5", "0.50001"))

@@ -16,6 +16,7 @@ def test_it_prints_trim_modes_and_verdict(capsys):
     assert shown.splitlines()[-1].split() == ["verdict", "unstable"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("arguments", "motion"),
     [
@@ -30,6 +31,7 @@ def test_it_says_which_way_the_motion_goes(arguments, motion, capsys):
     assert motion in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["stability", "remus_100", "--speed", "1:2:0.5", "--out", "growth.png"]) == 0

@@ -47,6 +47,7 @@ def test_a_vehicle_is_shown_with_every_number_its_source_and_what_follows(capsys
     assert found["sources"].keys() == vehicle.sources.keys()
 
 
+@pytest.mark.long
 def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_speed(capsys, tmp_path) -> None:
     assert "no terminal speed: nothing pushes it ahead" in told(capsys, "show", "ellipsoid")
     path = tmp_path / "mine.toml"
@@ -56,6 +57,7 @@ def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_spe
     assert "no terminal speed: its drag does not hold" in out and "Warning: X_u|u| of" in out
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", vehicles.names())
 def test_every_shipped_vehicle_can_be_shown(capsys, name: str) -> None:
     assert vehicles.load(name).name in told(capsys, "show", name)

@@ -44,6 +44,7 @@ def test_without_a_browser_a_sentence_says_what_to_open(run, monkeypatch, capsys
     assert f"No browser was found on this machine: open {run}/view.html" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_several_runs_are_told_apart_by_their_folders(run, tmp_path, capsys):
     other = tmp_path / "other"
     other.mkdir()
@@ -92,6 +93,7 @@ def test_of_a_run_without_a_good_step_it_is_told_why(command, tmp_path, capsys):
     assert "has no good step" in told and failure in told and "did not finish" not in told
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("listed", "drawn"),
     [

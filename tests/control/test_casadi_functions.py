@@ -34,6 +34,8 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_values_and_derivatives_are_those_of_jax(name):
     function = FUNCTIONS[name]

@@ -26,6 +26,7 @@ def cart(**more):
     )
 
 
+@pytest.mark.long
 def test_a_linear_motion_is_the_least_squares_solution_of_its_normal_equations():
     """x' = v, 2 v' = w − 0.3 v by the midpoint rule, positions at every third node: all by one matrix, written here."""
     generator = np.random.default_rng(SEED)
@@ -102,6 +103,7 @@ def tumbling(seed=SEED, drag=(0.0, 2.0), of_xi=math.inf, xi=None, **more):
     return Problem(system, start, dt=H, steps=STEPS, **{**given, **more})
 
 
+@pytest.mark.long
 def test_start_and_parameter_lie_within_their_deviations_of_the_truth():
     """The mean square of 21 errors over their deviations, of three logs, has the band of χ²."""
     off = []
@@ -128,6 +130,7 @@ def test_the_motion_is_nearer_to_the_truth_than_the_sensors_and_the_misfit_is_as
     assert found.difference < 1e-12
 
 
+@pytest.mark.long
 def test_deviations_are_the_curvature_of_the_least_cost():
     """1/σ² = d²J/dθ², where J(θ) is the least cost with θ held."""
     found = tumbling().solve(tolerance=1e-11)
@@ -146,6 +149,7 @@ def test_deviations_are_the_curvature_of_the_least_cost():
     assert (sum(sides) - 2 * found.cost) / e**2 == pytest.approx(float(known["start xi"][0]) ** -2, rel=3e-3)
 
 
+@pytest.mark.long
 def test_a_bound_leaves_nothing_unknown_and_what_is_not_measured_is_told():
     assert tumbling(drag=(0.5, 1.0)).solve().deviations()["drag"] == 0.0
     _, _, _, rates = log(SEED)
@@ -154,6 +158,7 @@ def test_a_bound_leaves_nothing_unknown_and_what_is_not_measured_is_told():
         blind.solve().deviations()  # no attitude: every start in g is as likely
 
 
+@pytest.mark.long
 def test_ill_posed_estimations_are_told():
     _, _, attitudes, rates = log(SEED)
     see = lambda motion, p: motion.xi  # noqa: E731

@@ -99,7 +99,7 @@ def turned(steps):
     ).solve(guess=near)  # fmt: skip
 
 
-@pytest.mark.budget(20)
+@pytest.mark.long
 def test_a_cat_turns_over_with_the_least_effort_of_a_boundary_value_solver_to_second_order():
     optima = [turned(steps) for steps in (40, 80)]
     least, shape = least_effort(optima[-1].run.records, optima[-1].inputs["f"])

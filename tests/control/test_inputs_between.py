@@ -26,6 +26,7 @@ def flown(optimum):
     assert optimum.run.largest("balance") <= 1e-13
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.title)
 def test_a_linear_input_is_flown_as_it_was_found_by_every_method(method):
     goal = Rotation.from_rotvec([0.5, 1.2, -0.7]).as_matrix()
@@ -41,6 +42,7 @@ def test_a_linear_input_is_flown_as_it_was_found_by_every_method(method):
     assert optimum.cost == pytest.approx(np.trapezoid(0.5 * np.sum(u**2, axis=1), dx=0.2), rel=1e-12)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("start", [0.0, 40.0])
 def test_the_energy_of_a_profile_is_least_where_a_closed_form_says(start):
     """x'' = a + b (t - t0) from rest to rest over 1 m in 2 s is the least effort: a = 6/T^2, b = -12/T^3."""
@@ -56,6 +58,7 @@ def test_the_energy_of_a_profile_is_least_where_a_closed_form_says(start):
     assert problem.solve(guess=optimum.run).cost == pytest.approx(optimum.cost, rel=1e-9)
 
 
+@pytest.mark.long
 def test_linear_inputs_follow_the_cubic_to_second_order_and_better_than_held_ones():
     """The cubic on SO(3) between two velocities, by a solver of boundary values, whose ξ' is u: of the trapezoidal
     rule, which samples u at the nodes, u there is of order 2, where held inputs are of order 1."""
@@ -83,6 +86,7 @@ def test_linear_inputs_follow_the_cubic_to_second_order_and_better_than_held_one
     assert np.log2(middle[0] / middle[1])[[0, 2]] == pytest.approx([2, 2], abs=0.15)
 
 
+@pytest.mark.long
 def test_derivatives_of_an_optimum_with_a_line_and_a_profile_are_those_of_differences():
     system = co.System(
         co.Translation(1), lambda xi, p: 0.5 * p.mass * xi @ xi, parameters={"mass": 1.5},

@@ -36,6 +36,7 @@ def quickest(system, start, end, steps, low, high, longest, **more):
     )  # fmt: skip
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("steps", "far", "most"), [(20, 1.0, 1.0), (21, 1.0, 1.0), (31, 3.0, 0.5)])
 def test_the_shortest_time_between_rests_is_twice_the_root_of_distance_over_acceleration(steps, far, most):
     """T = 2√(d/u), and of an odd number N of steps, whose middle one has the switch within, T √(1 + 1/(N² − 1))."""
@@ -70,6 +71,7 @@ def test_the_quickest_plane_turn_takes_twice_the_root_of_inertia_times_angle():
     assert problem.solve().duration == pytest.approx(2 * np.sqrt(J * angle), rel=1e-7)
 
 
+@pytest.mark.long
 def test_the_quickest_half_turn_with_three_bounded_torques_nutates():
     """A sphere with |u_i| ≤ J turns by 180° from rest to rest in 3.2431 s by five switches, not in the 2√π s of a turn
     about one axis: Bilimoria and Wie, Time-optimal three-axis reorientation of a rigid spacecraft, JGCD 16 (1993)."""
@@ -112,6 +114,7 @@ def cubic(start_velocity, end_velocity, goal, T):
     return found.sol
 
 
+@pytest.mark.long
 def test_the_least_acceleration_between_two_velocities_is_the_cubic_to_second_order():
     """½∫|ξ'|² is least on ξ''' = ξ'' × ξ (Noakes, Heinzinger and Paden 1989): by p' = −m, m' = m × ξ and ξ' = p."""
     sphere = ball()

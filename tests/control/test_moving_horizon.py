@@ -133,6 +133,7 @@ def tumbling(steps, seed=11, prior=0.2):
     return problem, run, seen, rates
 
 
+@pytest.mark.long
 def test_a_horizon_over_the_whole_log_has_the_motion_that_the_solver_finds():
     """The prior is that of ξ in ḡ exp(ξ) to first order, and so weak here that the difference does not count."""
     problem, _, seen, rates = tumbling(12, prior=1e4)
@@ -146,6 +147,7 @@ def test_a_horizon_over_the_whole_log_has_the_motion_that_the_solver_finds():
     assert np.max(np.abs(estimate.state.g.T @ estimate.state.g - np.eye(3))) < 1e-13
 
 
+@pytest.mark.long
 def test_the_last_attitude_of_a_moving_horizon_is_nearly_that_of_the_whole_log_and_its_errors_are_as_told():
     """Errors over their covariance, of two logs at every fifth node, are those of χ²."""
     squares = []
@@ -165,6 +167,7 @@ def test_the_last_attitude_of_a_moving_horizon_is_nearly_that_of_the_whole_log_a
     assert np.max(np.abs(F - np.eye(3))) < 0.05 * estimate.deviations["eta[0]"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("what", ["input", "path"])
 def test_bounds_hold_in_the_horizon_as_in_the_solver(what):
     thrust, place, speed = log()
@@ -191,6 +194,7 @@ def test_bounds_hold_in_the_horizon_as_in_the_solver(what):
         assert np.max(estimate.nodes[:, g]) <= most + 1e-9
 
 
+@pytest.mark.long
 def test_a_vehicle_with_a_place_and_a_direction_of_gravity_is_estimated_on_its_group():
     """The vehicle of the paper, its place, depth and direction of gravity seen: what the solver finds of the same."""
     generator = np.random.default_rng(2)
@@ -234,6 +238,7 @@ def at_the_end(run):
     return run.system.state(g=final.g, q=q, mu=final.mu, pi=final.pi, a0=np.asarray(final.g) @ np.asarray(final.a))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_the_estimate_stays_along_what_is_never_measured_and_its_deviation_is_infinite(drag):
     def resisted(m):
@@ -255,6 +260,7 @@ def test_the_estimate_stays_along_what_is_never_measured_and_its_deviation_is_in
     assert now.deviations["mu[0]"] == pytest.approx(0.21, abs=0.01)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("iterations", [1, 10])
 def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown(iterations):
     body = co.System(
@@ -273,6 +279,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
     assert [now.deviations[name] < 0.4 for name in ("eta[1]", "eta[2]", "mu[1]", "mu[2]")] == [True] * 4
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

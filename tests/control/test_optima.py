@@ -46,6 +46,7 @@ def mass(dim=1, **more):
     )
 
 
+@pytest.mark.long
 def test_a_turn_about_a_principal_axis_has_the_least_effort_of_the_closed_form_to_second_order():
     """θ̈ = u/J₃ from rest to rest takes ½∫u² = 6 J₃²θ²/T³."""
     least = 6 * 9 * 2.5**2 / T**3
@@ -93,6 +94,7 @@ def least_effort(vector):
     return np.trapezoid(0.5 * np.sum(u**2, axis=0), fine)
 
 
+@pytest.mark.long
 def test_a_turn_about_no_principal_axis_has_the_effort_of_a_boundary_value_solver_to_second_order():
     vector = 2.5 * np.array([1, 1, 1]) / np.sqrt(3)
     least = least_effort(vector)
@@ -101,6 +103,7 @@ def test_a_turn_about_no_principal_axis_has_the_effort_of_a_boundary_value_solve
     assert abs(errors[-1]) < 2e-3 * least
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Suzuki4(co.Midpoint()), co.Galerkin(degree=2), co.LeftRectangle()])
 def test_other_methods_find_the_same_turn(method):
     least = 6 * 9 * 2.5**2 / T**3
@@ -156,6 +159,7 @@ def thrust(motion, p):
     return 0.5 * motion.inputs.torque @ motion.inputs.torque + 0.005 * motion.inputs.force @ motion.inputs.force
 
 
+@pytest.mark.long
 def test_what_is_flown_keeps_momentum_and_closes_its_balance_and_is_the_optimum():
     vehicle = paper_vehicle.system(
         forces=lambda motion, p: co.Force(torque=motion.inputs.torque, force=motion.inputs.force)
@@ -182,6 +186,7 @@ def test_what_is_flown_keeps_momentum_and_closes_its_balance_and_is_the_optimum(
     assert again.solve(guess=optimum.run).cost == pytest.approx(optimum.cost, rel=1e-8)
 
 
+@pytest.mark.long
 def test_costates_are_the_derivatives_of_the_least_cost_by_the_state():
     """λ_k = −∂cost/∂x_{k+1} of what is added to x_{k+1} = Φ: here by moving the start."""
 
@@ -233,6 +238,7 @@ def test_an_actuator_that_lags_is_part_of_the_optimum():
     assert np.max(np.abs(np.asarray(optimum.run.records.internal.push)[1:, 0] - optimum.inputs["push"][:, 0])) > 0.1
 
 
+@pytest.mark.long
 def test_another_solver_finds_the_same_optimum():
     problem = turning([0.4, 0.0, 1.0], 12)
     assert problem.solve(solver="fatrop", tolerance=1e-8).cost == pytest.approx(problem.solve().cost, rel=1e-6)
@@ -254,6 +260,7 @@ def test_what_has_no_optimum_is_told_with_the_constraint_that_resists():
         endless.solve(max_iterations=50)
 
 
+@pytest.mark.long
 def test_an_end_half_a_turn_away_is_not_taken_for_the_end():
     """The skew part of a rotation by π is zero, too: a pendulum that hangs must not pass for one that stands."""
     pendulum = co.System(
@@ -299,6 +306,7 @@ def test_the_velocities_of_the_start_stay_whatever_mass_is_chosen():
     assert optimum.difference < 1e-8
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("times", "told"), [(0.99, False), (1.01, True)])
 def test_a_run_that_leaves_the_optimum_by_ten_times_all_violations_is_told_on_the_card(times, told):
     optimum = turning([0, 0, 2.5], 8).solve()

@@ -32,6 +32,7 @@ def effort(motion, p):
     return 0.5 * motion.inputs.u @ motion.inputs.u
 
 
+@pytest.mark.long
 def test_a_motion_cut_in_two_is_the_same_motion():
     vehicle = paper_vehicle.system(
         forces=lambda motion, p: co.Force(torque=motion.inputs.torque, force=motion.inputs.force)
@@ -59,6 +60,7 @@ def test_a_motion_cut_in_two_is_the_same_motion():
     assert "begins with the momenta of `a`" in str(optimum)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("brake", [1.0, 2.0])
 def test_a_switch_between_phases_gives_the_least_time_of_the_closed_form(brake):
     """-b <= u <= 1 over 1 m from rest to rest: T = √(2 (1 + 1/b)), the switch at b/(1 + b) of it, on no grid."""
@@ -79,6 +81,7 @@ def test_a_switch_between_phases_gives_the_least_time_of_the_closed_form(brake):
     flown(optimum)
 
 
+@pytest.mark.long
 def test_a_flight_that_drops_its_payload_on_the_way_takes_the_least_effort_of_its_integrals():
     """x' = v, v' = u/m(t) with m = 3 for 1 s and m = 1 for 2 s: over a metre, from rest to rest, the least ½∫u² is
     ½ b·G⁻¹b with G the Gram matrix of 1/m and (T − t)/m, b = (0, 1), and if momentum goes on, of 1 and ∫ds/m."""
@@ -146,6 +149,8 @@ def two_inertias(J1, J2, keep, goal, T):
     return found.y[26, -1], found.y[4:7, -1]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("keep", ["velocity", "momentum"])
 def test_a_slew_that_changes_its_inertia_is_that_of_a_boundary_value_solver_to_second_order(keep):
     J1, J2, T = np.diag([1.0, 2.0, 3.0]), np.diag([1.5, 0.7, 1.1]), 2.0
@@ -169,6 +174,7 @@ def test_a_slew_that_changes_its_inertia_is_that_of_a_boundary_value_solver_to_s
     assert errors[1][0] < 0.02 and errors[1][1] < 0.02
 
 
+@pytest.mark.long
 def test_a_shared_parameter_a_total_time_and_other_kinds_of_inputs_go_over_the_joint():
     system = mass(2.0)
     more = {"dt": 0.1, "steps": 10, "parameters": {"mass": (0.5, 4.0)}, "free_duration": (0.2, 5.0)}
@@ -225,6 +231,7 @@ PLANE = co.System(
 )
 
 
+@pytest.mark.cases(14)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

@@ -46,6 +46,7 @@ def flown(controller, stepper, periods):
     return answers, states
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rate", [np.inf, 15.0])
 def test_iterated_at_one_state_it_comes_to_the_optimum_of_another_solver(rate):
     problem = turning(inputs={"torque": Input((3,), -2.0, 2.0, rate=rate)})
@@ -57,6 +58,7 @@ def test_iterated_at_one_state_it_comes_to_the_optimum_of_another_solver(rate):
     assert all(answer.status == "solved" for answer in answers)
 
 
+@pytest.mark.long
 def test_its_optimum_ends_where_the_end_is_given_and_keeps_the_path():
     end, path = End(g=GOAL, xi=np.zeros(3)), {"slow": Bounds(lambda motion, p: motion.xi, -1.1, 1.1)}
     problem = turning(end=end, path=path, final_cost=None, steps=25)
@@ -66,6 +68,7 @@ def test_its_optimum_ends_where_the_end_is_given_and_keeps_the_path():
     assert answer.plan["torque"] == pytest.approx(optimum.inputs["torque"], abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_cost_of_products_of_states_and_inputs_leads_to_the_same_optimum():
     def power(motion, p):
         return away(motion, p) + 0.02 * (motion.xi @ motion.inputs.torque) ** 2
@@ -75,6 +78,7 @@ def test_a_cost_of_products_of_states_and_inputs_leads_to_the_same_optimum():
     assert controller(problem.start).plan["torque"] == pytest.approx(optimum.inputs["torque"], abs=1e-6)
 
 
+@pytest.mark.long
 def test_in_the_nominal_case_the_loop_follows_the_optimum_of_the_whole_time():
     """With a horizon of all the time that is left the first periods of the loop are those of the optimum."""
     problem = turning(steps=40)
@@ -98,6 +102,7 @@ def test_rates_hold_from_period_to_period():
     assert np.max(change) <= 0.3 + 1e-6 and np.max(change) > 0.29
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("delay", [0.1, 0.2])
 def test_what_acts_in_the_delay_is_what_was_said_before_and_the_plan_begins_after_it(delay):
     problem = turning()
@@ -146,6 +151,7 @@ def test_prepared_before_the_state_or_with_it_the_answer_is_the_same():
     assert answers[1].preparation_seconds < answers[0].preparation_seconds
 
 
+@pytest.mark.long
 def test_with_advected_directions_the_plan_stays_on_the_group_and_comes_to_the_optimum():
     vehicle = paper_vehicle.system(forces=lambda motion, p: co.Force(torque=motion.inputs.torque))
 
@@ -165,6 +171,7 @@ def test_with_advected_directions_the_plan_stays_on_the_group_and_comes_to_the_o
     assert a == pytest.approx(R[:, 2], abs=1e-12)  # Rᵀ a0
 
 
+@pytest.mark.long
 def test_the_papers_vehicle_comes_to_a_pose_within_its_thrust():
     def cost(motion, p):
         between, here = motion.g - jnp.asarray(turn), motion.q - jnp.array([2.0, 0.0, 0.0])
@@ -198,6 +205,7 @@ def squared(motion, p):
     )
 
 
+@pytest.mark.long
 def test_squares_are_the_cost_that_they_add_up_to_and_lead_to_its_optimum():
     sums = co.control.squares(squared)
     optimum = turning().solve()
@@ -290,6 +298,7 @@ STATES = {
 }
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", STATES)
 def test_what_is_no_state_is_told_in_one_sentence(name):
     state, told = STATES[name]

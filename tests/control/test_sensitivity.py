@@ -41,6 +41,8 @@ def quotients(changed, optimum):
     return (ahead.cost - behind.cost) / (2 * STEP), of_torques
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("limits", [FREE, BOUNDED], ids=["free", "bounded"])
 def test_by_parameters_and_weights_of_the_cost(limits):
     optimum = turn(limits=limits).solve(tolerance=1e-11)
@@ -58,6 +60,7 @@ def test_by_parameters_and_weights_of_the_cost(limits):
     assert np.max(np.abs(found.inputs["torque"]["weight"][held]), initial=0.0) < 1e-12
 
 
+@pytest.mark.long
 def test_by_the_start_at_its_momenta_and_turned_in_its_own_frame():
     optimum = turn().solve(tolerance=1e-11)
     found = optimum.sensitivity(start=("mu", "g"))
@@ -71,6 +74,7 @@ def test_by_the_start_at_its_momenta_and_turned_in_its_own_frame():
     np.testing.assert_allclose(found.states["start mu"][0, at], np.eye(3), atol=1e-12)
 
 
+@pytest.mark.long
 def test_by_a_parameter_beside_a_free_duration_and_a_chosen_parameter():
     def crossing(weight):
         cart = co.System(
@@ -100,6 +104,7 @@ def test_by_a_parameter_beside_a_free_duration_and_a_chosen_parameter():
     assert found.cost["weight"] == pytest.approx(optimum.duration, rel=1e-8)  # dJ/dw = ∂J/∂w = T
 
 
+@pytest.mark.long
 def test_what_has_no_derivative_is_told():
     optimum = turn().solve()
     for names, start, words in [
@@ -144,6 +149,7 @@ def heavy(first=((1.0, 0, 0), (0, 1, 0), (0, 0, 1)), q=(0.2, -0.1, 0.3), dmu=0.0
     )
 
 
+@pytest.mark.long
 def test_by_a_start_whose_direction_in_the_world_and_place_stay_while_it_is_turned():
     optimum = heavy().solve(tolerance=1e-11)
     found = optimum.sensitivity(start=("g", "q", "mu"))

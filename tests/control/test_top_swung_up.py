@@ -75,7 +75,7 @@ def least_effort(run, u):
     return np.trapezoid(0.5 * np.sum(best**2, axis=1), fine), found.sol
 
 
-@pytest.mark.budget(20)
+@pytest.mark.long
 def test_a_top_swings_up_with_the_least_effort_of_a_boundary_value_solver_to_second_order():
     optima = [swung(steps) for steps in (40, 80)]
     least, course = least_effort(optima[-1].run.records, optima[-1].inputs["u"])

@@ -32,7 +32,7 @@ EXPENSIVE = {"SOn4", "SLn3", "SUn3", "Sp2", "SL2_dual", "nested"}
 
 
 def _marked(index: int, pair: tuple[str, str]):
-    return pytest.param(pair, marks=[pytest.mark.further] if pair[0] in EXPENSIVE and index % 5 else [])
+    return pytest.param(pair, marks=[pytest.mark.long] if pair[0] in EXPENSIVE and index % 5 else [])
 
 
 @pytest.fixture(params=[_marked(*numbered) for numbered in enumerate(PAIRS)], ids="-".join)
@@ -44,6 +44,7 @@ def pair(request):
     return tau, group, xi * min(1.0, 0.95 / max(far, 1e-300)), chi, mu
 
 
+@pytest.mark.cases(30)
 def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
     """τ(0) = e, τ(ξ)⁻¹ = τ(−ξ) (Definition 3), and τ(ξ) ∈ G."""
     tau, group, xi, *_ = pair
@@ -59,11 +60,13 @@ def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
     assert defect <= ROUND_OFF * 10
 
 
+@pytest.mark.cases(35)
 def test_tangent_at_zero_is_the_identity(pair):
     tau, group, _, chi, _ = pair
     close(evaluate(lambda chi: tau.dtau(group, jnp.zeros(group.dim), chi), chi), chi)
 
 
+@pytest.mark.cases(26)
 def test_tangent_is_right_trivialised(pair):
     """Dτ(ξ)·χ = (dτ_ξ χ) τ(ξ) (P32)."""
     tau, group, xi, chi, _ = pair
@@ -75,12 +78,14 @@ def test_tangent_is_right_trivialised(pair):
     close(*evaluate(both, xi, chi), size=10)
 
 
+@pytest.mark.cases(8)
 def test_inverse_tangent_inverts_the_tangent(pair):
     """dτ⁻¹_ξ dτ_ξ χ = χ (P34)."""
     tau, group, xi, chi, _ = pair
     close(evaluate(lambda xi, chi: tau.dtau_inverse(group, xi, tau.dtau(group, xi, chi)), xi, chi), chi, 30)
 
 
+@pytest.mark.cases(18)
 def test_tangent_intertwines(pair):
     """dτ_ξ = Ad_{τ(ξ)} dτ_{−ξ} (P33)."""
     tau, group, xi, chi, _ = pair
@@ -91,6 +96,7 @@ def test_tangent_intertwines(pair):
     close(*evaluate(both, xi, chi), size=10)
 
 
+@pytest.mark.cases(3)
 def test_inverse_tangent_intertwines(pair):
     """dτ⁻¹_ξ = dτ⁻¹_{−ξ} Ad_{τ(−ξ)} (P35); dual: (dτ⁻¹_{−ξ})* = Ad*_{τ(ξ)} (dτ⁻¹_ξ)*, what makes momentum exact."""
     tau, group, xi, chi, mu = pair
@@ -107,6 +113,7 @@ def test_inverse_tangent_intertwines(pair):
         close(found, expected, 30)
 
 
+@pytest.mark.cases(7)
 def test_duals_pair(pair):
     """⟨(dτ⁻¹_ξ)* μ, χ⟩ = ⟨μ, dτ⁻¹_ξ χ⟩."""
     tau, group, xi, chi, mu = pair
@@ -117,6 +124,7 @@ def test_duals_pair(pair):
     close(*evaluate(both, xi, chi, mu), size=10)
 
 
+@pytest.mark.cases(10)
 def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
     """The base class solves with the matrix of dτ_ξ, itself by differentiation of τ."""
     tau, group, xi, _, mu = pair
@@ -128,6 +136,7 @@ def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
     close(evaluate(lambda xi, mu: tau.dtau_inverse_dual(group, xi, mu), xi, mu), evaluate(derived, xi, mu), 30)
 
 
+@pytest.mark.cases(12)
 def test_every_map_here_fits_every_group_here(pair):
     tau, group, *_ = pair
     tau.require_fit(group)
@@ -246,6 +255,7 @@ def _with_two_derivatives(function, x, v):
     return line(0.0), slope(0.0), jax.jvp(slope, (0.0,), (1.0,))[1]
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("angle", ANGLES)
 def test_exponential_and_two_derivatives_on_both_sides_of_every_switch(moving, angle):
     group, turn, shift, along = moving
@@ -258,6 +268,7 @@ def test_exponential_and_two_derivatives_on_both_sides_of_every_switch(moving, a
     close(*evaluate(both, xi, along), size=10)
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("angle", ANGLES)
 def test_inverse_tangent_and_two_derivatives_on_both_sides_of_every_switch(moving, angle):
     """Against ad/(e^ad − 1) by the matrix exponential; its solve loses 1/(2π − θ)³ in the second derivative."""

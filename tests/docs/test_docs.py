@@ -27,7 +27,8 @@ LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 
-@pytest.mark.budget(300)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.name)
 def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -43,7 +44,6 @@ def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypat
     matplotlib.pyplot.close("all")
 
 
-@pytest.mark.budget(60)
 def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Path) -> None:
     """In a process of its own, because it sets JAX to float64."""
     for name in ("optimistix", "diffrax", "blackjax"):
@@ -54,6 +54,7 @@ def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Pat
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 def test_the_page_of_optimal_motion_comes_from_a_lagrangian_to_an_optimum_in_25_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

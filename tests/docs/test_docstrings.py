@@ -76,6 +76,7 @@ def has_arrays(function: ast.FunctionDef) -> bool:
     return any(ARRAY.search(re.sub(r"Callable\[.*\]", "", note)) for note in written)
 
 
+@pytest.mark.long
 def test_public_functions_of_arrays_state_a_shape() -> None:
     trees = modules()
     known = {node.name: node for tree in trees.values() for node in tree.body if isinstance(node, ast.ClassDef)}
@@ -89,6 +90,7 @@ def test_public_functions_of_arrays_state_a_shape() -> None:
     )
 
 
+@pytest.mark.long
 def test_public_classes_with_arrays_state_a_shape() -> None:
     trees = modules()
     kinds = [

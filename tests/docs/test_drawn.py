@@ -24,7 +24,8 @@ MEASURED = {
 chaotic motion, which the last bit changes."""
 
 
-@pytest.mark.budget(100)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("script", drawn.SCRIPTS)
 def test_a_figure_drawn_anew_shows_the_data_of_the_one_on_the_page(script: str, tmp_path: Path) -> None:
     for name, (_, shown) in drawn.draw(script, tmp_path).items():

@@ -45,6 +45,7 @@ def test_every_example_has_a_test_is_short_and_says_how_to_run_it():
         assert len(text.splitlines()) <= 80
 
 
+@pytest.mark.long
 def test_a_vehicle_in_a_current_is_carried_along_and_its_balance_closes(run_example):
     found = run_example("vehicle_in_current", 60)
     run, current = found["run"], found["current"]
@@ -54,6 +55,7 @@ def test_a_vehicle_in_a_current_is_carried_along_and_its_balance_closes(run_exam
     assert Path("vehicle_in_current.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_falling_rod_keeps_its_energy_and_hangs_below_its_wall(run_example):
     found = run_example("falling_rod", 0.2)
     run, hanging, paths = found["run"], found["hanging"], found["paths"]
@@ -64,6 +66,7 @@ def test_a_falling_rod_keeps_its_energy_and_hangs_below_its_wall(run_example):
     assert Path("falling_rod.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_method(run_example):
     found = run_example("fast_heavy_top", 0.2)
     assert found["method"].order == 4
@@ -72,6 +75,7 @@ def test_the_fast_heavy_top_comes_near_its_reference_with_the_order_of_the_last_
     assert found["momentum"] < 1e-12
 
 
+@pytest.mark.long
 def test_the_drop_of_a_fluid_moves_as_its_particles_do_and_keeps_its_circulation(run_example):
     found = run_example("fluid_drop", 2)
     run = found["run"]
@@ -83,6 +87,7 @@ def test_the_drop_of_a_fluid_moves_as_its_particles_do_and_keeps_its_circulation
     assert Path("fluid_drop.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_turbulent_sphere_keeps_its_casimirs_until_viscosity_takes_its_small_scales(run_example):
     found = run_example("turbulent_sphere", 0.3)
     assert found["change"] < 1e-14 and found["energy"] < 1e-4
@@ -99,12 +104,14 @@ def test_the_charged_particle_runs_round_its_circle(run_example):
     assert Path("heisenberg.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_waves_of_alfven_have_the_frequencies_of_the_closed_form(run_example):
     found = run_example("alfven_waves", 8)
     assert found["error"] < 2e-4 and found["casimirs"] < 1e-13
     assert Path("alfven_waves.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_spherical_pendulum_keeps_its_sphere_and_the_vertical_momentum(run_example):
     found = run_example("spherical_pendulum", 10)
     assert found["off_sphere"] < 1e-13
@@ -118,6 +125,7 @@ def test_the_spherical_pendulum_keeps_its_sphere_and_the_vertical_momentum(run_e
     assert Path("spherical_pendulum.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_fleet_of_plates_keeps_its_horizontal_momenta(run_example):
     found = run_example("falling_plates", 2)
     momenta = found["fleet"].dataset.kelvin_noether.transpose("member", "time", ...).values
@@ -126,6 +134,7 @@ def test_a_fleet_of_plates_keeps_its_horizontal_momenta(run_example):
     assert Path("falling_plates.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_cat_lands_on_its_feet_without_momentum(run_example):
     found = run_example("falling_cat", 0.5)
     assert found["momentum"] < 1e-15
@@ -133,6 +142,7 @@ def test_a_cat_lands_on_its_feet_without_momentum(run_example):
     assert Path("falling_cat.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_remus_reaches_the_depth_that_it_is_told(run_example):
     found = run_example("remus_mission", 60)
     data = found["data"]
@@ -143,6 +153,7 @@ def test_remus_reaches_the_depth_that_it_is_told(run_example):
         assert Path(name).stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_fleet_of_remus_spreads_with_its_currents_and_holds_its_depth(run_example):
     found = run_example("remus_fleet", 60, 100)
     fleet, q = found["fleet"], found["found"].q
@@ -153,6 +164,7 @@ def test_a_fleet_of_remus_spreads_with_its_currents_and_holds_its_depth(run_exam
     assert Path("remus_fleet.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_policy_learns_to_hold_a_station(run_example):
     found = run_example("learned_station", 6, 32)
     returns = [mean for _, mean in found["curve"]]
@@ -163,7 +175,7 @@ def test_a_policy_learns_to_hold_a_station(run_example):
     assert Path("learned_station.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(60)
+@pytest.mark.long
 def test_remus_crosses_a_jet_clear_of_the_column_and_with_less_energy_in_more_time(run_example):
     found = run_example("remus_crossing", 80)["found"]
     (time, most, _, q), (longer, least, _, deep) = found["least time"], found["least energy"]
@@ -174,7 +186,7 @@ def test_remus_crosses_a_jet_clear_of_the_column_and_with_less_energy_in_more_ti
     assert Path("remus_crossing.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(30)
+@pytest.mark.long
 def test_predictive_control_of_remus_keeps_nearer_to_a_path_than_the_shipped_controllers_in_the_same_time(run_example):
     found = run_example("remus_path", 60)
     ours, shipped = (found["found"][name] for name in ("predictive", "shipped"))
@@ -187,7 +199,7 @@ def test_predictive_control_of_remus_keeps_nearer_to_a_path_than_the_shipped_con
     assert Path("remus_path.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(20)
+@pytest.mark.long
 def test_the_best_sawtooth_comes_to_the_steady_glide_of_least_energy_with_the_length_of_its_dives(run_example):
     found = run_example("glider_sawtooth", 120)
     least, best, drag_and_lift = found["effort"](found["best"]), found["glide"], found["drag_and_lift"]
@@ -201,6 +213,7 @@ def test_the_best_sawtooth_comes_to_the_steady_glide_of_least_energy_with_the_le
     assert Path("glider_sawtooth.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_top_swings_up_and_keeps_the_momentum_about_the_vertical(run_example):
     found = run_example("top_swung_up", 0.8)
     run, vertical = found["run"], found["vertical"]
@@ -210,7 +223,7 @@ def test_a_top_swings_up_and_keeps_the_momentum_about_the_vertical(run_example):
     assert Path("top_swung_up.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(20)
+@pytest.mark.long
 def test_a_remotely_operated_vehicle_finds_the_tide_and_holds_its_station(run_example):
     found = run_example("rov_in_tide", 24)
     assert found["settled"].max() < 0.025 < 0.3 < np.linalg.norm(found["off"][0])  # m
@@ -220,7 +233,7 @@ def test_a_remotely_operated_vehicle_finds_the_tide_and_holds_its_station(run_ex
     assert Path("rov_in_tide.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(20)
+@pytest.mark.long
 def test_splines_go_through_the_attitudes_and_join_smoothly(run_example):
     found = run_example("attitude_splines", 15)
     for optimum in found["found"].values():
@@ -232,7 +245,7 @@ def test_splines_go_through_the_attitudes_and_join_smoothly(run_example):
     assert Path("attitude_splines.png").stat().st_size > 10_000
 
 
-@pytest.mark.budget(30)
+@pytest.mark.long
 def test_about_one_axis_they_are_the_splines_of_numbers_to_second_order(run_example):
     """Clamped splines of degree 3 and 7 through the angles; u is the second and the fourth derivative."""
     found = run_example("attitude_splines", 6)

@@ -32,6 +32,7 @@ def build(pages: Path, out: Path) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-m", "sphinx", *map(str, asked)], capture_output=True, text=True)
 
 
+@pytest.mark.cases(1)
 @needs_sphinx
 @pytest.mark.parametrize("link", ["good", "page", "heading", "file"])
 def test_a_link_that_leads_nowhere_fails_the_build(tmp_path: Path, link: str) -> None:

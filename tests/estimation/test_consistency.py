@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 from simulated import around, drawn, measured
 
@@ -41,6 +42,7 @@ def instruments():
     return {**one, "gyro": Measurement(lambda motion: motion.xi, 0.002**2)}
 
 
+@pytest.mark.long
 def test_the_errors_of_a_matched_model_are_those_that_the_filter_states():
     """The mean NEES of 100 seeds lies in its 95 % band at 90 % of the times, and so does the mean NIS."""
     members, steps, random = 100, 300, np.random.default_rng(2026)

@@ -13,7 +13,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "figures"))
 import filters  # pyright: ignore[reportMissingImports]
 
 
-@pytest.mark.budget(15)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [20, 100])
 def test_a_model_that_is_wrong_by_a_tenth_stays_in_its_ellipsoids_with_noise_that_20_others_fixed(members):
     """The noise is fixed on seed 7; these are others."""
@@ -23,7 +24,8 @@ def test_a_model_that_is_wrong_by_a_tenth_stays_in_its_ellipsoids_with_noise_tha
     assert np.mean(nees < chi2.ppf(0.95, filters.FREE)) >= 0.9
 
 
-@pytest.mark.budget(15)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [4, 20])
 def test_a_minute_without_a_dvl_costs_a_fifth_of_what_it_costs_the_inertial_unit_alone(members):
     """Honeywell HG1700, a current of 0.3 m/s; depth and compass go on for both."""
@@ -34,7 +36,8 @@ def test_a_minute_without_a_dvl_costs_a_fifth_of_what_it_costs_the_inertial_unit
     assert drift <= alone / 5
 
 
-@pytest.mark.budget(15)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("members", "seconds"), [(3, 150), (20, 300)])
 @pytest.mark.parametrize("names", [("depth", "compass", "usbl"), ("dvl", "depth", "compass", "usbl")])
 def test_a_delay_of_two_seconds_of_the_usbl_costs_less_than_a_tenth(members, seconds, names):

@@ -89,6 +89,7 @@ def test_a_linear_system_has_the_filter_of_kalman():
         assert np.allclose(np.concatenate(theirs), x, rtol=0, atol=1e-12)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_the_tangent_of_a_step_is_that_of_differences(error):
     process, start = body(error)
@@ -213,6 +214,7 @@ def test_half_a_turn_is_not_consistent_with_small_deviations():
         known.nees(known.rows)
 
 
+@pytest.mark.long
 def test_a_bias_that_only_a_sensor_reads_is_found_and_does_not_act_on_the_motion():
     plain, start = body("left")
     system, walk = plain._system, RandomWalk([1e-5, 1e-5, 1e-5])
@@ -265,6 +267,7 @@ def test_arguments_with_defaults_are_no_parameters():
     assert filter.update({"q0": 0.5})["q0"].nis == pytest.approx(0.0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_velocities_of_a_state_are_those_of_its_momenta_after_a_measurement_too(error):
     process, start = body(error)
@@ -307,6 +310,7 @@ def test_steps_that_are_drawn_have_the_covariance_of_the_filter():
     assert np.all(np.abs(e.mean(axis=0)) <= 5 * np.sqrt(np.diag(Q[0]) / members) + 1e-15)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rows", [np.zeros(3), "state", np.zeros((2, 4), int)])
 def test_rows_of_another_size_are_refused(rows):
     process, start = body("left")

@@ -42,6 +42,8 @@ def written(path: Path, mass: float, drag: float) -> Path:
     return path
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("mass", "drag"), [(70.04, 0.17), (70.12, 0.13)])
 def test_mass_and_drag_of_a_log_are_those_of_its_glider(mass: float, drag: float, tmp_path: Path) -> None:
     log, _ = glider_log.read(written(tmp_path / "log.npy", mass, drag))

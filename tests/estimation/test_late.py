@@ -78,6 +78,7 @@ def test_a_measurement_within_a_step_splits_it():
     assert np.allclose(one.rows, found.rows, atol=1e-12) and np.allclose(one.P, found.P, rtol=1e-10, atol=1e-15)
 
 
+@pytest.mark.long
 def test_a_delay_of_two_seconds_costs_less_than_a_tenth_of_the_error():
     """Positions every two seconds, known at once or two seconds later, over ten minutes."""
     process, start = boat()

@@ -60,6 +60,7 @@ def test_a_run_that_was_not_kept_whole_cannot_be_smoothed():
         smoothed(found)
 
 
+@pytest.mark.long
 def test_turns_that_are_not_small_are_smoothed_exactly_where_nothing_disturbs_them():
     """A top that turns steadily, whose attitude is told at the end, one radian from where the filter thought."""
     import jax.numpy as jnp

@@ -73,6 +73,7 @@ def test_errors_are_those_of_retract_however_large_they_are(error):
         assert np.allclose(process.errors(row, process.moved(row, e)), e, atol=1e-11)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_the_tangent_of_a_step_is_the_closed_form_of_the_invariant_error(error):
     """Barrau and Bonnabel (2017), (28) and (38), with biases: exp of their matrices over a step."""
@@ -112,6 +113,7 @@ def test_without_biases_an_error_of_any_size_goes_on_by_a_linear_map(error):
     assert np.allclose(process.errors(after, other)[0, :9], Phi[0, :9, :9] @ e[0, :9], atol=1e-10)
 
 
+@pytest.mark.long
 def test_left_and_right_errors_have_the_same_covariances_in_other_axes():
     found = {}
     spread = {"attitude": [0.1, 0.2, 0.3], "velocity": 0.1, "position": [1.0, 2.0, 3.0], "gyroscope_bias": 0.01}
@@ -140,6 +142,7 @@ def test_what_sensors_read_is_that_of_the_body_origin():
     assert np.allclose(seen[3:6], R.T @ START.velocity - np.cross(omega, r)) and np.allclose(seen[6:9], omega)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_a_log_of_an_unit_and_places_leads_to_the_biases_and_machine_code_does_what_arrays_do(error):
     """A vehicle on a rising spiral; the unit's readings are integrated, places and north are measured."""

@@ -154,6 +154,7 @@ WRONG = {
 }
 
 
+@pytest.mark.cases(40)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_is_told(case):
     call, sentence = WRONG[case]
@@ -190,6 +191,7 @@ def test_arrays_that_do_not_fit_are_told():
         co.estimation.smoothed(filter)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("turns", [1, 3])
 def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_counts_turns_is_not(turns):
     t = np.arange(1.0, 60.0)

@@ -33,13 +33,14 @@ def corpus(tmp_path_factory):
     return Corpus(tmp_path_factory.mktemp("fuzz"))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", SOME)
 def test_changed_files_end_in_a_result_or_a_sentence(corpus, kind):
     found = {number: corpus.outcome(kind, number) for number in range(SOME[kind])}
     assert {number: what for number, what in found.items() if what not in ("result", "sentence")} == {}
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize("kind", MANY)
 def test_many_changed_files_end_in_a_result_or_a_sentence(kind, tmp_path):
     """In a process of its own, which a crash or a hang in a library does not outlive."""

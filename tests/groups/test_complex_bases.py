@@ -46,6 +46,7 @@ def test_the_real_form_of_su3_has_its_brackets_exponential_and_adjoint_action():
     np.testing.assert_allclose(turned, U @ Y @ U.conj().T, rtol=0, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_motion_on_su3_stays_there_and_keeps_its_momentum_and_casimir():
     system = co.System(SU3, lambda xi: 0.5 * xi @ (np.arange(1.0, 9.0) * xi))
     start = system.state(xi=0.1 * np.arange(8.0))

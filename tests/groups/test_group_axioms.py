@@ -43,6 +43,7 @@ def matrix_sizes(group, *elements) -> float:
     return float(max(np.linalg.norm(m) for m in both) ** 3)
 
 
+@pytest.mark.cases(6)
 def test_multiplication_is_that_of_matrices(group, random):
     g, h, k = (element(group, random) for _ in range(3))
 
@@ -116,6 +117,7 @@ def test_bracket_is_the_derivative_of_the_adjoint_action(group, random):
     close(found, expected, 10)
 
 
+@pytest.mark.cases(22)
 def test_duals_pair_as_they_must(group, random):
     """⟨Ad*_g μ, ξ⟩ = ⟨μ, Ad_g ξ⟩ and ⟨ad*_ξ μ, η⟩ = ⟨μ, ad_ξ η⟩ (P5)."""
     g = element(group, random)
@@ -131,6 +133,7 @@ def test_duals_pair_as_they_must(group, random):
         close(found, expected, 10 * matrix_sizes(group, g))
 
 
+@pytest.mark.cases(13)
 def test_dual_adjoint_composes_in_reverse_order(group, random):
     """Ad_{gh} = Ad_g Ad_h and Ad*_{gh} = Ad*_h Ad*_g."""
     g, h = element(group, random), element(group, random)
@@ -165,6 +168,7 @@ def test_exponential_of_commuting_elements_adds(group, random):
     close(found, evaluate(lambda xi: group.matrix(group.exp(0.7 * xi)), xi), float(np.linalg.norm(found)) * 10)
 
 
+@pytest.mark.cases(17)
 def test_projection_removes_a_small_defect_quadratically(group, random):
     g = element(group, random)
     noise = jax.tree.map(lambda x: 1e-5 * random.normal(size=x.shape), g)
@@ -182,6 +186,7 @@ def test_projection_removes_a_small_defect_quadratically(group, random):
     assert evaluate(group.defect, evaluate(group.project, once)) <= 100 * ROUND_OFF * matrix_sizes(group, g)
 
 
+@pytest.mark.cases(10)
 def test_closed_forms_equal_the_derivation_from_matrices(group, random):
     g = element(group, random)
     xi, eta, mu = vectors(group, random, 3)

@@ -69,6 +69,7 @@ def test_no_array_is_larger_than_some_matrices(group, form):
             assert max(sizes) <= 8 * group.matrix_size**2
 
 
+@pytest.mark.long
 def test_elements_of_unitary_groups_are_unitary():
     """(A, B) with A + iB unitary, and of determinant 1 in SU(n), after the exponential and a projection."""
     for group in (co.Un(3), co.SUn(3), co.SUn(8)):

@@ -121,6 +121,7 @@ def test_a_size_that_is_none_is_refused(make):
             make(size)
 
 
+@pytest.mark.long
 def test_exponential_steps_beyond_its_chart_fail_in_a_sentence():
     body = co.System(co.SOn(4), lambda xi: 0.5 * xi @ xi)
     start = body.state(xi=[3.0, 0, 0, 0, 0, 0])

@@ -136,6 +136,7 @@ def test_all_has_no_pairs_and_says_which_to_give():
         co.RelativePoses().require_fit(co.Power(co.SO3(), 3, "all"))
 
 
+@pytest.mark.long
 def test_datasets_have_velocities_momenta_and_elements_by_links(tmp_path):
     chain = co.System(co.Power(co.SE2(), 3), lambda xi: 0.5 * (xi**2).sum())
     xi = np.arange(9.0).reshape(3, 3)

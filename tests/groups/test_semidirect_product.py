@@ -106,6 +106,7 @@ def test_matrices_hold_the_element_and_its_action(product):
     assert len(matrix) == (size + 1 if len(own) == size and np.allclose(own, acting) else len(own) + size + 1)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("tau", MAPS)
 def test_every_map_is_a_difference_map_on_every_product(product, tau):
     """The inverse tangent intertwines, (dτ⁻¹_{−ξ})* = Ad*_{τ(ξ)}(dτ⁻¹_ξ)*, and inverts the derivative of τ."""
@@ -147,6 +148,7 @@ def test_rotations_with_vectors_are_the_rigid_motions():
     close(found, expected)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), co.LeftRectangle(co.Exponential())], ids=repr)
 def test_a_body_moves_alike_on_the_rigid_motions_and_on_the_semidirect_product(method):
     """A heavy Kirchhoff body, its weight −ℓ ∋ a·r with a ∈ (ℝ⁴)* advected, and a buoy that its hull drags along."""

@@ -76,7 +76,8 @@ def test_a_correlation_time_is_that_of_the_process_though_a_fit_took_up_much_of_
     assert correlation_time(white, np.tile(1e-9 * np.eye(4), (20, 1, 1)), 3, 0.02, 20.0) < 0.06
 
 
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(40), marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(40), marks=pytest.mark.long)])
 def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
     """Misses are binomial, 5 % of the intervals, where the noise is told to be coloured; else they are many more."""
     scores = []
@@ -99,6 +100,7 @@ def test_intervals_hold_the_truth_with_coloured_noise(exact, seeds):
     assert "over 0." in str(found)
 
 
+@pytest.mark.long
 def test_white_noise_is_found_to_be_white(exact):
     random = np.random.default_rng(3)
     columns = {name: values + NOISE[name] * random.normal(size=len(values)) for name, values in exact.columns.items()}

@@ -33,6 +33,8 @@ def remus():
     return page.torpedo()
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("vehicle", ["torpedo", "hovering"])
 def test_intervals_of_a_vehicle_hold_the_truth(vehicle):
     """Two logs; misses are binomial, 5 % of the intervals."""
@@ -47,7 +49,7 @@ def test_intervals_of_a_vehicle_hold_the_truth(vehicle):
     assert 0.6 < np.std(scores) < 1.5
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize("vehicle", ["torpedo", "hovering"])
 def test_each_interval_of_a_vehicle_covers_the_truth_in_at_least_90_of_100_logs(vehicle):
     made = getattr(page, vehicle)()
@@ -56,6 +58,7 @@ def test_each_interval_of_a_vehicle_covers_the_truth_in_at_least_90_of_100_logs(
         assert sum(one[name].covers(page.truth(made[0], name)) for one in found) >= 90, name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [None, 0.05])
 def test_commands_move_actuators_to_second_order(remus, step):
     """What the sensors would say, with the true parameters, on dt = 0.05, 0.025 and 0.0125 s."""
@@ -75,6 +78,7 @@ def test_commands_move_actuators_to_second_order(remus, step):
     assert abs(np.log2(ratio) - 2) < 0.3
 
 
+@pytest.mark.long
 def test_a_measured_log_of_a_craft_is_fitted_on_steps_that_are_fine_enough(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)
@@ -83,6 +87,7 @@ def test_a_measured_log_of_a_craft_is_fitted_on_steps_that_are_fine_enough(remus
     assert identify(system, replace(log, step=None), start=start, parameters=names).dt < 0.05
 
 
+@pytest.mark.long
 def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_log(synthetic_log(remus[2], noise=page.NOISE, seed=1).between(0.0, 40.0), "log.csv")
@@ -103,6 +108,7 @@ def test_the_command_prints_the_card_draws_and_writes_json(remus, tmp_path, caps
     assert drag["low"] < 0.42 < drag["high"] and found["noise"]["u"] == 0.01
 
 
+@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -144,6 +150,7 @@ def test_commands_in_another_unit_and_missing_ones_are_refused(remus, tmp_path, 
     assert sentence in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_column_that_the_simulation_misses_is_told(remus):
     system, start, run, _, _ = remus
     log = synthetic_log(run, noise=page.NOISE, seed=1).between(0.0, 40.0)

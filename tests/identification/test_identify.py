@@ -48,6 +48,7 @@ def truth(name):
     return float(getattr(SYSTEM.parameters, key)[tuple(int(i) for i in index.rstrip("]").split(","))])
 
 
+@pytest.mark.long
 def test_an_exact_log_on_the_same_grid_gives_the_exact_parameters():
     run = run_of(40.0, 0.05, 2)
     log = synthetic_log(run, noise=dict.fromkeys(NOISE, 1e-9))
@@ -59,6 +60,7 @@ def test_an_exact_log_on_the_same_grid_gives_the_exact_parameters():
     np.testing.assert_allclose(found.system.parameters.added_mass, SYSTEM.parameters.added_mass, rtol=1e-5, atol=1e-9)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(fine):
     """Five seeds, eighteen parameters: misses are binomial, 5 % of 90."""
     guess, misses, count = guessed(SYSTEM), 0, 0
@@ -71,7 +73,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fine):
     assert misses > 0
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_each_interval_covers_the_truth_in_at_least_90_of_100_seeds():
     run = run_of(150.0, 0.005, 20)
     guess = guessed(SYSTEM)
@@ -89,6 +91,7 @@ def test_each_interval_covers_the_truth_in_at_least_90_of_100_seeds():
         assert 0.75 < np.std(z) < 1.3, name
 
 
+@pytest.mark.long
 def test_the_step_is_refined_until_it_shifts_nothing(fine):
     """On dt = 0.05 roll, at five radians a second, is shifted by more than its interval; without `dt` it is not."""
     log = measured(fine, seed=3)
@@ -99,6 +102,7 @@ def test_the_step_is_refined_until_it_shifts_nothing(fine):
     assert abs(free["added_mass[3,3]"].value - 0.03) < abs(coarse["added_mass[3,3]"].value - 0.03)
 
 
+@pytest.mark.long
 def test_gaps_irregular_samples_and_missing_columns_are_no_harm():
     """A fifth of the samples at random times, no sway, heave and yaw rate, no roll; half of surge is missing."""
     random = np.random.default_rng(5)
@@ -125,6 +129,7 @@ def test_gaps_irregular_samples_and_missing_columns_are_no_harm():
     assert len(misses) <= 4, misses
 
 
+@pytest.mark.long
 def test_a_run_from_one_start_needs_no_segments(fine):
     log = measured(fine, seed=1).between(0.0, 30.0)
     near = SYSTEM.replace(linear=1.2 * SYSTEM.parameters.linear)
@@ -137,6 +142,7 @@ def test_a_run_from_one_start_needs_no_segments(fine):
         assert estimate.standard_error < cut[name].standard_error
 
 
+@pytest.mark.long
 def test_slopes_of_what_sensors_say_are_those_of_differences(fine):
     """By the starts of segments and by the parameters, which move the start momenta too."""
     sought = unknowns(SYSTEM, ["linear", "added_mass"], ["linear"])
@@ -172,6 +178,7 @@ def test_noise_is_estimated_from_residuals_or_taken_as_given(fine):
     assert any("noise of p was given as 0.006" in warning for warning in found.warnings)
 
 
+@pytest.mark.long
 def test_parameters_that_cannot_be_separated_are_told(fine):
     log = measured(fine, seed=2)
     found = identify(SYSTEM, log, start=STATE, parameters=["inertia[0,0]", "added_mass[3,3]", "linear[3]"])
@@ -180,6 +187,7 @@ def test_parameters_that_cannot_be_separated_are_told(fine):
     assert found["linear[3]"].covers(0.3)
 
 
+@pytest.mark.long
 def test_parameters_on_which_nothing_depends_are_told(fine):
     log = measured(fine, seed=2)
     system = co.System(
@@ -192,6 +200,7 @@ def test_parameters_on_which_nothing_depends_are_told(fine):
     assert abs(found["linear[0]"].value - 3.0) < 4 * found["linear[0]"].standard_error
 
 
+@pytest.mark.long
 def test_a_log_at_rest_tells_nothing_of_quadratic_damping(fine):
     log = measured(fine, seed=2)
     still = {name: np.zeros_like(values) for name, values in log.inputs.items()}
@@ -232,6 +241,7 @@ def test_a_pendulum_is_identified_by_a_function_of_its_state():
     assert found["weight"].covers(4.0) and found["drag"].covers(0.1)
 
 
+@pytest.mark.long
 def test_the_card_and_the_figure(fine):
     found = identify(SYSTEM, measured(fine), start=STATE, parameters=["linear[0]", "added_mass[0,0]"])
     card = str(found)
@@ -241,6 +251,7 @@ def test_the_card_and_the_figure(fine):
         found.plot(["speed"])
 
 
+@pytest.mark.cases(11)
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -294,6 +305,7 @@ def test_noise_of_columns_that_the_log_lacks_is_told(fine):
         identify(SYSTEM, without, start=STATE, parameters=["linear"], noise={"velocity": 0.01})
 
 
+@pytest.mark.long
 def test_a_wrong_log_is_told_in_a_sentence(fine):
     log = measured(fine)
     with pytest.raises(ArgumentError, match="an input that the log does not hold"):

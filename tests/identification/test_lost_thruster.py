@@ -27,6 +27,7 @@ def log(made) -> Log:
     return synthetic_log(run, noise=NOISE, seed=3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("segment", [10.0, 0.5])
 def test_its_effectiveness_is_found_to_be_zero(made, log, segment):
     """Whatever the segments: commands change every 1.5 s, and all segments share what is sought."""
@@ -36,6 +37,7 @@ def test_its_effectiveness_is_found_to_be_zero(made, log, segment):
     assert not any("from zero" in warning for warning in found.warnings)
 
 
+@pytest.mark.long
 def test_a_log_in_which_commands_never_change_does_not_tell_eight_thrusters_apart(made, log):
     """In 1 s: forces of eight along six ways. It is too short for misfits as well, and one thruster is told."""
     short = log.between(0.0, 1.0)

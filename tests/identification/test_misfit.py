@@ -38,8 +38,8 @@ def simulated(forces):
     return co.simulate(plant, STATE, dt=0.05, duration=59.9, inputs=signals, save_every=2, monitors=False)
 
 
-@pytest.mark.budget(12)
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.long)])
 def test_a_rudder_that_stalls_is_named(seeds):
     """In at least nine of ten logs, and first of all misfits."""
     run = simulated({"damping": damping, "fins": stalling})
@@ -57,6 +57,7 @@ def test_a_rudder_that_stalls_is_named(seeds):
     assert named >= 0.9 * len(seeds)
 
 
+@pytest.mark.long
 def test_white_innovations_are_no_misfit():
     """Of 100 logs whose innovations are white one in a thousand may be said to be missed; so many with innovations that
     follow one another, which tell nothing of a command."""
@@ -128,6 +129,7 @@ def test_what_a_shape_counts_from_is_told_of_each_command():
         assert ("pulses", together) in shapes and ("pulses[1]", f"(pulses[1] − {first:.4g})²") in shapes
 
 
+@pytest.mark.long
 def test_white_innovations_are_no_misfit_of_many_commands_either():
     random, t, alarms = np.random.default_rng(8), 0.1 * np.arange(600), 0
     for _ in range(60):

@@ -1,6 +1,6 @@
 """Logs of vehicles that were simulated without the library, by sensors with bias, delay, coloured noise and drop-outs.
 
-`pytest -m exhaustive -s tests/identification/test_outside.py` takes a hundred logs of each vehicle, and prints the
+`pytest -m long -s tests/identification/test_outside.py` takes a hundred logs of each vehicle, and prints the
 tables of docs/identification.md.
 """
 
@@ -31,6 +31,8 @@ def experiment(request) -> tuple[str, Experiment]:
     return request.param, MADE[request.param]()
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 def test_the_other_simulator_is_the_same_vehicle(experiment):
     """After 10 s, on steps of 0.0125 s, up to the order of the rule."""
     _, made = experiment
@@ -44,6 +46,8 @@ def test_the_other_simulator_is_the_same_vehicle(experiment):
         assert values[-1] == pytest.approx(made.exact[name][100], abs=2e-4), name
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 def test_the_bound_is_what_least_squares_attain(experiment):
     """Of a log as one run: standard errors are those of Cramér and Rao, up to the noise that is estimated with them."""
     _, made = experiment
@@ -53,9 +57,10 @@ def test_the_bound_is_what_least_squares_attain(experiment):
         assert found[name].standard_error == pytest.approx(least, rel=0.1 if name in made.truth else 0.4), name
 
 
-@pytest.mark.budget(8)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.timeout(7200)
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.long)])
 def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
     """Misses are binomial, 5 % of the intervals: at most so many as happen once in 2000 times; of a hundred logs each
     parameter is held by 86 or more and all by 92 % or more, at twice the width of the bound or less."""
@@ -82,9 +87,10 @@ def test_intervals_hold_the_truth_of_another_simulator(experiment, seeds):
         assert all(np.median(widths[key]) <= 2 * least for key, least in bound.items())
 
 
-@pytest.mark.budget(8)
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.timeout(7200)
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.further)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.long)])
 def test_another_law_is_named(experiment, seeds):
     """In nine of ten logs the first misfit is that of the actuator whose law differs."""
     name, made = experiment

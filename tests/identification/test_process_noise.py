@@ -100,6 +100,7 @@ def test_the_strength_that_is_found_is_that_of_the_process():
             assert np.all(found.deviation < 0.03)
 
 
+@pytest.mark.long
 def test_intervals_of_strength_hold_the_truth_and_so_do_those_of_what_wandered():
     """Of 60 times 12 segments: misses are binomial, of 240 numbers s and τ, and 5 % of all x at the truth."""
     true, own = Wander(np.array([1.0, 0.5]), np.array([1.0, 2.0])), slice(2, 2 + KNOTS.size)
@@ -169,6 +170,7 @@ def test_a_name_of_the_system_s_own_is_its_parameter_and_not_a_force():
     assert system is own and moved is not None and moved.labels == ("K", "force")
 
 
+@pytest.mark.long
 def test_derivatives_by_knots_are_those_of_differences(exact):
     system, moved = wandering(SYSTEM, ["force", "N", "linear[1]", "mass"])
     assert moved is not None and moved.labels == ("X", "Y", "Z", "N", "linear[1]", "mass")
@@ -217,9 +219,9 @@ def pushed(made, seed):
     return made.simulated(pushes=np.concatenate([force, np.zeros((n, 3))], axis=1)), force
 
 
-@pytest.mark.budget(15)
+@pytest.mark.long
 @pytest.mark.timeout(7200)
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(30), marks=pytest.mark.further)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(30), marks=pytest.mark.long)])
 def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
     """REMUS 100 by equations outside the library, with sensors that are off: with the force, misses are binomial, 5 %
     of the intervals; without it they are many more."""
@@ -241,6 +243,7 @@ def test_intervals_hold_the_truth_where_a_force_wanders(seeds):
     assert count - inside[0] > stats.binom.ppf(1 - 1 / 2000, count, 0.05)
 
 
+@pytest.mark.long
 def test_nothing_wanders_where_nothing_does(exact):
     """The deviation is far below the forces at work, some 10 N, and estimates are those without it."""
     plain = identify(NEAR, exact, start=STATE, parameters=SOUGHT)
@@ -260,6 +263,7 @@ def test_nothing_wanders_where_nothing_does(exact):
     assert found.system.parameters is not None and "process_noise" not in found.system.parameters
 
 
+@pytest.mark.long
 def test_noise_that_does_not_settle_is_told(exact, monkeypatch):
     """One round is too few for the noise of the sensors and what wanders."""
     monkeypatch.setattr("coadjoint.identification.fitting.ROUNDS", 1)

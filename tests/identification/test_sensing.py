@@ -65,6 +65,7 @@ def asked(log, **given):
     return setting(sought, log, STATE, channels, co.Midpoint(), "held", STEP, 0.0, sensed)
 
 
+@pytest.mark.long
 def test_derivatives_by_biases_and_delays_are_those_of_differences(log):
     """Of rotations as far as interpolated matrices are orthogonal, which is to h⁴."""
     one = asked(log, biases=["u", "attitude"], delays={"compass": ATTITUDE, "log": ["u"]}, attitude="rotation")
@@ -94,6 +95,7 @@ def test_derivatives_by_biases_and_delays_are_those_of_differences(log):
         np.testing.assert_allclose(slopes[:, :, column], difference, atol=2e-5 * np.abs(difference).max())
 
 
+@pytest.mark.long
 def test_biases_are_found_and_hold_their_intervals(log):
     """Those of velocity and rates; unless they are sought, residuals follow one another."""
     true = {"u": 0.05, "q": 0.01, "r": -0.02}
@@ -141,6 +143,7 @@ def test_an_exact_log_with_bias_and_delay_gives_them_exactly(run):
         assert found[name].value == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.long
 def test_equal_parameters_are_one_unknown(log):
     """Sway and heave of a round hull: a narrower interval than each alone, and both entries move."""
     near = SYSTEM.replace(quadratic=SYSTEM.parameters.quadratic * [1, 0.7, 0.7, 1, 1, 1])
@@ -175,6 +178,7 @@ def test_log_and_its_jacobian_of_rotations():
         np.testing.assert_allclose(inverse @ rotations.right_jacobian(v), np.eye(3), atol=1e-7)
 
 
+@pytest.mark.long
 def test_a_log_through_the_vertical_is_fitted_by_rotations(run):
     """The same motion with the body's axes turned down by 90°: Euler angles are singular along all of it."""
     t, inputs = zigzags(20.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 import coadjoint as co
 from coadjoint import vehicles
@@ -23,6 +24,7 @@ def steps(t, size, seed):
     return found
 
 
+@pytest.mark.long
 def test_a_search_that_is_stuck_begins_again_and_comes_to_the_truth():
     vehicle = vehicles.load("bluerov2_heavy_von_benzon")
     craft = Craft(vehicle)

@@ -32,6 +32,7 @@ def matrices(group, g):
     return evaluate(jax.vmap(group.matrix), g)
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_discrete_connection_is_equivariant_and_its_global_form_gives_it_back(name):
     """(B29), (B31): 𝒜(fζ, f⁺ζ⁺) = f⁺𝒜(ζ, ζ⁺)f⁻¹, and Ω(x, x⁺) = 𝒜((x, e), (x⁺, e))⁻¹."""
@@ -42,6 +43,7 @@ def test_a_discrete_connection_is_equivariant_and_its_global_form_gives_it_back(
     assert apart(evaluate(connection.form, e, x, connection(x, x_next), x_next), e) <= ROUND_OFF
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_reduction_and_reconstruction_are_inverse(name):
     """(B32)–(B34): g_{k+1} = g_kΩσ_k⁻¹, and 𝒜 = g_{k+1}σ_k⁻¹g_{k+1}⁻¹."""
@@ -60,6 +62,7 @@ def test_reduction_and_reconstruction_are_inverse(name):
     assert apart(evaluate(jax.vmap(misfit), g0, g1, x0, x1, sigma), 0.0 * matrices(group, g0)) <= 20 * ROUND_OFF
 
 
+@pytest.mark.cases(8)
 @pytest.mark.parametrize("name", NAMES)
 def test_sigma_is_e_exactly_on_horizontal_steps(name):
     """σ = e ⇔ 𝒜 = e ⇔ F = Ω."""
@@ -72,6 +75,7 @@ def test_sigma_is_e_exactly_on_horizontal_steps(name):
     assert np.all(np.max(np.abs(steps), axis=(1, 2)) > 1e-2)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_change_of_section_conjugates_sigma_and_carries_horizontal_lifts_along(name):
     """g̃ = gχ(x)⁻¹: Ω̃ = χ(x)Ωχ(x⁺)⁻¹ and σ̃ = χ(x⁺)σχ(x⁺)⁻¹."""
@@ -104,6 +108,7 @@ def round_the_origin(t):
     return jnp.stack([jnp.cos(2 * jnp.pi * t), 0.5 * jnp.sin(4 * jnp.pi * t) + 0.2 * jnp.cos(2 * jnp.pi * t)])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SO3", "SE2", "SL2"])
 @pytest.mark.parametrize(("at", "order"), [("start", 1), ("middle", 2)])
 def test_the_holonomy_of_a_discretised_connection_converges_with_its_order(name, at, order):
@@ -118,6 +123,7 @@ def test_the_holonomy_of_a_discretised_connection_converges_with_its_order(name,
     assert abs(np.log2(errors[1] / errors[2]) - order) < 0.15 and abs(np.log2(errors[0] / errors[1]) - order) < 0.3
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SO3", "SE3", "Heisenberg"])
 def test_the_holonomy_of_small_loops_is_their_area_times_curvature(name):
     """exp(−ε²B(u, v)), B(u, v) = DA(u)v − DA(v)u − [Au, Av]; the third order falls out between ε and −ε."""
@@ -148,6 +154,7 @@ def test_a_path_lifted_from_time_to_time_is_the_whole_lift():
     assert apart(coarse[-1], fine[-1]) < 1e-11
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_mechanical_connection_makes_momentum_vanish(name):
     """∂_ξℓ(−A(x)ẋ, x, ẋ) = 0."""
@@ -159,6 +166,8 @@ def test_the_mechanical_connection_makes_momentum_vanish(name):
     assert np.max(np.abs(state.mu)) <= ROUND_OFF * np.max(np.abs(moving.mu))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["left", "right", "midpoint", "trapezoidal"])
 @pytest.mark.parametrize("name", ["SO3", "SE2", "SL2"])
 def test_motion_with_momentum_zero_is_the_horizontal_lift_of_its_shapes(name, rule):
@@ -177,6 +186,7 @@ def test_motion_with_momentum_zero_is_the_horizontal_lift_of_its_shapes(name, ru
     assert apart(connection(x[0], x[1]), other_step(x[0], x[1])) <= ROUND_OFF
 
 
+@pytest.mark.long
 def test_the_discrete_mechanical_connection_tends_to_the_continuous_one_with_the_order_of_the_rule():
     system = kinetic_system("SE2")
     exact = co.holonomy(co.mechanical_connection(system), round_the_origin)

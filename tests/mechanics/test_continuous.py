@@ -53,6 +53,7 @@ def here(system, state):
     return node(system, state, Point(state.xi, state.n, state.nu, state.a, state.t))
 
 
+@pytest.mark.cases(1)
 def test_accelerations_move_the_legendre_momenta_as_the_equations_say(forced):
     """d/dt (∂_ξℓ, ∂_νℓ) along (ξ̇, ν̇, ṅ, ȧ) = (μ̇, π̇) of (P20), (P21)."""
     system, state = forced
@@ -69,6 +70,7 @@ def test_accelerations_move_the_legendre_momenta_as_the_equations_say(forced):
     close(found[1], expected[1])
 
 
+@pytest.mark.cases(6)
 def test_theorem_2_holds_at_every_state(forced):
     """d/dt ⟨c, m⟩ = ⟨c, ∂_aℓ⋄a + T − f⋄n⟩ for c = Ad_{g⁻¹}c₀, every c₀ at once: d/dt of the spatial momentum."""
     system, state = forced
@@ -81,6 +83,7 @@ def test_theorem_2_holds_at_every_state(forced):
     close(*evaluate(both, state), size=10)
 
 
+@pytest.mark.cases(6)
 def test_total_body_momentum_obeys_its_equation(forced):
     """ṁ = ad*_ξ m + ∂_aℓ⋄a + T − f⋄n."""
     system, state = forced
@@ -93,6 +96,7 @@ def test_total_body_momentum_obeys_its_equation(forced):
     close(*evaluate(both, state), size=10)
 
 
+@pytest.mark.cases(6)
 def test_energy_changes_by_the_power_of_the_forces(forced):
     """Ė = ⟨T, ξ⟩ + ⟨f, ν⟩ − ∂_tℓ."""
     system, state = forced
@@ -106,6 +110,7 @@ def test_energy_changes_by_the_power_of_the_forces(forced):
     close(*evaluate(both, state), size=10)
 
 
+@pytest.mark.cases(1)
 def test_velocities_invert_the_legendre_transform(free):
     system, state = free
     off = state.replace(xi=state.xi + 1e-2, nu=state.nu - 1e-2)
@@ -123,6 +128,7 @@ def _hamiltonian_gradients(system, state):
     return jax.jacfwd(hamiltonian, argnums=(0, 1, 2, 3))(state.mu, state.pi, state.n, state.a)
 
 
+@pytest.mark.cases(1)
 def test_gradients_of_the_reduced_hamiltonian(free):
     """ξ = ∂_μℋ, ν = ∂_πℋ, ∂_nℓ = −∂_nℋ, ∂_aℓ = −∂_aℋ (P6–P9)."""
     system, state = free
@@ -136,6 +142,7 @@ def test_gradients_of_the_reduced_hamiltonian(free):
         close(found, expected)
 
 
+@pytest.mark.cases(1)
 def test_motion_is_generated_by_the_bracket(free):
     """ḟ = {f, ℋ} for a random linear f of (μ, π, n, a)."""
     system, state = free
@@ -167,6 +174,7 @@ def test_motion_is_generated_by_the_bracket(free):
 ALONG = ["SO3", "SE3", "SL2"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("world", ALONG)
 def test_theorem_2_and_energy_along_an_exact_solution(world):
     """I(T) − I(0) = ∫⟨c, Δ⟩dt by Gauss–Legendre quadrature; E is constant; the reference is good to 1e-12."""
@@ -191,6 +199,8 @@ def test_theorem_2_and_energy_along_an_exact_solution(world):
     np.testing.assert_allclose(energies, energies[0], rtol=1e-11)
 
 
+@pytest.mark.long
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("world", ["SO4", "Heisenberg", "R3", "SO2", "SO3 alone"])
 def test_momenta_of_the_isotropy_algebra_are_conserved_along_an_exact_solution(world):
     system, start = random_system(world)
@@ -221,6 +231,7 @@ def test_reference_at_the_start_alone_is_the_start():
     close(found.xi[0], start.xi)
 
 
+@pytest.mark.long
 def test_reference_from_a_record_goes_on_with_its_momenta():
     """A record's (ξ, ν) are those of a step, off by O(h) from the velocities of its momenta."""
     system, start = random_system("SO3")

@@ -68,6 +68,7 @@ def test_quadratic_drag_is_smooth_at_rest():
         assert np.all(np.isfinite(near)) and np.max(np.abs(near)) < 1e-150
 
 
+@pytest.mark.long
 def test_a_body_with_quadratic_drag_is_integrated_and_differentiated_from_rest():
     def forces(motion, p):
         push = jnp.where(motion.t > 0.25, p.push, 0.0) * jnp.array([1.0, 0.0, 0.0])

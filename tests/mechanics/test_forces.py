@@ -63,6 +63,7 @@ WRONG = {
 }  # fmt: skip
 
 
+@pytest.mark.cases(16)
 @pytest.mark.parametrize(("forces", "words"), WRONG.values(), ids=WRONG)
 def test_what_is_no_force_is_refused_in_one_sentence(forces, words):
     with pytest.raises(co.LagrangianError) as caught:
@@ -75,6 +76,7 @@ def test_a_force_on_a_system_without_additional_dynamics_is_refused():
         run(lambda motion: co.Force(force=jnp.zeros(3)), additional=None)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("torque", [[0, 0, 1], np.array([0, 0, 1])], ids=["list", "array"])
 def test_whole_numbers_are_forces_too(torque):
     system = body(lambda motion: co.Force(torque=torque))

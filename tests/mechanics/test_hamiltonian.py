@@ -71,10 +71,12 @@ def given_both_ways(world: str) -> tuple[co.System, co.System, co.State, co.Stat
 FLAT_CASES = [case for case in pairwise_cases() if case[0] not in CURVED]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("world", "tau", "rule"),
     [
-        pytest.param(*case, id="-".join(case), marks=() if i % 4 == 0 else pytest.mark.further)
+        pytest.param(*case, id="-".join(case), marks=() if i % 4 == 0 else pytest.mark.long)
         for i, case in enumerate(FLAT_CASES)
     ],
 )
@@ -102,6 +104,8 @@ def relativistic_top(**how) -> tuple[co.System, co.State]:
     return top, top.state(xi=[0.3, 0.9, 0.2], a0=[0, 0.6, 0.8])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_a_hamiltonian_that_is_not_quadratic_moves_as_its_lagrangian(rule):
     """2000 native steps from ξ near 1, the speed that nothing reaches, where μ is large."""
@@ -117,6 +121,8 @@ def test_a_hamiltonian_that_is_not_quadratic_moves_as_its_lagrangian(rule):
     np.testing.assert_allclose(ends[0].g, ends[1].g, rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["left", "midpoint", "trapezoidal"])
 def test_steps_of_a_hamiltonian_are_symplectic_and_keep_the_momentum(rule):
     """Two tangents through a step: Newton inside and outside is differentiated."""
@@ -133,6 +139,8 @@ def test_steps_of_a_hamiltonian_are_symplectic_and_keep_the_momentum(rule):
     np.testing.assert_allclose(last, first, rtol=0, atol=1e-14)
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("rule", "order"), [("right", 1), ("midpoint", 2), ("trapezoidal", 2)])
 def test_a_rule_of_a_hamiltonian_has_its_order(rule, order):
     top, start = relativistic_top(hamiltonian=relativistic)
@@ -170,6 +178,7 @@ def test_derivatives_of_the_lagrangian_of_a_hamiltonian_to_third_order():
     np.testing.assert_allclose(third(by_h), third(by_l), rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.long
 def test_on_a_sphere_the_momentum_is_tangent_and_energy_is_kept_at_second_order():
     """A weight on a sphere whose mass differs with height: E is bounded, at half the step four times smaller."""
 

@@ -33,6 +33,7 @@ def closed_form(inertia, momentum):
     return scale * np.sinh(np.arcsinh(3 * momentum / (inertia * scale)) / 3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.1, 0.03])
 @pytest.mark.parametrize("inertia", [1e-2, 1e-4])
 def test_energy_of_a_lagrangian_that_is_not_quadratic_is_that_of_the_closed_form(inertia, dt):
@@ -103,6 +104,7 @@ def swinging():
     return system, system.state(q=[0.3, 0, 1.0], qdot=nu, xi=-np.cross(ARM, nu) / INERTIA)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("mu", [0.0, 1e-17, 1e-12, 1e-3])
 def test_a_momentum_that_is_what_cancellation_left_has_velocities_to_round_off(mu):
     """The residual of μ counts beside what ξ and ν alone would give, r×ν ≈ 1.3, however small μ is."""
@@ -120,6 +122,7 @@ def test_a_momentum_that_is_what_cancellation_left_has_velocities_to_round_off(m
     assert still.residual <= 1e-14
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("off", [1e-3, 1e-6])
 @pytest.mark.parametrize("mu", [0.0, 1e-17, 1e-12])
 def test_what_has_not_converged_beside_a_cancelled_momentum_is_told(mu, off, monkeypatch):

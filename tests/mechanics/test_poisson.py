@@ -42,6 +42,7 @@ def functions(state: co.State, count: int, *words: object):
     return made
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", FLAT)
 def test_the_bracket_is_antisymmetric_and_satisfies_jacobi(world):
     _, state = random_system(world)
@@ -58,6 +59,7 @@ def test_the_bracket_is_antisymmetric_and_satisfies_jacobi(world):
     assert abs(np.sum(cycle)) <= 1e-13 * size and abs(one + other) <= 1e-13 * abs(one)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", FLAT)
 def test_the_vector_field_of_the_energy_is_the_motion(world):
     """X_ℋ is (P20)–(P22)."""
@@ -91,10 +93,12 @@ def poisson_tensor(state: co.State):
 CASES = [case for case in pairwise_cases() if case[0] in FLAT]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("world", "tau", "rule"),
     [
-        pytest.param(*case, id="-".join(case), marks=() if i % 7 == 0 else pytest.mark.further)
+        pytest.param(*case, id="-".join(case), marks=() if i % 7 == 0 else pytest.mark.long)
         for i, case in enumerate(CASES)
     ],
 )
@@ -124,6 +128,7 @@ def test_unforced_steps_are_poisson_maps(world, tau, rule):
     np.testing.assert_allclose(carried, there, rtol=0, atol=1e-12 * size)
 
 
+@pytest.mark.long
 def test_the_bracket_of_a_curved_space_is_refused():
     system, state = random_system("SO3 on a sphere")
     with pytest.raises(ArgumentError, match="flat space"):
@@ -174,6 +179,7 @@ def test_the_casimirs_of_the_heavy_top_and_of_its_underwater_relative():
     assert set(formulas(top)) == {"a0^2 + a1^2 + a2^2", "m0 a0 + m1 a1 + m2 a2"}
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", WORLDS)
 def test_casimirs_commute_with_everything_and_are_kept_by_every_step(world):
     """{C, k} = 0 for every k, which is ad*_{∂C}μ = 0 where only μ is; steps move (m, a) on coadjoint orbits."""

@@ -158,6 +158,7 @@ def test_a_table_that_is_made_once_inside_the_lagrangian_must_be_one_of_numpy(nu
         turning(lagrangian)
 
 
+@pytest.mark.long
 def test_pure_functions_that_rebuild_their_constants_pass():
     table: dict[str, np.ndarray] = {}
 

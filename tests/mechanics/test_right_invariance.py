@@ -60,6 +60,7 @@ def direct(duration: float) -> dict[str, np.ndarray]:
     return {"mu": y[:4], "g": y[4:8].reshape(2, 2), "pi": y[8:10], "n": y[10:12], "a": y[12:]}
 
 
+@pytest.mark.long
 def test_a_run_follows_the_right_invariant_equations_written_out_in_matrices():
     system = right()
     method = co.KahanLi6(co.Midpoint(co.Exponential()))
@@ -102,6 +103,7 @@ class TestOneBodyBothWays:
             for s, at in ((body, first), (space, second))
         ]
 
+    @pytest.mark.cases(1)
     @pytest.mark.parametrize("method", [co.Midpoint(), co.Trapezoidal(co.Exponential())], ids=["midpoint", "trapezoid"])
     def test_the_motions_are_the_same_to_round_off(self, method):
         body, space = self.runs(method=method)
@@ -114,6 +116,7 @@ class TestOneBodyBothWays:
         np.testing.assert_allclose(space.dataset.a_z, R[:, :, 2], atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_momentum_in_the_body_stays_where_no_parameter_takes_part():
     free = co.System(co.SO3(), lambda xi: 0.5 * xi @ (J * xi), invariance="right")
     start = free.state(g=co.attitude.zyx(0.1, 0.2, 0.3), xi=[0.5, -1.0, 0.2])
@@ -166,6 +169,7 @@ def test_a_start_is_in_the_right_frame(system, start):
     assert (system.invariance, damped("left").invariance) == ("right", "left")
 
 
+@pytest.mark.long
 def test_datasets_and_the_card_name_the_frames(run):
     data = run.dataset
     assert "damped on SO3(), right-invariant" in str(run)
@@ -195,6 +199,7 @@ def test_a_stepper_does_the_same_to_the_bit(system, start):
     np.testing.assert_array_equal(stepper.state.mu, final.mu)
 
 
+@pytest.mark.long
 def test_files_hold_the_run_to_the_bit_and_are_told_from_those_of_a_left_invariant_one(system, start, run, tmp_path):
     run.save(tmp_path / "run.nc")
     co.simulate(system, start, dt=0.02, steps=100, accuracy=False, store=tmp_path / "store")

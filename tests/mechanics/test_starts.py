@@ -152,6 +152,7 @@ def plane():
     return co.DirectProduct(co.Heisenberg(1), co.Heisenberg(1)), on_plane, exact
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("make", [plane, sphere])
 def test_point_vortices_turn_as_their_closed_forms_say(make):
     group, hamiltonian, exact = make()
@@ -175,6 +176,7 @@ def test_without_a_legendre_transform_other_methods_name_the_one_that_runs():
         co.simulate(system, system.state(mu=exact(0.0)), dt=0.1, steps=5)
 
 
+@pytest.mark.long
 def test_where_the_hamiltonian_is_regular_its_steps_are_those_of_the_midpoint_rule():
     """A heavy body with additional dynamics and a torque."""
 
@@ -215,6 +217,7 @@ def flight():
     return co.simulate(ball, ball.state(q=[0, 0, 0], qdot=[1.5, 0, 0]), dt=0.1, steps=10, progress=False)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("keep", "speed"), [("momentum", 3.0), ("velocity", 1.5)])
 def test_what_stays_when_a_payload_is_dropped_is_said_and_stands_on_the_card(flight, keep, speed):
     between = jax.tree.map(lambda leaf: leaf[0], flight.at([0.55]))

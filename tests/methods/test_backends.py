@@ -17,7 +17,7 @@ from systems import MAPS, RULES, all_cases, pairwise_cases, random_system
 STEPS, H = 6, 0.05
 
 INDEXED = [
-    (index, case) if index % 4 in (0, 3) else pytest.param(index, case, marks=pytest.mark.further)
+    (index, case) if index % 4 in (0, 3) else pytest.param(index, case, marks=pytest.mark.long)
     for index, case in enumerate(pairwise_cases())
 ]
 """Half of the pairwise cases always, free and forced ones; they meet every world, map and rule."""
@@ -64,19 +64,21 @@ def by_xla(program, constants, state):
     return chunk.records, chunk.final, chunk.iterations
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("index", "case"), INDEXED)
 def test_native_steps_are_the_steps_of_the_reference(index, case):
     """Free and forced systems in turn."""
     check(case, index % 2 == 1, by_numpy)
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize("case", all_cases(), ids="-".join)
 def test_native_steps_are_the_steps_of_the_reference_in_all_cases(case):
     check(case, False, by_numpy)
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize("case", pairwise_cases()[::3], ids="-".join)
 def test_native_steps_are_those_of_xla(case):
     check(case, True, by_xla)

@@ -43,6 +43,7 @@ def spatial_momentum(system, records):
     return records.each(total)
 
 
+@pytest.mark.long
 def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
     system, start = bodies(LONG)
     begun, method = co.Midpoint().begin(system, start, 0.05), co.Midpoint()
@@ -65,6 +66,7 @@ def test_a_long_chain_conserves_its_momentum_and_goes_on_to_the_bit():
     assert whole.records.memory is None
 
 
+@pytest.mark.long
 def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
     system, start = bodies(4, "ring", [(0, 1), (1, 2), (2, 3), (3, 0)])
     native, xla = (co.trajectory(system, start, dt=0.05, steps=20, backend=kind) for kind in ("native", "xla"))
@@ -72,6 +74,7 @@ def test_native_code_and_the_structure_of_the_coupling_find_the_same_motion():
         assert np.max(np.abs(ours - theirs), initial=0.0) < 1e-13
 
 
+@pytest.mark.long
 def test_native_code_takes_chains_of_small_links_as_far_as_it_compiles_soon():
     """30 links on SO(3), 60 that are not paired, 20 on a ring, 10 on SE(3); and the motion of 21 is that by XLA."""
     system, start = bodies(21)
@@ -88,6 +91,7 @@ def test_native_code_takes_chains_of_small_links_as_far_as_it_compiles_soon():
     assert not Coupled(11, (6,), co.Power(co.SE3(), 11).pairs).native
 
 
+@pytest.mark.long
 def test_a_long_chain_composed_of_substeps_is_of_order_four():
     system, start = bodies(LONG)
 
@@ -109,6 +113,7 @@ def dragged(motion, p):
     return co.Force(torque=(-0.1 * motion.xi).at[0].add(motion.inputs))
 
 
+@pytest.mark.long
 def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_energy():
     """Theorem 7 to round-off; the energy changes by the work of the forces, to the order of the rule."""
     system, start = bodies(LONG, forces=dragged)
@@ -126,6 +131,7 @@ def test_a_long_chain_with_a_torque_and_friction_closes_its_balance_and_its_ener
     assert abs(energy[-1] - energy[0]) > 0.01
 
 
+@pytest.mark.long
 def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():
     values = np.array([1.5, 2.5])
     system, start = bodies(LONG, stiffness=co.each(values))
@@ -137,6 +143,7 @@ def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():
             assert np.max(np.abs(ours - theirs)) < 1e-12
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("stiffness", [2.0, co.each([2.0, 3.0])], ids=["alone", "together"])
 def test_a_chain_that_native_code_takes_carries_its_factors_by_xla(stiffness):
     system, start = bodies(4, stiffness=stiffness)
@@ -151,6 +158,7 @@ def test_a_chain_that_native_code_takes_carries_its_factors_by_xla(stiffness):
         assert np.shape(ours) == (*several, *np.shape(one))
 
 
+@pytest.mark.long
 def test_its_motion_by_xla_is_that_of_native_code():
     system, start = bodies(4)
     ours, theirs = (
@@ -160,6 +168,7 @@ def test_its_motion_by_xla_is_that_of_native_code():
     assert np.max(np.abs(ours.mu - theirs.mu)) < 1e-13
 
 
+@pytest.mark.long
 def test_the_card_tells_how_often_factors_were_computed():
     """Once in a slow motion; in a fast one as often as iterations went beyond eight with the same ones, at least."""
     system, start = bodies(4)
@@ -172,6 +181,7 @@ def test_the_card_tells_how_often_factors_were_computed():
     assert f"go on from step to step, computed anew {fast.summary()['factor_renewals']} times" in str(fast)
 
 
+@pytest.mark.long
 def test_a_pair_that_a_discrete_lagrangian_joins_is_named_too():
     def discrete(xi, h):
         return h * (0.5 * jnp.sum(xi**2) + 0.1 * xi[3] @ xi[17])
@@ -191,6 +201,7 @@ def test_links_that_act_on_each_other_without_being_a_pair_are_named():
         co.trajectory(system, start, dt=0.05, steps=1)
 
 
+@pytest.mark.long
 def test_links_are_an_axis_of_what_the_lagrangian_and_forces_read():
     seen = {}
 
@@ -239,6 +250,7 @@ def test_a_pair_that_is_missing_is_named_in_any_units():
         co.Midpoint().begin(system, start, 0.05)
 
 
+@pytest.mark.long
 def test_links_that_act_on_each_other_only_where_they_move_are_named():
     def rare(xi, a, p):
         return chain(xi, a, p) + 0.1 * (xi[3] @ xi[17]) ** 2

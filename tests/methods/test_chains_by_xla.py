@@ -23,6 +23,8 @@ def bodies(stiffness):
     return system, system.state(xi=np.stack([np.sin(s), 0.5 * np.cos(s), 0.2 + 0 * s], axis=1))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("stiffness", [2.0, co.each([2.0, 3.0])], ids=["alone", "together"])
 def test_a_run_goes_on_from_its_folder_to_the_bit(stiffness, tmp_path, monkeypatch):
     """Records and checkpoints of runs that carry factors: of one that was cut, and of one that has ended."""
@@ -46,6 +48,7 @@ def test_a_run_goes_on_from_its_folder_to_the_bit(stiffness, tmp_path, monkeypat
         assert again.dataset.drop_attrs().identical(whole.dataset.drop_attrs())
 
 
+@pytest.mark.long
 def test_a_trajectory_by_xla_carries_its_factors_as_a_run_does():
     system, start = bodies(2.0)
     run = co.simulate(system, start, dt=0.05, steps=40, backend="xla", monitors=False, accuracy=False)
@@ -56,6 +59,7 @@ def test_a_trajectory_by_xla_carries_its_factors_as_a_run_does():
     np.testing.assert_allclose(native.final.mu, again.final.mu, rtol=0, atol=1e-13)
 
 
+@pytest.mark.long
 def test_the_end_of_a_trajectory_within_jit_begins_the_next_one():
     """Without factors as the start has none: jax.lax.scan takes states of one structure alone."""
     system, start = bodies(2.0)
@@ -69,6 +73,7 @@ def test_the_end_of_a_trajectory_within_jit_begins_the_next_one():
     assert jax.tree.structure(end) == jax.tree.structure(begun)
 
 
+@pytest.mark.long
 def test_a_stepper_by_xla_carries_its_factors_as_a_run_does_and_takes_states_without_them():
     system, start = bodies(2.0)
     ours, native = (co.Stepper(system, start, dt=0.05, backend=kind) for kind in ("xla", "native"))

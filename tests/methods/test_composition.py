@@ -125,6 +125,8 @@ ADJOINTS = [
 ]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "rule", "forced", "given"), ADJOINTS)
 def test_the_adjoint_undoes_a_step_backwards(world, tau, rule, forced, given):
     """Φ*_h ∘ Φ₋ₕ = id, with forces too; `given`: of a discrete Lagrangian."""
@@ -140,6 +142,8 @@ def test_the_adjoint_undoes_a_step_backwards(world, tau, rule, forced, given):
     assert method.adjoint.adjoint == method
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SO3", "SE2"])
 def test_the_adjoint_of_the_left_rule_given_as_a_discrete_lagrangian_is_the_right_rule(name):
     system, start = random_system(name, True)
@@ -160,6 +164,7 @@ def test_symmetrised_right_rectangle_is_the_left_right_pair():
     assert co.Symmetrised(co.Midpoint()).order == 2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_composed_run_keeps_momentum_and_its_order_of_energy(backend):
     """The vehicle over 20 s; twice the steps bring the energy error down by 2⁶."""
@@ -177,6 +182,7 @@ def test_a_composed_run_keeps_momentum_and_its_order_of_energy(backend):
         assert run.largest("newton_residual") < 1e-14
 
 
+@pytest.mark.long
 def test_the_gradient_of_a_composed_run_is_that_of_differences():
     entry = co.models.catalogue["heavy_top"]
     system = entry.make()

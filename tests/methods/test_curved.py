@@ -79,6 +79,7 @@ def problem(request):
     return lagrangian, exact
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_rules_have_their_orders_on_the_sphere(problem, rule):
     lagrangian, exact = problem
@@ -101,6 +102,7 @@ def test_spherical_pendulum_alone_follows_its_equation():
     np.testing.assert_allclose(exact.g @ exact.n, found, rtol=0, atol=1e-9)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_vertical_momentum_is_kept_at_round_off_over_2000_steps(name, rule):
@@ -119,6 +121,7 @@ def test_vertical_momentum_is_kept_at_round_off_over_2000_steps(name, rule):
     assert off <= 1e-12
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["trapezoidal", "pair"])
 def test_the_bob_stays_on_the_sphere_over_40000_steps(rule):
     """Round-off in |n| − 1 must not grow from step to step: it would go into π, and so into the vertical momentum."""
@@ -131,6 +134,7 @@ def test_the_bob_stays_on_the_sphere_over_40000_steps(rule):
     assert np.max(np.abs(vertical - vertical[0])) <= 2e-13 * (np.linalg.norm(start.mu) + np.linalg.norm(start.pi))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_result_does_not_depend_on_frame_and_retraction(rule):
     """Newton ends within 1e-14 of the same solution whatever its coordinates."""
@@ -139,6 +143,7 @@ def test_result_does_not_depend_on_frame_and_retraction(rule):
     assert distance(one, other) <= 2e-13 * np.max(np.abs(one.mu))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", [rule for rule in RULES if rule != "midpoint"])
 def test_result_does_not_depend_on_the_extension_off_the_sphere(rule):
     """ℓ + (|n|² − 1)·(…) is the same Lagrangian for rules with nodes on the sphere; a chord's midpoint lies inside."""
@@ -162,6 +167,7 @@ def test_another_chart_is_another_chart():
     np.testing.assert_allclose(np.linalg.norm(x + two), 1.0, atol=1e-15)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 @pytest.mark.parametrize(("q", "v"), [([0, 0, 1], [1, 0, 0]), ([0, 1, 0], [1, 0, 0]), ([0, 0, -1], [0.6, 0.8, 0])])
 def test_a_point_moves_where_it_is_pushed_also_where_the_frame_of_the_sphere_has_its_seam(q, v, backend):

@@ -41,7 +41,7 @@ def forced_run(world: str, tau: str, rule: str) -> Run:
 @pytest.fixture(
     scope="module",
     params=pairwise_cases()
-    + [pytest.param(case, marks=pytest.mark.further) for case in all_cases() if case not in pairwise_cases()],
+    + [pytest.param(case, marks=pytest.mark.long) for case in all_cases() if case not in pairwise_cases()],
     ids="-".join,
 )
 def run(request) -> Run:
@@ -72,7 +72,7 @@ def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
     return co.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 
-@pytest.mark.budget(20)
+@pytest.mark.cases(1)
 def test_consecutive_steps_satisfy_the_discrete_equations(run):
     system = run.stepper.system
 
@@ -98,6 +98,7 @@ def test_consecutive_steps_satisfy_the_discrete_equations(run):
         close(before.w_next, after.w, run.scale)
 
 
+@pytest.mark.cases(6)
 def test_balance_of_theorem_7(run):
     system = run.stepper.system
     group, Q, V = system.places
@@ -127,6 +128,7 @@ def test_balance_of_theorem_7(run):
         close(change, by_sources, scale)
 
 
+@pytest.mark.cases(19)
 def test_balance_residual_certifies_a_step_and_sees_a_wrong_one(run):
     system, leap = run.stepper.system, run.leaps[-1]
     balance = tabulate(partial(leap.step.balance, system), leap.record, leap.h, leap.after)

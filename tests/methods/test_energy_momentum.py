@@ -42,6 +42,8 @@ def energies(system: co.System, found: list[Leap]) -> np.ndarray:
     return np.array([of(leap.record) for leap in found])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", CASES)
 def test_energy_is_kept_on_nonlinear_systems_over_many_groups(world):
     found = energies(*leaps(world, False))
@@ -49,6 +51,7 @@ def test_energy_is_kept_on_nonlinear_systems_over_many_groups(world):
     assert np.ptp(found) <= 2e-14 * np.max(np.abs(found))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", CASES)
 def test_momenta_of_the_isotropy_algebra_are_kept(world):
     system, found = leaps(world, False)
@@ -62,6 +65,7 @@ def test_momenta_of_the_isotropy_algebra_are_kept(world):
     assert max(balance) <= 1e-14
 
 
+@pytest.mark.long
 def test_energy_changes_by_the_work_of_the_forces_and_of_time():
     """Each of them is told apart, and the budget closes to round-off instead of to the order of the method."""
     system, found = leaps("SO3", True)
@@ -72,6 +76,8 @@ def test_energy_changes_by_the_work_of_the_forces_and_of_time():
     assert np.allclose(changes, np.sum(work, axis=1)[:-1], rtol=0, atol=2e-14 * np.max(np.abs(energies(system, found))))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SO4"])
 def test_a_step_back_undoes_a_step(world):
     system, found = leaps(world, True)
@@ -83,6 +89,7 @@ def test_a_step_back_undoes_a_step(world):
         assert np.allclose(getattr(back, name), getattr(first.record, name), rtol=0, atol=1e-13), name
 
 
+@pytest.mark.long
 def test_the_two_form_is_what_it_gives_up():
     system, start = random_system("SO3")
     method, random = co.EnergyMomentum(co.Cayley()), generator("two-form")
@@ -102,6 +109,7 @@ MODELS = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", MODELS)
 def test_one_point_keeps_the_energy_of_bodies_tops_and_vehicles_over_100000_steps(name):
     """Their ℋ is quadratic in (μ, π, n, a) together. Round-off adds up as a random walk, ε√N of the largest term."""
@@ -121,6 +129,7 @@ def test_one_point_keeps_the_energy_of_bodies_tops_and_vehicles_over_100000_step
     assert run.largest("balance") <= 2e-15 and run.largest("newton_residual") <= 2e-15
 
 
+@pytest.mark.long
 def test_a_composition_of_it_keeps_the_energy_at_order_four():
     vehicle = paper_vehicle.system()
     run = co.simulate(
@@ -134,6 +143,7 @@ def test_a_composition_of_it_keeps_the_energy_at_order_four():
     assert run.relative_change("energy") <= 1e-12
 
 
+@pytest.mark.long
 def test_several_points_keep_a_potential_that_is_not_quadratic():
     """A spring with a cubic force: the energy error falls from h² by points, and is round-off with four."""
 

@@ -25,7 +25,7 @@ from two_form import carry, tangents
 H, ROUND_OFF = 0.15, 2e-13
 QUICK = [("SO3 alone", "cayley", 3), ("SO3", "exponential", 2), ("SE2", "squared", 2), ("SL2", "bent", 2)]
 OTHERS = [(world, list(MAPS)[i % len(MAPS)], 2) for i, world in enumerate(WORLDS) if world != "SO3 on a sphere"]
-CASES = [*QUICK, *(pytest.param(*case, marks=pytest.mark.further) for case in OTHERS if case not in QUICK)]
+CASES = [*QUICK, *(pytest.param(*case, marks=pytest.mark.long) for case in OTHERS if case not in QUICK)]
 """Every world with the maps in turn, a few of them always."""
 
 cases = pytest.mark.parametrize(("world", "tau", "degree"), CASES, ids=lambda part: str(part).replace(" ", "_"))
@@ -112,6 +112,8 @@ def action_and_work(system, method, record, h):
     return inside, lambda mu, pi: jax.grad(boundary)(zero, mu, pi)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @cases
 def test_a_step_makes_the_action_with_the_forces_work_stationary(world, tau, degree):
     system, leap, scale = step_of(world, tau, degree)
@@ -126,6 +128,8 @@ def test_a_step_makes_the_action_with_the_forces_work_stationary(world, tau, deg
     assert np.max(np.abs(inside[0])) > 1e-3 * scale, "an action of nothing proves nothing"
 
 
+@pytest.mark.long
+@pytest.mark.cases(3)
 @cases
 def test_theorem_7_holds_to_round_off(world, tau, degree):
     system, leap, _ = step_of(world, tau, degree)
@@ -140,6 +144,8 @@ def test_theorem_7_holds_to_round_off(world, tau, degree):
     assert np.max(np.abs(source)) > 1e-4
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @cases
 def test_a_step_back_undoes_a_step(world, tau, degree):
     system, leap, scale = step_of(world, tau, degree)
@@ -149,6 +155,8 @@ def test_a_step_back_undoes_a_step(world, tau, degree):
     close((back.mu, back.pi), (leap.record.mu, leap.record.pi), scale)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "degree"), QUICK[:2], ids=lambda part: str(part).replace(" ", "_"))
 def test_unforced_steps_keep_the_two_form_and_momentum(world, tau, degree):
     system, start = random_system(world)
@@ -164,6 +172,8 @@ def test_unforced_steps_keep_the_two_form_and_momentum(world, tau, degree):
     close(directions @ momentum(after), directions @ momentum(record), 10 * np.max(np.abs(momentum(record))))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau"), [("SO3", "cayley"), ("SL2", "squared")])
 def test_degree_1_is_the_midpoint_rule(world, tau):
     system, start = random_system(world, forced=True)
@@ -179,8 +189,8 @@ def test_degree_1_is_the_midpoint_rule(world, tau):
 # (world, map, forced, degree, steps a second): errors from 1e-5 to 1e-12, above the round-off of the reference.
 ORDERS = [
     ("SO3", "cayley", True, 2, 8),
-    pytest.param("SE2", "squared", False, 2, 8, marks=pytest.mark.further),
-    pytest.param("SO3", "exponential", True, 3, 5, marks=pytest.mark.further),
+    pytest.param("SE2", "squared", False, 2, 8, marks=pytest.mark.long),
+    pytest.param("SO3", "exponential", True, 3, 5, marks=pytest.mark.long),
     ("SE2", "cayley", False, 3, 5),
     ("SO3", "cayley", True, 4, 6),
     ("SO3 alone", "cayley", False, 4, 4),
@@ -197,6 +207,8 @@ def coordinates(system, state):
     return np.concatenate([np.ravel(evaluate(system.group.matrix, state.g)), state.n, state.a, state.mu, state.pi])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "forced", "degree", "steps"), ORDERS)
 def test_order_is_twice_the_degree(world, tau, forced, degree, steps):
     system, start = random_system(world, forced)
@@ -216,6 +228,8 @@ def vehicle_run(method, **keywords):
     return co.simulate(vehicle, paper_vehicle.start(vehicle), dt=0.05, duration=5, method=method, **keywords)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("degree", [2, 3])
 def test_native_steps_are_the_steps_of_the_reference(degree):
     vehicle, method = paper_vehicle.system(), co.Galerkin(degree=degree)
@@ -225,6 +239,7 @@ def test_native_steps_are_the_steps_of_the_reference(degree):
     close(one.after, other.after, 200.0)
 
 
+@pytest.mark.long
 def test_a_vehicle_s_run_is_certified():
     """Energy within the band of order 6, where the midpoint rule's is 4e-7."""
     run = vehicle_run(co.Galerkin(degree=3), backend="native")
@@ -235,6 +250,7 @@ def test_a_vehicle_s_run_is_certified():
     assert run.relative_change("kelvin_noether") <= 1e-13
 
 
+@pytest.mark.long
 def test_gradients_of_a_trajectory():
     """d(q_z)/d(mass) by native code against a difference of two runs."""
     vehicle = paper_vehicle.system()
@@ -249,6 +265,7 @@ def test_gradients_of_a_trajectory():
     assert slope == pytest.approx((depth(123.9) - depth(123.7)) / 0.2, rel=1e-5)
 
 
+@pytest.mark.long
 def test_an_ensemble_is_its_members():
     vehicle, method = paper_vehicle.system(), co.Galerkin(degree=2)
     masses = [120.0, 123.8, 130.0]
@@ -259,6 +276,7 @@ def test_an_ensemble_is_its_members():
     np.testing.assert_allclose(fleet.dataset.q.values[2], one.dataset.q.values, rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_run_goes_on_from_its_last_record_with_another_degree():
     vehicle = paper_vehicle.system()
     first = vehicle_run(co.Galerkin(degree=2))
@@ -274,6 +292,7 @@ def test_a_run_file_gives_the_degree():
         method_of(MethodSection(name="Midpoint", degree=3))
 
 
+@pytest.mark.long
 def test_newton_starts_from_the_last_curve_as_its_new_frame_sees_it():
     """Two iterations a step where constant velocities would need three; the guess is off by O(h^s)."""
     vehicle = paper_vehicle.system()

@@ -44,6 +44,7 @@ def end_of(lagrangian, method, steps, duration=0.5):
     return Stepper(system, method, compiled=True).final(start, duration / steps, steps)
 
 
+@pytest.mark.long
 def test_a_body_in_a_carrier_that_it_does_not_feel_moves_as_a_free_body():
     """q = gn follows Euler's equations of its own: the reference is a free body alone, by the exponential, order 4."""
     alone = co.System(co.SO3(), lambda xi: 0.5 * xi @ (J_BODY * xi), name="alone")
@@ -55,6 +56,7 @@ def test_a_body_in_a_carrier_that_it_does_not_feel_moves_as_a_free_body():
     np.testing.assert_allclose(found.q.reshape(3, 3), expected.g, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_rule_has_its_order_on_a_group_as_a_space():
     exact = end_of(sprung, co.Suzuki4(co.Midpoint()), 160)
 
@@ -65,6 +67,7 @@ def test_the_rule_has_its_order_on_a_group_as_a_space():
     assert np.log2(error(20) / error(40)) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.long
 def test_momentum_and_the_group_are_kept_over_a_thousand_steps():
     """All three spatial momenta, relative to |μ| + |π|, and RᵀR = 1 of the inner body seen from the carrier."""
     system, start = system_on(sprung)

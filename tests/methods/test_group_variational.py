@@ -57,6 +57,8 @@ def test_derivatives_on_a_group_are_those_of_the_chart(name):
         close(found, expected)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "forced"), CASES)
 def test_steps_in_group_form_are_those_in_algebra_form(world, tau, forced):
     """Three steps, so that the chart is centred at increments other than the first."""
@@ -97,6 +99,8 @@ def body_momenta(system, run):
     return np.array([evaluate(system.group.hat, mu) for mu in run.records.mu])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("speed", [0.4, 1.2, 2.6])
 def test_the_rigid_body_of_moser_and_veselov_keeps_its_integrals_at_large_rotations(speed):
     """μ̂ = (FD − DFᵀ)/h up to the sign of the basis; Ad*_{g⁻¹}μ, |μ|², tr(μ̂²D²) and tr(FD) are integrals."""
@@ -117,6 +121,7 @@ def test_the_rigid_body_of_moser_and_veselov_keeps_its_integrals_at_large_rotati
     assert np.ptp(run.records.mu[:, 0]) > 0.05 * np.linalg.norm(run.records.mu[0]), "the motion is no fixed point"
 
 
+@pytest.mark.long
 def test_of_several_increments_with_one_momentum_the_continuation_keeps_to_its_own():
     """About a principal axis μ = J sin θ, so θ and π − θ have one momentum: both runs stay at their own angle."""
     system = moser_veselov(J)
@@ -131,6 +136,7 @@ def test_of_several_increments_with_one_momentum_the_continuation_keeps_to_its_o
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-14)
 
 
+@pytest.mark.long
 def test_the_chart_does_not_change_the_motion():
     system = moser_veselov(J)
     runs = [
@@ -198,7 +204,7 @@ def test_a_lagrangian_in_one_form_only_says_which_method_it_needs():
         co.simulate(system, start, dt=1.0, steps=3, method=co.Variational(start="velocity"))
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_native_code_and_xla_take_the_same_steps():
     system, start = random_group_system("SO3 alone")
     method = co.GroupVariational(co.Cayley(), "velocity")
@@ -206,6 +212,7 @@ def test_native_code_and_xla_take_the_same_steps():
     np.testing.assert_allclose(runs[0].records.g, runs[1].records.g, rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_last_increment_is_kept_where_a_run_goes_on_or_is_resumed(tmp_path):
     """F lives in the memory of the state: stored, resumed, and taken up by a run with the same step."""
     system = moser_veselov(J)
@@ -219,7 +226,7 @@ def test_the_last_increment_is_kept_where_a_run_goes_on_or_is_resumed(tmp_path):
     np.testing.assert_array_equal(stored.dataset.R.values, whole.records.g)
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_the_derivative_of_a_run_is_that_of_its_difference_quotient():
     """By the start's angular velocity, through the chart that is centred at the last increment."""
     import jax

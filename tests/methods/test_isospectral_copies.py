@@ -51,6 +51,7 @@ def direct(mu: np.ndarray, a: np.ndarray, sign: float, duration: float) -> np.nd
     return solve_ivp(slope, (0, duration), [*mu, *a], "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("invariance", "sign"), [("right", -1.0), ("left", 1.0)])
 def test_both_sides_follow_their_equations_at_order_two(invariance, sign):
     system = co.System(U3, hamiltonian=coupled, advected=co.Coadjoint(), invariance=invariance)
@@ -63,6 +64,7 @@ def test_both_sides_follow_their_equations_at_order_two(invariance, sign):
     assert np.max(np.abs(exact - np.concatenate([mu, a]))) > 0.1
 
 
+@pytest.mark.long
 def test_casimirs_are_kept_on_the_right():
     system = co.System(U3, hamiltonian=coupled, advected=co.Coadjoint(), invariance="right")
     casimirs = co.trace_casimirs(system)
@@ -75,6 +77,7 @@ def test_casimirs_are_kept_on_the_right():
     assert np.ptp(run.records.mu[:, 0]) > 0.05
 
 
+@pytest.mark.long
 def test_on_the_right_g_moves_along_and_the_momentum_in_the_body_stays():
     top = co.SOn(4)
     weights = np.linspace(0.5, 2.0, 6)
@@ -91,6 +94,7 @@ def test_on_the_right_g_moves_along_and_the_momentum_in_the_body_stays():
     np.testing.assert_allclose(run.final.g, other.final.g.T, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_power_and_a_product_have_the_same_steps():
     def energy(mu):
         rows = jnp.reshape(mu, (3, 3))
@@ -118,6 +122,7 @@ def ring(count: int, colatitude: float) -> np.ndarray:
     return np.column_stack([flat, np.full(count, np.cos(colatitude))])
 
 
+@pytest.mark.long
 def test_a_ring_of_two_hundred_vortices_turns_at_its_rate():
     """ω = Γ(N − 1) cos ϑ/(4πR² sin² ϑ) (Newton, section 4.2), here with NΓ = 4π."""
     count, colatitude = 200, 1.0

@@ -14,6 +14,7 @@ from coadjoint.methods.isospectral_fields import brackets, moved
 from systems import generator
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("group", [co.Un(6), co.SOn(12)], ids=repr)
 @pytest.mark.parametrize("size", [1e-12, 1e-200])
 def test_a_correction_in_single_precision_is_exact_to_round_off(group, size):
@@ -54,6 +55,7 @@ def test_a_value_with_the_derivatives_of_another_has_all_of_them():
     np.testing.assert_allclose(found, [64.0, 192.0, 480.0, 960.0], rtol=1e-15)
 
 
+@pytest.mark.long
 def test_second_derivatives_of_a_path_equal_differences_of_first():
     system = co.System(co.Un(3), hamiltonian=lambda mu: 0.5 * mu @ (np.arange(1.0, 10.0) * mu))
     start = system.state(mu=0.3 * generator("second").normal(size=9))

@@ -49,8 +49,10 @@ def casimirs(group, state):
     return np.array([*np.linalg.eigvalsh(1j * Theta), *traces])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
-    "group", [co.SUn(3), co.SO3(), *(pytest.param(group, marks=pytest.mark.further) for group in (co.Un(6), co.SOn(5)))]
+    "group", [co.SUn(3), co.SO3(), *(pytest.param(group, marks=pytest.mark.long) for group in (co.Un(6), co.SOn(5)))]
 )
 def test_casimirs_are_kept_to_round_off_whatever_the_tolerance(group):
     system, start = system_on(group)
@@ -80,8 +82,9 @@ def exact(system, start, duration):
     return solve_ivp(rate, (0, duration), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "group", [co.SUn(2), *(pytest.param(group, marks=pytest.mark.further) for group in (co.Un(3), co.SOn(4)))]
+    "group", [co.SUn(2), *(pytest.param(group, marks=pytest.mark.long) for group in (co.Un(3), co.SOn(4)))]
 )
 def test_steps_come_to_an_independent_integration_of_the_bracket_at_order_two(group):
     system, start = system_on(group)
@@ -93,6 +96,7 @@ def test_steps_come_to_an_independent_integration_of_the_bracket_at_order_two(gr
     assert np.max(np.abs((4 * second - first) / 3 - expected)) < 0.02 * errors[1]
 
 
+@pytest.mark.long
 def test_a_step_is_that_of_block_matrices():
     """X = [[Θ, W], [0, Θ]], Q = [[P, B], [0, P]]: X_k = (1 − εQ)X̃(1 + εQ), X_{k+1} = (1 + εQ)X̃(1 − εQ) by NumPy."""
     group = co.Un(3)
@@ -114,12 +118,13 @@ def test_a_step_is_that_of_block_matrices():
     np.testing.assert_allclose(matrix(group, after.mu), expected[:3, 3:], rtol=0, atol=4e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "order", "steps"),
     [
-        pytest.param(co.Suzuki4, 4, 16, marks=pytest.mark.further),
+        pytest.param(co.Suzuki4, 4, 16, marks=pytest.mark.long),
         (co.KahanLi6, 6, 16),
-        pytest.param(co.KahanLi8, 8, 16, marks=pytest.mark.further),
+        pytest.param(co.KahanLi8, 8, 16, marks=pytest.mark.long),
     ],
     ids=["4", "6", "8"],
 )
@@ -133,7 +138,8 @@ def test_orders_of_compositions(method, order, steps):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
 
 
-@pytest.mark.parametrize("tolerance", [pytest.param(1e-14, marks=pytest.mark.further), 1e-5])
+@pytest.mark.long
+@pytest.mark.parametrize("tolerance", [pytest.param(1e-14, marks=pytest.mark.long), 1e-5])
 def test_gradients_equal_differences_whatever_the_tolerance(tolerance):
     """Of W and Θ after 6 steps, along a change of the start and of a parameter, forward and reverse."""
     system, start = system_on(co.Un(2))
@@ -157,6 +163,7 @@ def test_gradients_equal_differences_whatever_the_tolerance(tolerance):
     np.testing.assert_allclose(reverse, forward, rtol=1e-11)
 
 
+@pytest.mark.long
 def test_a_run_watches_all_casimirs_and_may_carry_g():
     system, start = system_on(co.Un(3))
     system = system.watching(co.trace_casimirs(system, degree=4))
@@ -173,6 +180,7 @@ def test_a_run_watches_all_casimirs_and_may_carry_g():
     np.testing.assert_allclose(run.final.a, evaluate(system.group.Ad_dual, run.final.g, start.a), atol=1e-14)
 
 
+@pytest.mark.long
 def test_members_of_an_ensemble_run_as_alone():
     """Without g, with an a₀ of each member's own."""
     system, start = system_on(co.SUn(2))
@@ -186,6 +194,7 @@ def test_members_of_an_ensemble_run_as_alone():
         np.testing.assert_allclose(run.final.a[k], end.a, atol=1e-14)
 
 
+@pytest.mark.long
 def test_two_fields_of_one_momentum():
     """Each has its spectrum, the traces of products of both stay, and the order is two."""
     group = co.SUn(3)
@@ -222,6 +231,7 @@ def test_what_does_not_move_as_the_momentum_is_refused():
         co.trace_casimirs(one(co.SO3(), advected=co.Defining()))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("slope", [0.8, -0.8])
 def test_a_slow_contraction_is_followed_to_its_tolerance(slope):
     """It is not taken for round-off at 1e-11, nor are its derivatives left at a loose tolerance of the equations."""

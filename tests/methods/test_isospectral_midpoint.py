@@ -47,6 +47,8 @@ def path(system, start, steps, method=None, h=H):
     return co.trajectory(system, start, dt=h, steps=steps, method=method or co.IsospectralMidpoint())
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("group", [co.Un(5), co.SUn(3), co.SOn(5), co.SO3()], ids=repr)
 def test_spectrum_is_kept_to_round_off_whatever_the_tolerance(group):
     system, start = system_on(group)
@@ -57,6 +59,7 @@ def test_spectrum_is_kept_to_round_off_whatever_the_tolerance(group):
         np.testing.assert_allclose(after, before, rtol=0, atol=1e-14)
 
 
+@pytest.mark.long
 def test_a_step_is_that_of_the_published_equations():
     """W = (1 − εP̃)W̃(1 + εP̃), W' = (1 + εP̃)W̃(1 − εP̃) with complex matrices, solved by NumPy alone."""
     group = co.Un(4)
@@ -75,6 +78,7 @@ def test_a_step_is_that_of_the_published_equations():
     np.testing.assert_allclose(matrix(group, after), expected, rtol=0, atol=2e-15)
 
 
+@pytest.mark.long
 def test_carried_g_turns_the_momentum():
     """μ_k = Ad*_{g_k} of one spatial momentum, and the motion is that without g."""
     system, start = system_on(co.Un(3))
@@ -128,6 +132,7 @@ def test_a_step_from_unknowns_that_are_off_turns_the_momentum_by_g(large, monkey
     assert np.linalg.norm(mu) == pytest.approx(np.linalg.norm(start.mu), abs=4e-15)
 
 
+@pytest.mark.long
 def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
     """On U(8), with a basis out of reach."""
     monkeypatch.setattr(matrix_coordinates, "LARGEST_BASIS", 0)
@@ -151,12 +156,13 @@ def test_runs_without_g_have_momenta_and_refuse_what_needs_g(monkeypatch):
         co.simulate(system, run.final, dt=H, steps=2, method=co.HamiltonianMidpoint())
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "order", "steps"),
     [(lambda base: base, 2, 32), (co.Suzuki4, 4, 16), (co.KahanLi6, 6, 16), (co.KahanLi8, 8, 16)],
     ids=["2", "4", "6", "8"],
 )
-@pytest.mark.budget(15)
 def test_orders(method, order, steps):
     system, start = system_on(co.Un(4))
     exact = path(system, start, 96, co.KahanLi8(co.IsospectralMidpoint()), 3.2 / 96).final.mu
@@ -166,6 +172,7 @@ def test_orders(method, order, steps):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
 
 
+@pytest.mark.long
 def test_gradients_equal_differences():
     """Of the momentum after 12 steps, in the start, forward and reverse, and in a parameter."""
     system, start = system_on(co.Un(3))
@@ -190,6 +197,7 @@ def test_gradients_equal_differences():
     np.testing.assert_allclose(in_scale, difference(lambda e: value(start.mu, 1.0 + e)), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_run_that_is_cut_goes_on_to_the_same_bits():
     """What the iteration starts from is in the state."""
     system, start = system_on(co.SUn(3))
@@ -205,6 +213,7 @@ def test_a_run_that_is_cut_goes_on_to_the_same_bits():
     assert np.any(forgot.mu != whole.mu)
 
 
+@pytest.mark.long
 def test_energy_that_time_changes_is_counted():
     group = co.Un(3)
     weights = np.linspace(0.5, 1.5, group.dim)
@@ -215,6 +224,7 @@ def test_energy_that_time_changes_is_counted():
     assert np.ptp(budget) < 1e-3 < 0.1 < np.ptp(run.dataset.energy.values)
 
 
+@pytest.mark.long
 def test_what_does_not_fit_is_refused():
     system, start = system_on(co.Un(3))
     wrong: Any = (
@@ -246,6 +256,7 @@ def test_what_does_not_fit_is_refused():
         co.trajectory(system, start, dt=30.0, steps=3, method=co.IsospectralMidpoint())
 
 
+@pytest.mark.long
 def test_the_step_that_is_named_where_one_was_too_long_is_the_longest_half_that_is_solved():
     system, start = system_on(co.Un(3))
     method = co.IsospectralMidpoint()
@@ -325,6 +336,7 @@ def test_a_guess_is_the_polynomial_through_as_many_steps_as_are_not_wild():
         np.testing.assert_allclose(weights, [-2.0, 3.0, *np.zeros(STEPS - 2)], atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_rates_of_steps_leave_a_guess_that_one_iteration_ends():
     """With weights of 127: they are those of the corrected momentum, to round-off of the momentum."""
     fluid = fluids.euler(8)
@@ -337,6 +349,7 @@ def test_the_rates_of_steps_leave_a_guess_that_one_iteration_ends():
     assert 0 < np.max(np.abs(rates[0] - difference)) < 1e-14 * np.max(np.abs(z)) / 0.05
 
 
+@pytest.mark.long
 def test_a_step_is_the_same_with_and_without_what_its_iteration_found():
     """By `advance` of a record alone, and of one that has it, of which the spectrum is kept as well."""
     system, start = system_on(co.Un(4))

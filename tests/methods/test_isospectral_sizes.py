@@ -13,6 +13,8 @@ from systems import generator
 SMALL = [1.0, 1e-6, 1e-12]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("size", SMALL)
 @pytest.mark.parametrize("tolerance", [1e-14, 1e-8])
 def test_what_is_carried_keeps_its_spectrum_whatever_its_size(size, tolerance):
@@ -31,6 +33,8 @@ def test_what_is_carried_keeps_its_spectrum_whatever_its_size(size, tolerance):
     assert np.max(np.abs(last - first)) < 2e-14 * np.max(np.abs(first))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("size", SMALL)
 def test_a_weak_vortex_stays_on_its_sphere_beside_a_strong_one(size):
     from coadjoint.models import point_vortices

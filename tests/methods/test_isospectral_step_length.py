@@ -8,6 +8,7 @@ import pytest
 import coadjoint as co
 
 
+@pytest.mark.long
 def test_reverse_mode_by_the_step_length_is_that_of_differences():
     def energy(mu, p):
         return 0.5 * jnp.sum(p.rates * mu**2)

@@ -58,6 +58,7 @@ def test_rotation_does_not_depend_on_the_speed_of_a_slider_it_does_not_feel(meth
     assert many == few
 
 
+@pytest.mark.cases(1)
 @BACKENDS
 @pytest.mark.parametrize("speed", [1e2, 1e4])
 def test_a_body_that_does_not_turn_is_not_solved_for_below_the_round_off_of_its_advance(speed, run):
@@ -95,6 +96,8 @@ def certified(program, constants, state, shift):
     return float(evaluate(residual, constants, state, np.float64(H)))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @RULES
 def test_the_residual_of_a_rotation_is_relative_to_its_own_momentum(method):
     """An error of 1e-6 in ξ shows as one, however much momentum a slider has."""

@@ -37,6 +37,7 @@ def test_jacobian_of_the_exponential_scheme(omega):
     assert np.max(np.abs(scheme.jacobian(omega, 0.3, without_h=True) - expected)) > 1e-5
 
 
+@pytest.mark.long
 def test_printed_argument_of_alpha_destroys_the_kelvin_noether_quantity():
     """Relative drift over 20 s: 1e-4, 2.4e-5, 6e-6 at h = 0.1, 0.05, 0.025 as printed; ≤ 4e-13 at θ = h‖ω‖."""
     for h, expected in ((0.1, 1e-4), (0.05, 2.4e-5), (0.025, 6e-6)):
@@ -64,6 +65,7 @@ def test_left_rule_with_velocity_start_is_the_paper_s_scheme(scheme):
 SLOW, FAR = np.radians([10.0, 0.0, 20.0]), np.array([270.0, 135.0, 270.0])
 
 
+@pytest.mark.long
 def test_s_as_the_unknown_loses_the_kelvin_noether_quantity_far_from_the_origin():
     """s = n + hν keeps ν to |n| 1e-16/h only; relative to |Mν||n|, 3000 steps of 0.01 s with |n| ≈ 400 m."""
     scale = np.linalg.norm(M @ VELOCITY) * np.linalg.norm(FAR)

@@ -47,12 +47,13 @@ def _check(world, tau, rule):
         assert error <= ROUND_OFF * max(scale, 1.0), name
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(("world", "tau", "rule"), SINGLE)
 def test_node_form_is_the_derivative_of_the_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize(("world", "tau", "rule"), [case for case in all_cases() if case[2] != "pair"])
 def test_every_node_form_is_the_derivative_of_its_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)

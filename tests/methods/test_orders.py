@@ -60,6 +60,8 @@ def problem(request) -> Problem:
     return Problem(*random_system(world, forced), MAPS[tau])
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("rule", ALL_RULES)
 def test_rule_has_its_order(problem, rule):
     method = ALL_RULES[rule](problem.tau)
@@ -67,6 +69,8 @@ def test_rule_has_its_order(problem, rule):
     assert problem.order(method, 40, 2) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("rule", ["midpoint", "trapezoidal", "pair"])
 def test_suzuki_composition_has_order_4(problem, rule):
     method = co.Suzuki4(RULES[rule](problem.tau))
@@ -74,6 +78,7 @@ def test_suzuki_composition_has_order_4(problem, rule):
     assert problem.order(method, 12, 1.5) == pytest.approx(4, abs=0.2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", ["midpoint", "trapezoidal", "pair"])
 def test_velocity_start_costs_the_second_order(problem, rule):
     """The given velocities are then taken at the rule's own node, h/2 off or the like."""
@@ -91,6 +96,7 @@ class Claimed(co.Variational):
         return state
 
 
+@pytest.mark.long
 def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():
     """Λ of the midpoint rule with H = cay(hξ/2): order 4 with F = H², order 3 with F = cay(hξ), whose half H is not."""
     world, start = random_system("SL2")
@@ -109,6 +115,7 @@ def test_a_rule_that_is_not_truly_symmetric_is_exposed_by_composition():
     assert problem.order(co.Suzuki4(Claimed(co.Cayley())), 12, 1.5) == pytest.approx(3, abs=0.2)
 
 
+@pytest.mark.cases(1)
 def test_the_energy_momentum_method_has_order_2(problem):
     tau = co.Exponential() if problem.tau == co.Exponential() else co.Cayley()
     method = co.EnergyMomentum(tau, points=1)

@@ -35,6 +35,7 @@ def run(system, method, steps):
     return co.trajectory(system, start, dt=1.0 / steps, steps=steps, method=method).final.mu
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("method", "order"), [(lambda b: b, 2), (co.Suzuki4, 4)], ids=["alone", "Suzuki4"])
 def test_a_symmetric_rule_of_ones_own_has_order_two_and_composed_four(method, order):
     system = body(potential_at_both_nodes)
@@ -71,6 +72,7 @@ def test_the_members_of_an_ensemble_are_asked_for_symmetry_too():
         co.simulate(system, start, dt=0.1, steps=2, method=co.Variational(symmetric=True, start="velocity"))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("shares", [[0.5, 0.5, 1.0], [1.0, 0.5, 0.5]], ids=["the last is not", "the first is not"])
 def test_every_member_is_asked_for_symmetry_with_its_own_parameters(shares):
     """The potential stands at the left node with one share, at the right one with the rest."""

@@ -1,5 +1,6 @@
 """Native code takes the steps of the reference on Lagrangians that nobody chose."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from test_backends import STEPS, H, assert_same, by_numpy
@@ -11,6 +12,7 @@ from coadjoint.methods.program import Constants, StepProgram
 from systems import MAPS, RULES, WORLDS, system_on
 
 
+@pytest.mark.long
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     world=some.sampled_from(["SO3 alone", "SO3", "SE2", "SO2", "R3"]),

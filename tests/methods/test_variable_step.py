@@ -35,6 +35,7 @@ def held(name: str, method: co.Method, steps: int = 100_000):
     return co.simulate(body, model.start(body), dt=MODELS[name][0], steps=steps, method=method, save_every=10)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", MODELS)
 def test_discrete_energy_is_constant_over_100000_steps(name):
     run = held(name, co.VariableStep())
@@ -48,6 +49,7 @@ def test_discrete_energy_is_constant_over_100000_steps(name):
     assert run.relative_change("energy") > 1e-9
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", MODELS)
 def test_momenta_are_kept_as_with_fixed_steps(name):
     run, fixed = held(name, co.VariableStep()), held(name, co.Simpson())
@@ -66,6 +68,7 @@ def excess(name: str, rule: co.Method) -> np.ndarray:
     return (E[:-1] - 0.5 * (H[1:] + H[:-1])) / MODELS[name][0] ** 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
 def test_the_discrete_energy_of_simpson_stays_on_one_side(tau):
     """It must, for an h to exist everywhere; that of the midpoint rule crosses over."""
@@ -84,6 +87,7 @@ def test_the_excess_of_a_steady_turn_over_cayley_has_its_closed_form():
     assert found == pytest.approx(-(2.0**2) * (3.0 * 2.0 * 2.0) / 16, rel=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["underwater_vehicle", "kirchhoff_ellipsoid"])
 def test_h_goes_with_the_cube_root_of_the_excess(name):
     """E − ℋ = 3h²K, and h³K is constant along the orbit up to O(h²), where K itself varies by its own size."""
@@ -100,6 +104,7 @@ def test_h_goes_with_the_cube_root_of_the_excess(name):
     assert variation(h[:-1] ** 3 * K) < 1e-3 and variation(K) > 0.5
 
 
+@pytest.mark.long
 def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
     run = held("kirchhoff_ellipsoid", co.VariableStep(co.Midpoint()), 5_000)
     fixed = run.summary()["steps_fixed"]
@@ -108,6 +113,7 @@ def test_where_no_step_holds_the_energy_fixed_ones_are_counted_and_told():
     assert f"{fixed:,} of 5,000 steps" in str(run) and len(run.warnings) == 1 and f"{fixed:,} of" in run.warnings[0]
 
 
+@pytest.mark.long
 def test_energy_is_held_over_the_steps_that_are_not_fixed():
     model = catalogue["kirchhoff_ellipsoid"]
     body = model.make()
@@ -121,6 +127,7 @@ def test_energy_is_held_over_the_steps_that_are_not_fixed():
     assert np.all((memory.ratio > 0.5) & (memory.ratio < 2.0))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("off", [0.0, 1e-4])
 def test_at_and_near_a_relative_equilibrium_all_steps_are_fixed(off):
     """A body that spins about a principal axis, oblique in its frame: any h holds E, and round-off must not choose."""
@@ -135,6 +142,7 @@ def test_at_and_near_a_relative_equilibrium_all_steps_are_fixed(off):
     assert run.final.t == pytest.approx(25.0, rel=1e-14)
 
 
+@pytest.mark.long
 def test_symplectic_in_extended_phase_space():
     """ω + δ₁E δ₂t − δ₂E δ₁t is kept by (g, n, μ, π, t) ↦ the next node on the surface E_k = E, and ω alone is not."""
     system, start = timeless("SO3")
@@ -195,6 +203,7 @@ def carried(system, program, constants, state, h, d1: Tangents, d2: Tangents, dE
     return before, plain + dE[0] * t2 - dE[1] * t1, plain, size + size_after
 
 
+@pytest.mark.long
 def test_native_and_reference_steps_are_the_same():
     model, h = catalogue["simo_wong_top"], 0.02
     system = model.make()
@@ -214,6 +223,7 @@ def test_native_and_reference_steps_are_the_same():
         state = result.after
 
 
+@pytest.mark.long
 def test_times_are_those_of_the_nodes_in_memory_and_in_a_store(tmp_path):
     model = catalogue["simo_wong_top"]
     top = model.make()
@@ -259,6 +269,7 @@ def test_what_does_not_fit_is_refused():
         co.simulate(tops, model.start(model.make()), dt=1e-4, steps=1, method=co.VariableStep())
 
 
+@pytest.mark.long
 def test_an_interrupted_run_goes_on_with_its_energy_and_its_last_step(tmp_path, monkeypatch):
     model = catalogue["simo_wong_top"]
     top = model.make()
@@ -294,7 +305,7 @@ def test_native_code_says_that_steps_that_may_fail_have_no_derivative():
         jax.grad(lambda inertia: turned(inertia, "native"))(np.diag([1.0, 2.0, 3.0]))
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_gradients_go_through_xla():
     with co.float64():
         slope = jax.grad(turned)(np.diag([1.0, 2.0, 3.0]))

@@ -29,6 +29,8 @@ CASES = [
 ]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "rule", "forced"), CASES)
 def test_discrete_lagrangian_of_a_rule_gives_its_step(world, tau, rule, forced):
     """Forces enter at the left node, so forced runs compare with the left rule."""

@@ -133,6 +133,7 @@ def test_inertia_about_the_mass_centre_is_moved_to_the_pivot_by_steiner():
     assert np.max(np.abs(moved - (np.diag([2, 2, 1]) - m * hat @ hat))) <= 1e-15
 
 
+@pytest.mark.long
 def test_a_model_made_inside_grad_is_differentiated_through_its_checks():
     def depth(mass):
         system = vehicle(mass=mass)

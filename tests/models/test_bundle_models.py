@@ -20,6 +20,7 @@ def angle(R) -> float:
 # Elroy's beanie.
 
 
+@pytest.mark.long
 def test_a_turn_of_the_cap_turns_the_body_by_its_share_of_the_inertia():
     """A = I₂/(I₁ + I₂) is flat: after ψ from 0 to 2π the body has turned by −2πI₂/(I₁ + I₂)."""
     system = beanie.make(body=3.0, cap=1.0, stiffness=2.0)
@@ -59,6 +60,8 @@ def bend_round(size):
     return lambda t: size * jnp.stack([jnp.cos(2 * jnp.pi * t), jnp.sin(2 * jnp.pi * t)])
 
 
+@pytest.mark.long
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(("ratio", "size"), [(0.25, 1.0), (0.25, 2.0), (0.4, 0.6), (0.9, 1.3)])
 def test_a_cat_that_carries_its_bend_round_turns_about_its_spine_by_the_closed_form(ratio, size):
     """Equal bodies of revolution, axial and transverse inertia J and I, bent by 2β: 2πJ cos β/(J cos²β + I sin²β).
@@ -75,6 +78,7 @@ def test_a_cat_that_carries_its_bend_round_turns_about_its_spine_by_the_closed_f
     assert np.max(np.abs(turned - about_the_spine)) <= 1e-11
 
 
+@pytest.mark.long
 def test_a_cat_of_kane_and_schers_proportions_turns_over_with_a_bend_of_59_degrees():
     """J/I = 1/4: half a turn at cos β = (√13 − 1)/3."""
     cat = falling_cat.make(axial=(0.0025, 0.0025), transverse=(0.01, 0.01), **EQUAL)
@@ -115,7 +119,7 @@ def test_the_momentum_of_the_cat_is_that_of_its_two_bodies_in_space():
     assert np.max(np.abs(evaluate(momentum, np.float64(0.0)) - state.mu)) <= 1e-16
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_a_cat_moved_by_its_muscles_turns_over_as_the_horizontal_lift_of_its_shapes():
     """Torques in the joint leave the momentum at zero, whatever they are."""
     entry = catalogue["falling_cat"]
@@ -153,6 +157,7 @@ def test_the_connection_of_a_straight_swimmer_is_the_closed_form():
     assert np.max(np.abs(co.mechanical_connection(system)([0.0, 0.0]) - expected)) <= 1e-15
 
 
+@pytest.mark.long
 def test_circles_do_not_swim():
     """Added mass that is the same in all directions leaves the mean of the centres where it is."""
     system = swimmer.make(semi_axes=(0.3, 0.3), density=1.0, stiffness=0.0)
@@ -166,6 +171,7 @@ def test_circles_do_not_swim():
     assert np.max(np.abs(found - found[0])) <= 1e-12 and np.max(np.abs(place - place[0])) > 0.1
 
 
+@pytest.mark.long
 def test_a_stroke_there_and_back_goes_nowhere_and_a_loop_does():
     """What Purcell's scallop is to viscous fluids: a path in a line of shapes has no holonomy."""
     connection = co.mechanical_connection(catalogue["three_link_swimmer"].make())

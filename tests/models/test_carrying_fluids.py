@@ -32,6 +32,7 @@ def diagonals(M):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rotation", [0.0, 0.7])
 def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations(rotation):
     """P = Δ⁻¹(W − F), B = ΔΘ, ε = h/(2ħ); W̃ and Θ̃ by iteration, W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]), in NumPy."""
@@ -55,6 +56,8 @@ def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations(rotation)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("model", [fluids.magnetohydrodynamics, fluids.boussinesq])
 def test_what_carries_nothing_moves_as_a_fluid_on_a_sphere_that_turns(model):
     """θ = 0 or b = 0: Euler's equations with the same Ω, whose waves turn at the rate of Rossby and Haurwitz."""
@@ -82,6 +85,7 @@ def wave(fluid, degree, order, background, frequency):
     return abs((4 * ends[1] - ends[0]) / 3), abs(ends[0]) / abs(ends[1])
 
 
+@pytest.mark.long
 def test_waves_of_alfven_have_their_frequency():
     """Over θ = b cos ϑ: ω = mb√(1 − 2/(l(l + 1))), at every N > l."""
     degree, order, strength = 3, 2, 0.8
@@ -90,6 +94,7 @@ def test_waves_of_alfven_have_their_frequency():
     assert error < 1e-4 and ratio == pytest.approx(4, abs=0.2)
 
 
+@pytest.mark.long
 def test_waves_of_gravity_have_their_frequency():
     """Over b = n² cos ϑ: ω = mn/√(l(l + 1)), at every N > l."""
     degree, order, n = 3, 2, 1.5
@@ -98,7 +103,8 @@ def test_waves_of_gravity_have_their_frequency():
     assert error < 1e-4 and ratio == pytest.approx(4, abs=0.2)
 
 
-@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.long)])
 def test_a_flow_along_its_field_stands(sign):
     """ψ = ±θ balances at any amplitude, so that what moves is the error of steps, of order h²."""
     fluid = fluids.magnetohydrodynamics(6)
@@ -112,6 +118,7 @@ def test_a_flow_along_its_field_stands(sign):
     assert off[0] < 1e-2 and np.log2(off[0] / off[1]) == pytest.approx(2, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_magnetic_fluid_keeps_its_casimirs_and_exchanges_energy():
     fluid = fluids.magnetohydrodynamics(7, rotation=0.4)
     vorticity, theta = fluids.random_vorticity(4, 4), 0.5 * fluids.random_vorticity(5, 4)
@@ -136,6 +143,7 @@ def test_a_magnetic_fluid_keeps_its_casimirs_and_exchanges_energy():
     assert run.dataset.magnetic_energy.attrs["units"] == "1/s^2"
 
 
+@pytest.mark.long
 def test_heavy_fluid_over_light_turns_over():
     """Buoyancy that falls with height: potential energy becomes motion, and their sum stays."""
     fluid = fluids.boussinesq(6)

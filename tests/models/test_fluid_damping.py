@@ -21,6 +21,7 @@ def path(fluid, start, steps, method, duration=1.0):
     return co.trajectory(fluid, start, dt=duration / steps, steps=steps, method=method).final
 
 
+@pytest.mark.long
 def test_a_wave_decays_at_its_rate_and_turns_at_its_own():
     """c(t) = c(0) e^{imct} e^{−(ν(l(l+1) − 2) + α)t}, c = 2Ω/(l(l+1)): its size to round-off, its angle to order h²."""
     l, m = 4, 3
@@ -35,6 +36,7 @@ def test_a_wave_decays_at_its_rate_and_turns_at_its_own():
     assert errors[1] < 4e-3 and np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.long
 def test_without_rotation_a_wave_decays_to_round_off_whatever_the_step():
     fluid = fluids.euler(6)
     c = fluids.rossby_haurwitz(3, 2, 0.4 + 0.1j)
@@ -44,6 +46,7 @@ def test_without_rotation_a_wave_decays_to_round_off_whatever_the_step():
     assert np.max(np.abs(found[4:])) < 1e-15
 
 
+@pytest.mark.long
 def test_stirring_turns_a_sphere_up_to_where_drag_holds_it():
     """c_10 → f_10/α without viscosity, which a solid rotation does not feel; of ν alone it grows as f t."""
     fluid, f = fluids.euler(4), np.zeros((2, 2))
@@ -55,6 +58,7 @@ def test_stirring_turns_a_sphere_up_to_where_drag_holds_it():
         assert c[1, 0] == pytest.approx(expected, rel=1e-14) and np.sum(np.abs(c)) == pytest.approx(expected)
 
 
+@pytest.mark.long
 def test_a_turbulent_decay_is_of_order_2_and_loses_energy():
     fluid = fluids.euler(8, rotation=0.3)
     start = fluids.start(fluid, fluids.random_vorticity(5, degree=6))
@@ -69,6 +73,7 @@ def test_a_turbulent_decay_is_of_order_2_and_loses_energy():
     assert run.relative_change("energy") > 0.1 and not run.warnings
 
 
+@pytest.mark.long
 def test_without_damping_it_is_the_isospectral_step_and_gradients_go_through():
     fluid = fluids.euler(4)
     start = fluids.start(fluid, fluids.random_vorticity(5, degree=3))
@@ -84,6 +89,7 @@ def test_without_damping_it_is_the_isospectral_step_and_gradients_go_through():
     assert slope == pytest.approx(float(value(1e-5) - value(-1e-5)) / 2e-5, rel=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stirred", [False, True])
 def test_a_solid_rotation_of_a_sphere_that_turns_decays_by_drag_alone(stirred):
     """ω = 2α cos ϑ on a sphere that turns with Ω feels drag, not Ω: α(t) = α(0) e^{−αt}; with stirring of 0 as well."""
@@ -111,6 +117,7 @@ def test_compositions_with_substeps_backwards_are_refused_where_viscosity_damps_
     assert require_forward(fluid, co.Suzuki4(fluids.DampedMidpoint()), start, 0.5) == []
 
 
+@pytest.mark.long
 def test_steps_back_in_time_undo_those_forward_as_far_as_round_off_allows():
     """λ = ν(3·4 − 2) + α = 2.8/s amplifies by 1e8 over 6.6 s, 13 steps of 0.5 s."""
     fluid = fluids.euler(4)

@@ -31,6 +31,7 @@ def gridded(ran):
     return fluids.fields(fluid, run, 7, 12)
 
 
+@pytest.mark.long
 def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: Path):
     """ω = 2α sin φ + 2 Re(a Y_21), ψ = −ω/2 and −ω/6 of the two, energy and enstrophy those of the run."""
     fluid, run = ran
@@ -52,6 +53,7 @@ def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: P
         assert data.latitude.attrs["standard_name"] == "latitude" and data.latitude.attrs["units"] == "degrees_north"
 
 
+@pytest.mark.long
 def test_fields_of_files_are_those_of_the_run_and_latitudes_are_found_by_their_number(ran, tmp_path: Path):
     fluid, run = ran
     run.save(tmp_path / "run.nc")
@@ -60,6 +62,7 @@ def test_fields_of_files_are_those_of_the_run_and_latitudes_are_found_by_their_n
     assert data.vorticity.sel(latitude=30, longitude=84).shape == (5,) and "carried" not in data
 
 
+@pytest.mark.long
 def test_fields_of_a_member_of_an_ensemble():
     fluid = fluids.euler(4)
     starts = [fluids.start(fluid.replace(rotation=w), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)).mu for w in (0.0, 1.0)]
@@ -81,6 +84,8 @@ def test_fields_of_a_member_of_an_ensemble():
             fluids.fields(fluid, run)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("model", "units"), [(fluids.magnetohydrodynamics, "s-1"), (fluids.boussinesq, "s-2")])
 def test_fields_hold_what_the_flow_carries(model, units):
     fluid, carried = model(4, rotation=0.7), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)

@@ -138,6 +138,7 @@ def test_vortices_have_their_profile():
     np.testing.assert_allclose(omega, expected, atol=1e-12)
 
 
+@pytest.mark.long
 def test_waves_of_rossby_and_haurwitz_turn_at_their_rate_without_change_of_form():
     """c = 2(Ω + α)/(l(l + 1)) − α westwards, at N = l + 3, and nothing else appears, both to order h²."""
     rotation, spin, degree, order, duration = 0.7, 0.3, 3, 2, 1.0
@@ -158,6 +159,7 @@ def test_waves_of_rossby_and_haurwitz_turn_at_their_rate_without_change_of_form(
         assert np.log2(found[0] / found[1]) == pytest.approx(2, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_turbulent_fluid_keeps_energy_and_enstrophy():
     fluid = fluids.euler(9)
     start = fluids.start(fluid, fluids.random_vorticity(7, degree=8))
@@ -171,6 +173,7 @@ def test_a_turbulent_fluid_keeps_energy_and_enstrophy():
     assert np.max(np.abs(c[-1] - c[0])) > 0.1
 
 
+@pytest.mark.long
 def test_a_fluid_goes_on_from_the_harmonics_of_its_end_and_any_scale_of_shares_is_the_same():
     fluid = fluids.euler(6, rotation=0.5)
     shares = np.array([0.0, 1.0, 2.0, 0.5])
@@ -183,6 +186,7 @@ def test_a_fluid_goes_on_from_the_harmonics_of_its_end_and_any_scale_of_shares_i
     np.testing.assert_allclose(fluids.start(fluid, found).mu, end.mu, rtol=0, atol=1e-14)
 
 
+@pytest.mark.long
 def test_a_spectrum_does_not_drift():
     """Random signs of round-off over 4000 steps leave 5e-15; what each step leaves of its iteration would add up."""
     fluid = fluids.euler(8)
@@ -192,6 +196,7 @@ def test_a_spectrum_does_not_drift():
     assert np.max(np.abs(last - first)) < 1.2e-14 * np.max(np.abs(first))
 
 
+@pytest.mark.long
 def test_datasets_have_units():
     size: Any = np.int64(3)
     fluid = fluids.euler(size)

@@ -48,6 +48,7 @@ def test_the_traces_are_those_of_the_matrices():
     assert set(found) == {(2, 0), (3, 1), (4, 0), (4, 2), (5, 1), (5, 3)}  # 10 − 2 Casimirs = 2 · 4 integrals
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.IsospectralMidpoint(), co.LeftRectangle(co.Cayley())], ids=["iso", "left"])
 def test_both_rules_keep_the_casimirs_and_hold_the_spectral_curve_in_a_band(method):
     """The left rule, too, has the order 2 where no parameter is advected."""
@@ -80,6 +81,8 @@ def test_in_three_dimensions_it_is_eulers_body():
     np.testing.assert_allclose(second.mu, [first.mu[2], -first.mu[1], first.mu[0]], atol=1e-13)
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("order", "grows"), [((0, 1, 2), False), ((1, 0, 2), True), ((2, 0, 1), False)])
 def test_turns_in_one_plane_stand_and_are_unstable_about_the_middle_axis(order: tuple[int, ...], grows: bool):
     """In four dimensions with the fourth axis at rest: σ² = Ω²(I_c − I_a)(I_b − I_c)/(I_a I_b), as Euler's."""
@@ -105,6 +108,7 @@ def test_turns_in_one_plane_stand_and_are_unstable_about_the_middle_axis(order: 
         assert np.max(away) < 1e-5
 
 
+@pytest.mark.long
 def test_fifty_dimensions_step():
     """1225 momenta: no basis is formed."""
     system = manakov.body(moments=np.linspace(1.0, 2.0, 50))

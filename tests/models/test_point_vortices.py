@@ -29,6 +29,7 @@ def turns(r: np.ndarray) -> np.ndarray:
     return np.diff(np.unwrap(np.arctan2(r[:, 1], r[:, 0])))
 
 
+@pytest.mark.long
 def test_two_vortices_turn_by_arcsin_of_h_times_their_rate():
     gamma, d, h = [1.0, 2.0], 0.8, 0.1
     r, run = moved(gamma, [[0.3, 0.1], [0.3 + d, 0.1]], h, 40)
@@ -63,11 +64,12 @@ class TestThomsonsRing:
     Γ/(4πR²) √(m(N − m)(m(N − m) − 2(N − 1))): up to N = 6 none does, N = 7 is neutral, from N = 8 on it falls apart.
     """
 
+    @pytest.mark.long
     def test_seven_turn_at_their_rate(self):
         r, _ = moved(np.full(7, 2.0), ring(7, 1.5), 0.1, 20, monitors=False)
         np.testing.assert_allclose(turns(r[:, 0]), np.arcsin(0.1 * 2.0 * 6 / (4 * np.pi * 1.5**2)), rtol=1e-11)
 
-    @pytest.mark.budget(14)
+    @pytest.mark.long
     def test_up_to_six_it_is_stable_and_eight_fall_apart_at_the_rate_of_the_alternating_wave(self):
         for count in (6, 8):
             m, alternating = count // 2, (-1.0) ** np.arange(count)

@@ -81,6 +81,8 @@ def test_riemanns_ellipsoids_turn_and_stream_within(axes: tuple[float, float]):
     np.testing.assert_allclose(C_dot, turn @ C - C @ turn, atol=1e-13)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("swap", [False, True], ids=["Jacobi", "Dedekind"])
 def test_jacobis_ellipsoid_turns_and_dedekinds_streams_and_both_keep_their_shape(swap: bool):
     """Dedekind's theorem: with F also Fᵀ is a motion, and a figure that turns becomes one that stands."""
@@ -128,6 +130,7 @@ def test_an_elastic_body_turns_steadily_where_its_stretches_balance():
     assert np.max(np.abs(U)) > 0.5 and np.max(np.abs(U_dot)) < 1e-13 and np.max(np.abs(C_dot)) < 1e-14
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("mode", "square"),
     [(np.eye(3), 0.5 * (2 * 2.0 + 3 * 3.0) / 0.4), (np.diag([1.0, -1.0, 0.0]), 2 * 0.5 * 2.0 / 0.4)],
@@ -144,6 +147,7 @@ def test_it_swings_about_rest_at_its_frequencies(mode: np.ndarray, square: float
     assert abs((4 * ends[1] - ends[0]) / 3) < 1e-5
 
 
+@pytest.mark.long
 def test_a_map_that_does_not_turn_with_the_body_keeps_no_circulation():
     """τ(Ad_Qξ) = Qτ(ξ)Q⁻¹ does not hold of coordinates of the second kind."""
     body = rubber((0.4, 0.4, 0.4))
@@ -155,6 +159,8 @@ def test_a_map_that_does_not_turn_with_the_body_keeps_no_circulation():
     assert max(np.ptp(run.dataset[f"circulation_{axis}"].values) for axis in "xyz") > 1e-8
 
 
+@pytest.mark.long
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("method", [co.Midpoint(), co.LeftRectangle(co.Exponential())], ids=["midpoint", "left"])
 @pytest.mark.parametrize("moments", [(0.4, 0.4, 0.4), (0.4, 0.6, 0.5)], ids=["round", "not round"])
 def test_circulation_is_kept_by_the_symmetry_within_and_angular_momentum_by_that_of_space(method, moments):

@@ -10,6 +10,7 @@ import coadjoint as co
 from coadjoint.models import toda
 
 
+@pytest.mark.long
 def test_two_particles_move_as_in_closed_form():
     """With d = q₁ − q₂: d̈ = −2eᵈ, so eᵈ = κ²/cosh²(κ(t − t₀)) with κ² = ḋ²/4 + eᵈ."""
     q, p = np.array([0.0, 0.3]), np.array([1.0, -0.5])
@@ -28,6 +29,7 @@ def test_two_particles_move_as_in_closed_form():
     assert gap == pytest.approx(2 * np.log(np.cosh(kappa * (4.0 - reached)) / kappa), abs=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("particles", [3, 4])
 def test_any_number_moves_as_the_factorisation_says(particles: int):
     """exp(tL₀) = QR with R_ii > 0, L(t) = QᵀL₀Q (Symes, Physica D 4 (1982)), which is Moser's solution."""
@@ -64,6 +66,7 @@ def test_particles_leave_each_other_with_exchanged_momenta_and_the_shifts_of_mos
     np.testing.assert_allclose(found, np.diff(shift[::-1]), atol=1e-3)
 
 
+@pytest.mark.long
 def test_eigenvalues_stay_and_stand_in_order_at_the_end():
     system = toda.lattice(particles=4)
     start = toda.start(system, positions=[0.0, 0.2, 0.1, 0.5], momenta=[1.0, -0.4, 0.7, -0.2])

@@ -154,6 +154,7 @@ def ensemble(members):
     return made.assign_coords(member=np.arange(members))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [3, 40])
 def test_an_ensemble_shows_every_member(members):
     figure = Plots(ensemble(members)).energy()
@@ -192,6 +193,7 @@ def test_bad_arguments_are_refused_in_one_sentence(call, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("name", [*figure_names(films=False), "variable"])
 @pytest.mark.parametrize("group", ["SO3()", "SE3()"])
 def test_nothing_is_cut_off_at_the_edge_of_a_figure(name, group):
@@ -210,6 +212,8 @@ def test_nothing_is_cut_off_at_the_edge_of_a_figure(name, group):
     assert min(fonts) >= 7
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_figures_are_written_whole(tmp_path, ending):
     names = save_figures([dataset()], tmp_path, ending=ending)
@@ -254,6 +258,7 @@ def test_the_users_own_settings_are_left_alone():
     assert figure.axes[1].yaxis.label.get_fontsize() == 8
 
 
+@pytest.mark.long
 def test_drawing_needs_neither_pyplot_nor_jax_nor_a_display():
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]);"

@@ -350,7 +350,7 @@ def test_without_webgl_the_track_is_drawn_from_above(browser, tmp_path):
     assert browser.errors == []
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_a_frame_of_ten_vehicles_takes_four_milliseconds_of_script(browser, tmp_path):
     """How many frames a second SwiftShader draws at 960 × 540 is printed alone: others use the processor, too."""
     runs = [turning(600, place) for place in np.linspace(-1, 1, 10)]

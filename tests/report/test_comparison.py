@@ -69,6 +69,7 @@ def test_angles_are_compared_within_half_a_turn(coarse):
     assert compare(coarse.dataset, turned).largest["euler_angles"] < 1e-12
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("other", "words"),
     [
@@ -82,6 +83,7 @@ def test_runs_that_do_not_fit_are_refused(coarse, other, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_the_command_compares_folders_and_draws_both(coarse, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     coarse.save("coarse.nc")

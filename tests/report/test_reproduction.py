@@ -34,6 +34,8 @@ def summary(folder):
     return json.loads((folder / "summary.json").read_text())
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["cayley", "exponential"])
 def test_the_paper_run_conserves_what_the_paper_says(summary, name):
     run = summary[name]
@@ -75,6 +77,7 @@ def test_the_report_quotes_what_was_measured(folder, summary):
         assert (folder / figure).stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_second_reproduction_into_the_folder_finds_the_first(folder):
     assert reproduce(folder) is None
     with pytest.raises(FileError, match="another run"):

@@ -34,7 +34,7 @@ QUICK = (
 
 
 def selected(cases):
-    marks = {True: (), False: (pytest.mark.further,)}
+    marks = {True: (), False: (pytest.mark.long,)}
     return [pytest.param(case, id=case.name, marks=marks[case.name in QUICK]) for case in cases]
 
 
@@ -42,6 +42,7 @@ def warned(run):
     return [sentence for sentence in run.warnings if "does not resolve this motion" in sentence]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", selected(UNRESOLVED))
 def test_a_run_that_is_not_resolved_says_so_and_names_a_dt_that_would_do(case):
     try:
@@ -59,6 +60,7 @@ def test_the_dt_that_resolves_a_command_does_not_depend_on_the_lag_that_follows_
     assert slow.accuracy.resolving == quick.accuracy.resolving < np.pi / 1000
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("case", selected(RESOLVED))
 def test_a_run_that_is_resolved_is_no_alarm(case):
     run = case.simulate()
@@ -66,6 +68,7 @@ def test_a_run_that_is_resolved_is_no_alarm(case):
     assert run.summary()["resolved"] == 1 and "local error" in str(run)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [None, 3])
 def test_a_collision_between_two_saved_records_is_seen(members):
     system, start, arguments = near_collision(0.02, steps=2000, core=0.05)()
@@ -77,6 +80,7 @@ def test_a_collision_between_two_saved_records_is_seen(members):
     assert np.any(tenth.accuracy.steps % 50)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", selected([case for case in UNRESOLVED if case.name in QUICK[:2]]))
 def test_the_dt_that_is_named_resolves_the_motion(case):
     coarse = case.simulate()
@@ -98,6 +102,7 @@ def exact_errors(run):
     return errors.local, relative(doubling.compare(begun, fine, whole), sizes)[0]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "case",
     selected(
@@ -130,6 +135,7 @@ def test_no_accuracy_is_judged_where_none_is_asked_for():
     assert run.accuracy is None and "accuracy" not in str(run) and warned(run) == []
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_the_worst_member_of_an_ensemble_is_told(backend):
     def lagrangian(xi, n, nu, p):
@@ -146,6 +152,7 @@ def test_the_worst_member_of_an_ensemble_is_told(backend):
     assert len(warned(fast)) == 1 and fast.accuracy.worst > 1
 
 
+@pytest.mark.long
 def test_a_run_by_xla_is_judged_as_the_native_one():
     """Of the same steps, to round-off; XLA judges fewer."""
     system, start, arguments = top(0.3, steps=30)()
@@ -156,6 +163,7 @@ def test_a_run_by_xla_is_judged_as_the_native_one():
     np.testing.assert_allclose(of[0], of[1], rtol=1e-2)
 
 
+@pytest.mark.long
 def test_a_streamed_run_keeps_its_accuracy(tmp_path):
     system, start, arguments = spring([1e4])()
     run = co.simulate(system, start, store=tmp_path / "run", **arguments)
@@ -205,10 +213,11 @@ WHOLE = (
 )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(case, id=case.name, marks=() if case.name in FULL[:2] else (pytest.mark.further,))
+        pytest.param(case, id=case.name, marks=() if case.name in FULL[:2] else (pytest.mark.long,))
         for case in RESOLVED
         if case.name in WHOLE
     ],

@@ -356,6 +356,7 @@ def test_a_basis_that_is_no_algebra_is_refused():
     assert "square matrices" in sentence_of(lambda: co.MatrixGroup("sl2"))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_force_that_becomes_infinite_stops_the_run_at_that_step_and_keeps_what_was_computed(backend):
     vehicle = system(forces=lambda motion, p: co.Force(torque=motion.xi * jnp.log(0.0525 - motion.t)))
@@ -366,6 +367,7 @@ def test_a_force_that_becomes_infinite_stops_the_run_at_that_step_and_keeps_what
     assert all(np.all(np.isfinite(values)) for values in run.dataset.data_vars.values())
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_step_too_large_to_converge_stops_the_run_with_the_remedy(backend):
     def stiff(xi, n, nu, a, p):

@@ -59,6 +59,7 @@ def test_events_change_nothing_else(watched):
     assert not silent.extrema and not silent.monitors and len(silent.events["both"].t) == 19
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_run_that_goes_on_from_an_event_comes_to_the_next_one(backend):
     run, times = START, []

@@ -23,6 +23,8 @@ def gap(run) -> float:
     return float(np.maximum(high - first, first - low))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_the_energy_budget_closes_to_the_methods_order(method):
     """A force that dissipates and drives, and ℓ that depends on time; the work of every stage of every step counts."""
@@ -31,6 +33,8 @@ def test_the_energy_budget_closes_to_the_methods_order(method):
     assert np.log2(coarse / fine) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SE3", "SO3 on a sphere", "SL2"])
 def test_the_energy_budget_closes_on_other_groups_and_spaces(world):
     system, start = random_system(world, True)
@@ -39,6 +43,8 @@ def test_the_energy_budget_closes_on_other_groups_and_spaces(world):
     assert np.log2(gap(runs[0]) / gap(runs[1])) == pytest.approx(2, abs=0.15)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_forced_momentum_changes_by_exactly_what_was_put_in(rule):
     """I_k − I_0 = Σ⟨𝒦, Δ⟩ over the whole run, for quantities that gravity and forces change; Theorem 7 summed up."""
@@ -117,6 +123,7 @@ def test_a_run_that_goes_on_from_a_record_begins_a_new_budget():
     )
 
 
+@pytest.mark.long
 def test_both_backends_keep_the_same_ledger():
     system, start = pendulum("drag", "motor")
     native, xla = (co.simulate(system, start, dt=0.02, steps=20, backend=backend) for backend in ("native", "xla"))

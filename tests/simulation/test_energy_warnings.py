@@ -37,6 +37,7 @@ def told(run) -> list[str]:
     return [sentence for sentence in run.warnings if "which should only brake, put in" in sentence]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("names", [("brake",), ("brake", "fins")])
 def test_a_burst_between_two_saved_nodes_is_named_with_at_least_half_of_its_energy(names):
     system = body(*names)
@@ -59,6 +60,7 @@ def test_brakes_that_only_brake_are_not_named(save_every):
     assert told(run) == [] and run.ends["work_brake"][1] < -0.1
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("save_every", [1, 100])
 def test_members_that_their_brakes_drive_are_named_on_disk_as_in_memory(save_every, tmp_path):
     system = body("brake").replace(wrong=co.each([-1.0, 4.0, -1.0, 6.0]))
@@ -73,6 +75,7 @@ def test_members_that_their_brakes_drive_are_named_on_disk_as_in_memory(save_eve
     assert told(co.resume(tmp_path / "fleet", system)) == [sentence]
 
 
+@pytest.mark.long
 def test_a_run_on_disk_is_told_as_one_in_memory_also_where_a_step_fails(tmp_path):
     system = body("brake")
     start = system.state(xi=[0.3, 0.2, 1.0])

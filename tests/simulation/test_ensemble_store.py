@@ -58,14 +58,16 @@ def chunks(dataset, name):
 
 
 PATHS = [
-    pytest.param(fleet, "native", marks=pytest.mark.further),
+    pytest.param(fleet, "native", marks=pytest.mark.long),
     (fleet, "xla"),
     (stiff, "native"),
-    pytest.param(stiff, "xla", marks=pytest.mark.further),
+    pytest.param(stiff, "xla", marks=pytest.mark.long),
 ]
 """Each ensemble by one path always, by the other in `long`."""
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("make", "backend"), PATHS)
 def test_an_ensemble_on_disk_is_the_one_in_memory_to_the_bit(tmp_path, small_blocks, backend, make):
     system, begun = make()
@@ -89,6 +91,7 @@ def but_times(card: object) -> list[str]:
     return [line for line in str(card).splitlines() if not line.startswith("time")]
 
 
+@pytest.mark.long
 def test_a_member_that_fails_is_masked_on_disk_and_the_others_finish(tmp_path, small_blocks):
     body, begun = stiff()
     run = co.simulate(body, begun, **RUN, store=tmp_path / "run")
@@ -110,6 +113,8 @@ def test_an_ensemble_of_members_that_all_fail_streams(tmp_path):
     assert np.isnan(co.load(tmp_path / "run").dataset.xi.values).all()
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("make", "backend"), PATHS)
 def test_an_interrupted_ensemble_goes_on_to_the_same_bits(
     tmp_path, monkeypatch, small_blocks, every_stretch, backend, make
@@ -133,6 +138,7 @@ def test_an_interrupted_ensemble_goes_on_to_the_same_bits(
     np.testing.assert_array_equal(again.iterations, whole.iterations)
 
 
+@pytest.mark.long
 def test_inputs_of_an_ensemble_stream_and_are_given_again(tmp_path, small_blocks):
     system, begun = fleet()
     system = co.System(
@@ -151,6 +157,7 @@ def test_inputs_of_an_ensemble_stream_and_are_given_again(tmp_path, small_blocks
     assert_same(co.resume(tmp_path / "run", system, inputs=given["inputs"]), whole)
 
 
+@pytest.mark.long
 def test_another_member_is_another_ensemble(tmp_path):
     system, begun = fleet()
     co.simulate(system, begun, **RUN, store=tmp_path / "run")
@@ -160,6 +167,7 @@ def test_another_member_is_another_ensemble(tmp_path):
         co.resume(tmp_path / "run", system.replace(mass=co.each(other)))
 
 
+@pytest.mark.long
 def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
     system, begun = fleet()
     co.simulate(system, begun, **RUN, store=tmp_path / "run")
@@ -179,7 +187,8 @@ def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypat
     assert len(co.simulate(system, begun, **RUN, store=tmp_path / "run").dataset.time) == 102
 
 
-@pytest.mark.parametrize("grow", ["nodes", pytest.param("members", marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("grow", ["nodes", pytest.param("members", marks=pytest.mark.long)])
 def test_memory_stays_flat_while_an_ensemble_streams(tmp_path, grow):
     """Eight times the records, 330 MB of them, in the same memory but for the states of the members."""
     script = f"""

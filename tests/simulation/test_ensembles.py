@@ -18,6 +18,8 @@ def same(one, other, tolerance=0.0):
         np.testing.assert_allclose(left, right, rtol=0, atol=tolerance)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("backend", "tolerance"), [("native", 0.0), ("xla", 1e-12)])
 def test_each_member_is_the_single_run_with_its_own_mass(backend, tolerance):
     settings = {"dt": 0.02, "steps": 100, "save_every": 7}
@@ -64,6 +66,7 @@ def test_changes_of_members_that_begin_at_round_off_of_zero_energy_are_absolute(
     assert "largest relative change of 1 of 2" in str(fleet) and "largest absolute change of 1 of 2" in str(fleet)
 
 
+@pytest.mark.long
 def test_a_member_that_fails_is_reported_and_masked_and_the_others_finish():
     parameters = co.Parameters(**{**PARAMETERS.asdict(), "until": 1.0})
     vehicle = system(
@@ -106,6 +109,7 @@ def test_starting_momenta_are_those_of_each_member_s_own_parameters():
         np.testing.assert_array_equal(begun.pi[index], alone.pi)
 
 
+@pytest.mark.long
 def test_members_move_alike_whether_they_are_watched_or_not():
     fleet = VEHICLE.replace(mass=co.each(MASSES))
     watched = co.simulate(fleet, start(VEHICLE), dt=0.02, steps=30)
@@ -114,6 +118,7 @@ def test_members_move_alike_whether_they_are_watched_or_not():
     assert alone.monitors == {}
 
 
+@pytest.mark.long
 def test_the_records_of_one_run_are_no_start_of_an_ensemble():
     """Each of them stands at its own time; members have one."""
     settings = {"dt": 0.02, "steps": 5, "accuracy": False}
@@ -143,6 +148,7 @@ def test_records_of_members_at_one_node_and_of_several_runs_at_one_time_are_a_st
     assert len(co.simulate(VEHICLE, together, **settings).codes) == 2
 
 
+@pytest.mark.long
 def test_members_that_ended_at_several_times_go_on_from_one_time():
     many = start(VEHICLE, xi=co.each(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])))
     ended = co.simulate(VEHICLE, many, dt=0.02, steps=50, until=lambda s: s.g[0, 0] - 0.9, accuracy=False).final

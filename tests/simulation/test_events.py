@@ -32,6 +32,7 @@ def deep(state):
     return state.q[2] - DEPTH
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint(), co.KahanLi6(co.LeftRight())], ids=repr)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_dive_ends_at_its_depth(vehicle, method, backend):
@@ -79,6 +80,7 @@ def test_a_run_may_start_where_its_event_is_zero(vehicle):
     assert run.event is None
 
 
+@pytest.mark.long
 def test_an_event_is_kept_in_files_and_found_again_after_an_interruption(vehicle, tmp_path):
     system, start = vehicle
     plain = co.simulate(system, start, dt=0.05, duration=100.0, until=deep, progress=False, save_every=3)
@@ -122,6 +124,7 @@ def test_a_named_event_without_a_function_is_refused_and_not_passed_over(vehicle
         co.simulate(system, start, dt=0.1, steps=2, events={"a": given}, progress=False)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Midpoint(), co.Suzuki4(co.LeftRight(co.Exponential()))], ids=repr)
 def test_dense_output_keeps_momenta_and_meets_the_nodes(top, method):
     system, start = top
@@ -144,6 +147,7 @@ def _rows(records):
     return [jax.tree.map(lambda leaf, i=i: leaf[i], records) for i in range(len(records.t))]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Midpoint(co.Exponential()), co.Suzuki4(co.LeftRight())], ids=repr)
 def test_dense_output_has_the_order_of_the_method(top, method):
     system, start = top

@@ -23,6 +23,8 @@ def spun_up():
     return body, body.state(g=co.attitude.zyx(0, 0, 0.3), xi=[0, 0, 20], a0=[0, 0, 1])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 @pytest.mark.parametrize("patience", [0.0, 1e9], ids=["step by step", "at once"])
 def test_extrema_of_members_are_over_their_good_steps(monkeypatch, backend, patience):

@@ -63,6 +63,7 @@ def require_unchanged(load, expected):
         pass
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("flips", FLIPS)
 @pytest.mark.parametrize("done", [True, False], ids=["finished", "interrupted"])
 def test_of_a_stored_run(tmp_path, monkeypatch, done, flips):

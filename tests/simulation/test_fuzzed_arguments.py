@@ -166,6 +166,7 @@ ARGUMENTS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+@pytest.mark.cases(5)
 @pytest.mark.parametrize("door", ARGUMENTS)
 def test_a_strange_argument_gives_a_result_or_one_sentence(door):
     assert not mishaps(ARGUMENTS[door], VALUES)
@@ -250,6 +251,8 @@ FUNCTIONS = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("door", FUNCTIONS, ids=lambda door: door.__name__)
 def test_a_strange_function_gives_a_result_or_one_sentence(door):
     assert not mishaps(door, RESULTS)
@@ -277,6 +280,8 @@ def random_run(draw: np.random.Generator) -> Callable[[Any], Any]:
     return door
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("part", range(3))
 def test_a_run_of_any_numbers_is_finite_or_one_sentence(part):
     told = [outcome(random_run(generator("fuzzed run", part, i)), None) for i in range(RUNS // 3)]

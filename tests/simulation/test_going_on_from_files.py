@@ -30,6 +30,7 @@ def same(one, other):
     return all(np.array_equal(a, b) for a, b in leaves)
 
 
+@pytest.mark.long
 def test_a_run_with_inputs_internal_states_and_parameters_goes_on_to_the_bit(first, file):
     loaded = co.load(file, BODY).final
     assert same(loaded, first.final.replace(memory=None, ledger=None))
@@ -40,6 +41,7 @@ def test_a_run_with_inputs_internal_states_and_parameters_goes_on_to_the_bit(fir
     np.testing.assert_array_equal(runs[1].final.internal.brake, whole.final.internal.brake)
 
 
+@pytest.mark.long
 def test_what_goes_on_with_other_parameters_says_what_stays(file):
     other = BODY.replace(power=2.0)
     loaded = co.load(file, other).final
@@ -55,6 +57,7 @@ def test_a_file_that_was_loaded_and_saved_again_still_goes_on(file, tmp_path):
     assert set(co.load(again).dataset) == set(co.load(file).dataset)
 
 
+@pytest.mark.long
 def test_what_is_missing_is_said_in_a_sentence(first, file, tmp_path):
     with pytest.raises(co.ArgumentError, match=r"needs the system, .*co\.load\(path, system\)"):
         _ = co.load(file).final
@@ -91,6 +94,7 @@ def test_a_file_that_is_no_run_is_answered_with_what_reads_it(tmp_path, name, co
     assert says in str(caught.value) and "\n" not in str(caught.value) and "signature" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
     (tmp_path / "half.nc").write_bytes(file.read_bytes()[:3000])
     with pytest.raises(
@@ -99,6 +103,7 @@ def test_half_a_file_of_a_run_is_told_as_damaged(file, tmp_path):
         co.load(tmp_path / "half.nc")
 
 
+@pytest.mark.long
 def test_a_run_of_momenta_alone_goes_on_from_its_file(tmp_path):
     weights = np.linspace(0.5, 1.5, 8)
     system = co.System(co.SUn(3), hamiltonian=lambda mu: 0.5 * mu @ (weights * mu), name="momenta")

@@ -24,6 +24,7 @@ def end(parameters, q0, xi0, backend="auto", save_every=1):
 ARGUMENTS = (VEHICLE.parameters, np.array([0.0, 0.0, 1.0]), np.radians([10.0, 0.0, 20.0]))
 
 
+@pytest.mark.long
 def test_native_and_xla_gradients_in_all_parameters_and_the_start_agree_to_round_off():
     with co.float64():
         native = jax.grad(end, argnums=(0, 1, 2))(*ARGUMENTS, backend="native")
@@ -33,6 +34,7 @@ def test_native_and_xla_gradients_in_all_parameters_and_the_start_agree_to_round
         assert np.max(np.abs(one - other)) < 1e-12 * scale
 
 
+@pytest.mark.long
 def test_forward_and_reverse_derivatives_agree_with_differences():
     def f(mass):
         return end(ARGUMENTS[0].replace(mass=mass), *ARGUMENTS[1:], save_every=10)
@@ -45,6 +47,7 @@ def test_forward_and_reverse_derivatives_agree_with_differences():
     assert backward == pytest.approx(differences, rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_derivative_in_the_step_size_agrees_with_differences():
     def f(h):
         return co.trajectory(VEHICLE, start(VEHICLE), dt=h, steps=STEPS).final.q[2]
@@ -53,6 +56,7 @@ def test_the_derivative_in_the_step_size_agrees_with_differences():
         assert float(jax.grad(f)(DT)) == pytest.approx(float((f(DT + 1e-5) - f(DT - 1e-5)) / 2e-5), rel=1e-7)
 
 
+@pytest.mark.long
 def test_the_derivative_in_the_step_size_of_a_start_by_velocities_agrees_with_differences():
     method = co.LeftRectangle(co.Cayley(), start="velocity")
 
@@ -63,6 +67,7 @@ def test_the_derivative_in_the_step_size_of_a_start_by_velocities_agrees_with_di
         assert float(jax.grad(f)(DT)) == pytest.approx(float((f(DT + 1e-5) - f(DT - 1e-5)) / 2e-5), rel=1e-7)
 
 
+@pytest.mark.long
 def test_translation_symmetry_makes_the_sensitivity_to_the_start_the_identity():
     """The vehicle's motion does not depend on where it starts: ∂q_N/∂q₀ = I."""
 
@@ -74,6 +79,7 @@ def test_translation_symmetry_makes_the_sensitivity_to_the_start_the_identity():
     assert np.max(np.abs(np.asarray(jacobian) - np.eye(3))) < 1e-13
 
 
+@pytest.mark.long
 def test_forward_derivatives_along_all_velocities_are_those_of_a_free_mass():
     """q_N = q₀ + N h v."""
     mass = co.System(co.Translation(2), lambda xi: 0.5 * xi @ xi)
@@ -82,6 +88,7 @@ def test_forward_derivatives_along_all_velocities_are_those_of_a_free_mass():
     np.testing.assert_allclose(jacobian, np.eye(2), atol=1e-14)
 
 
+@pytest.mark.long
 def test_vmap_over_parameters_equals_single_trajectories_in_value_and_gradient():
     masses = np.array([110.0, 123.8, 140.0])
 
@@ -95,6 +102,7 @@ def test_vmap_over_parameters_equals_single_trajectories_in_value_and_gradient()
     np.testing.assert_allclose(slopes, [a[1] for a in alone], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_second_derivatives_of_native_runs_are_refused_in_one_sentence():
     def f(mass):
         return end(ARGUMENTS[0].replace(mass=mass), *ARGUMENTS[1:], backend="native")

@@ -37,6 +37,8 @@ def slope(chain) -> float:
         return float(end(chain, 2.0 + 1e-4) - end(chain, 2.0 - 1e-4)) / 2e-4
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("derivative", "save_every"), [(jax.grad, 1), (jax.grad, 5), (jax.jacfwd, 1)])
 def test_the_derivative_of_where_a_chain_is_by_its_springs_is_that_of_differences(chain, slope, derivative, save_every):
     assert not co.Midpoint().structure(chain[0]).native

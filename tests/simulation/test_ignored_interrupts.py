@@ -69,6 +69,8 @@ def after(calls: int, run: Callable[..., Any], lose: Callable[[], None]) -> Call
     return called
 
 
+@pytest.mark.long
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("lose", [ignored_interrupt, dropped_interrupt])
 @pytest.mark.parametrize("call", ["simulate", "store", "members", "trajectory", "stepper"])
 def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, capfd, call, lose):
@@ -99,6 +101,7 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     runs[call]()  # which nothing interrupts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("at", [0, 1], ids=["system", "state"])
 def test_it_ends_what_reads_a_lagrangian(at):
     armed = [False]
@@ -117,6 +120,7 @@ def test_it_ends_what_reads_a_lagrangian(at):
     assert not armed[0], "it was not read"
 
 
+@pytest.mark.long
 def test_it_is_told_at_the_end_of_a_call_that_does_not_look_and_not_in_the_next():
     with pytest.raises(KeyboardInterrupt), heeded():
         ignored_interrupt()

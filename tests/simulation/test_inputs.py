@@ -54,6 +54,7 @@ def errors(method, inputs, steps) -> list[float]:
     return [float(np.max(np.abs(run.final.mu - best))) for run in runs]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "order"),
     [
@@ -71,6 +72,7 @@ def test_smooth_signals_in_forces_and_in_the_lagrangian_keep_the_order(method, o
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), SUZUKI])
 def test_holding_the_same_inputs_over_each_step_costs_the_order(method):
     coarse, fine = errors(method, lambda motion: {"spin": spin(motion.t), "torque": torque(motion.t)}, (40, 80))
@@ -80,6 +82,7 @@ def test_holding_the_same_inputs_over_each_step_costs_the_order(method):
 HELD = {"spin": lambda motion: spin(motion.t), "torque": lambda motion: torque(motion.t)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("inputs", [SMOOTH, HELD, {"spin": 0.7, "torque": np.ones(3)}], ids=["signals", "held", "set"])
 def test_a_run_starts_from_the_momenta_that_the_start_shows_whatever_drives_it(inputs):
     """Of the start's own spin 0 in ∂ℓ/∂ξ₃ = 2ξ₃ + 0.3 spin, not of the run's first."""
@@ -98,6 +101,8 @@ def test_a_run_starts_from_the_momenta_that_the_start_shows_whatever_drives_it(i
         np.testing.assert_allclose(reference(BODY.driven(inputs), START, [0.0]).mu[0], START.mu, atol=1e-14)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("inputs", [SMOOTH, HELD], ids=["signals", "held"])
 def test_members_start_from_their_own_momenta_whatever_drives_them(inputs):
     heavier, turning = co.each([[1.0, 1.5, 2.0], [2.0, 2.5, 3.0]]), co.each([[0.3, -0.4, 1.0], [0.0, 0.5, 2.0]])
@@ -110,6 +115,7 @@ def test_members_start_from_their_own_momenta_whatever_drives_them(inputs):
         np.testing.assert_allclose(ensemble.records.mu[:, 0], shown, rtol=1e-15)
 
 
+@pytest.mark.long
 def test_a_derivative_through_the_start_is_that_of_the_momenta_it_shows():
     """At one step of hardly any length dμ₃/dξ₃ = 2, and dμ₃/d(the start's spin) = 0.3."""
     with co.float64():
@@ -122,6 +128,7 @@ def test_a_derivative_through_the_start_is_that_of_the_momenta_it_shows():
     np.testing.assert_allclose(slope, [2.0, 0.3], rtol=1e-7)
 
 
+@pytest.mark.long
 def test_a_start_by_velocities_keeps_them_under_the_first_inputs():
     method = co.Midpoint(co.Cayley(), start="velocity")
     for inputs in (SMOOTH, HELD):
@@ -182,6 +189,7 @@ def midpoints(steps: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
     return at, LONG[np.searchsorted(ROWS, at, side="right") - 1]
 
 
+@pytest.mark.long
 def test_a_long_table_drives_by_the_rows_in_force_on_every_path():
     """Alone, beside others, stepped and by XLA it is what a table of these rows only does; also its derivatives."""
     steps, dt = 20, 0.05
@@ -233,6 +241,7 @@ def test_what_a_table_costs_grows_with_the_logarithm_of_its_rows(kind):
     assert operations(100_000) < 250
 
 
+@pytest.mark.long
 def test_tables_may_be_parameters_and_are_differentiated():
     """d(angular momentum)/d(knot) of a free body under a torque table is the area of the knot's hat."""
     times = np.linspace(0, 1, 5)
@@ -253,6 +262,7 @@ def test_tables_may_be_parameters_and_are_differentiated():
     np.testing.assert_allclose(slope, [0.125, 0.25, 0.25, 0.25, 0.125], atol=1e-13)
 
 
+@pytest.mark.long
 def test_signals_and_held_inputs_go_together_and_are_in_the_dataset():
     inputs = {"spin": co.Linear([0, 1], [0, 2]), "torque": lambda motion: -0.5 * motion.xi}
     run = co.simulate(BODY, START, dt=0.05, steps=20, inputs=inputs)
@@ -286,6 +296,7 @@ def test_the_energy_budget_closes_when_inputs_reach_the_lagrangian(held):
     assert np.log2(gaps[0] / gaps[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.long
 def test_the_energy_budget_closes_when_held_inputs_reach_a_hamiltonian():
     """ℋ jumps with its inputs; over a step the energy–momentum method keeps it."""
     inertia = np.diag([1.0, 2.0, 3.0])
@@ -298,6 +309,7 @@ def test_the_energy_budget_closes_when_held_inputs_reach_a_hamiltonian():
     assert run.summary()["energy_budget_error_max"] < 1e-13
 
 
+@pytest.mark.long
 def test_a_run_with_signals_goes_on_from_its_folder(tmp_path):
     whole = co.simulate(BODY, START, dt=0.05, steps=20, inputs=SMOOTH, store=tmp_path / "run")
     again = co.resume(tmp_path / "run", BODY, inputs=SMOOTH)
@@ -308,6 +320,7 @@ def test_a_run_with_signals_goes_on_from_its_folder(tmp_path):
         co.resume(tmp_path / "run", BODY, inputs={**SMOOTH, "spin": co.Signal(jnp.cos)})
 
 
+@pytest.mark.long
 def test_every_member_takes_the_same_signal():
     fleet = BODY.replace(inertia=co.each([[1.0, 1.5, 2.0], [2.0, 2.5, 3.0]]))
     run = co.simulate(fleet, START, dt=0.05, steps=20, inputs=SMOOTH)
@@ -315,6 +328,7 @@ def test_every_member_takes_the_same_signal():
     np.testing.assert_allclose(run.final.mu[0], alone.final.mu, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_number_as_an_input_is_the_signal_that_stays_as_it_is():
     constant = {"spin": 0.7, "torque": [0.1, 0.0, -0.2]}
     signals = {name: co.Signal(lambda t, value=value: jnp.array(value)) for name, value in constant.items()}

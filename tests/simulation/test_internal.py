@@ -46,6 +46,7 @@ def test_an_actuator_with_a_lag_follows_its_closed_form_and_pushes_the_body():
     assert float(run.dataset.work_forces[-1]) == pytest.approx(float(run.dataset.energy[-1]), rel=(H / LAG) ** 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_the_rule_is_applied_once_a_step_whatever_the_stages_and_the_backend(backend):
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder + h})
@@ -105,6 +106,7 @@ def test_a_sampled_pid_turns_a_body_to_its_target_and_holds_its_torque_between_s
     assert np.max(np.abs(torque)) == 2.0
 
 
+@pytest.mark.long
 def test_a_sampled_pid_is_the_same_to_the_bit_under_any_save_every_after_resume_and_from_a_record(tmp_path):
     system = turntable()
     start = begin(system)
@@ -152,6 +154,7 @@ def test_every_member_may_start_from_an_internal_state_of_its_own(lag):
     np.testing.assert_allclose(run.dataset.internal_rudder, expected, atol=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_gradients_go_through_the_internal_state(backend):
     system = body()
@@ -214,6 +217,7 @@ def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_record(backend):
     system = body(lambda motion, h, p: {"rudder": co.jumped(motion.internal.rudder + 1)})

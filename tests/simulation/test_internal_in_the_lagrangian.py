@@ -66,6 +66,7 @@ def over_step(t):
     return 0.5 * (radius(t) + radius(t + H))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("method", RULES.values(), ids=RULES)
 def test_a_skater_keeps_the_momentum_and_turns_as_the_closed_form_says(method):
     system = turntable()
@@ -144,12 +145,14 @@ def _gap(h):
     return np.max(np.abs(run.final.g - R)) + np.max(np.abs(run.final.q - expected))
 
 
+@pytest.mark.long
 def test_a_mass_that_is_moved_turns_a_free_body_without_momentum_to_the_closed_forms_angle():
     coarse, fine = _gap(0.05), _gap(0.025)
     assert fine < 2e-4
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_both_backends_and_an_interrupted_run_agree(tmp_path):
     system = carrier()
     start = system.state(q=[0.1, 0.2], qdot=[0.3, 0.1], xi=[0.4], internal=at_rest(system, H).internal.asdict())
@@ -178,6 +181,7 @@ def test_the_budget_of_a_mass_that_is_moved_closes_to_the_methods_order():
     assert np.log2(gap(0.02) / gap(0.01)) == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.long
 def test_gradients_go_through_a_mass_that_is_moved():
     system = carrier()
 

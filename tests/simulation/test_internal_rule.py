@@ -105,6 +105,7 @@ def test_what_a_rule_reports_may_read_the_attitude_as_the_rule_does() -> None:
     np.testing.assert_allclose(run.dataset["second"], run.records.g[:, :, 1], rtol=1e-15)
 
 
+@pytest.mark.long
 def test_a_rule_that_reads_the_attitude_is_differentiated_by_it_and_its_version_knows_no_attitude() -> None:
     system, start = compass()
 

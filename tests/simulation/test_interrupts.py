@@ -77,6 +77,7 @@ def leaves(chunk):
     return jax.tree.leaves([getattr(chunk, name) for name in names])
 
 
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(("records", "every", "length"), [(40, 1, 7), (8, 5, 7), (8, 5, 13), (1, 40, 3), (3, 17, 17)])
 def test_machine_code_in_pieces_gives_the_same_bits(monkeypatch, cut, records, every, length):
     system, start = top()
@@ -106,6 +107,7 @@ def test_a_step_that_fails_in_a_later_piece_ends_the_call_there(cut):
     assert_same(native.run(*given), whole)
 
 
+@pytest.mark.long
 def test_xla_in_pieces_gives_the_same_bits(cut):
     system, start = top()
     found = []
@@ -132,6 +134,7 @@ def test_a_piece_grows_to_its_time_and_shrinks_with_the_speed():
 # What is kept.
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("looks", [2, 21, 42])
 def test_a_run_in_memory_keeps_what_it_has_computed(monkeypatch, looks):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
@@ -213,6 +216,7 @@ def test_events_beyond_the_interrupt_are_forgotten(monkeypatch):
     np.testing.assert_array_equal(run.events["section"].t, expected)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("many", [False, True], ids=["one", "members"])
 def test_a_run_on_disk_writes_a_checkpoint_and_goes_on_to_the_same_bits(monkeypatch, tmp_path, many):
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)

@@ -106,6 +106,8 @@ def stepped():
     return stepper.state, stepper.observed, pair.state
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("run", [swum, spun, many, stepped])
 def test_what_is_found_gives_the_same_to_the_bit(run, cache, monkeypatch):
     plain = anew(run, monkeypatch)
@@ -197,6 +199,7 @@ def expected(forces):
         return anew(lambda: driven(forces), patch)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("change", CHANGES)
 def test_another_function_is_never_taken_for_what_was_kept(change, cache, monkeypatch):
     forces, mutate = CHANGES[change]
@@ -226,6 +229,7 @@ def test_a_fingerprint_that_is_found_is_that_which_is_traced(cache, monkeypatch)
     assert again(marks, cache) == traced == anew(marks, monkeypatch)
 
 
+@pytest.mark.long
 def test_the_fingerprint_does_not_depend_on_what_its_kernel_traced(cache, monkeypatch):
     monkeypatch.setenv("COADJOINT_CACHE", "")
     remus = co.vehicles.load("remus_100")

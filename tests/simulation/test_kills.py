@@ -52,6 +52,7 @@ def require_whole(place: Path, whole, after) -> None:
     assert not list(manifest.problems())
 
 
+@pytest.mark.long
 def test_a_run_that_was_killed_at_any_operation_is_finished_by_the_same_call(tmp_path, monkeypatch, often):
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     whole.mkdir()

@@ -95,6 +95,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("change", CHANGES)
 def test_what_changes_a_force_changes_the_next_run(change, monkeypatch):
     make, mutate = CHANGES[change]
@@ -151,6 +152,7 @@ def test_an_event_that_changes_is_another_event():
     assert event() == pytest.approx(1.2)
 
 
+@pytest.mark.long
 def test_a_library_function_below_a_vehicle_counts(monkeypatch):
     from coadjoint.vehicles import water
 
@@ -196,6 +198,7 @@ def stepped(system, start):
     return stepper.state.mu
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("run", [together, stepped])
 def test_a_second_ensemble_or_stepper_reads_every_function_once_and_checks_nothing(run, monkeypatch):
     readings, strength = [], [1.0]

@@ -28,6 +28,7 @@ def test_a_long_run_tells_its_progress_every_ten_seconds_of_running(caplog):
     assert said(caplog) == ["wheel: 200 of 1000 steps, 20 steps/s.", "wheel: 400 of 1000 steps, 16 steps/s."]
 
 
+@pytest.mark.long
 def test_a_run_tells_its_begin_and_its_end_once(caplog, body):
     with caplog.at_level(logging.INFO, "coadjoint"):
         run = co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend="xla", progress=False)
@@ -36,6 +37,7 @@ def test_a_run_tells_its_begin_and_its_end_once(caplog, body):
     assert last.startswith(f"{run.title} ends after ")
 
 
+@pytest.mark.long
 def test_a_run_that_is_resumed_tells_what_its_folder_holds(caplog, body, tmp_path: Path):
     folder = tmp_path / "wheel"
     co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend="xla", store=folder, progress=False)
@@ -44,6 +46,7 @@ def test_a_run_that_is_resumed_tells_what_its_folder_holds(caplog, body, tmp_pat
     assert said(caplog) == [f"{folder} holds 6 of 6 records."]
 
 
+@pytest.mark.long
 def test_a_run_says_nothing_without_being_asked(capfd, body):
     co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend="xla", progress=False)
     assert capfd.readouterr() == ("", "")
@@ -54,6 +57,7 @@ def compiled(body: co.System, backend: str, progress: bool | None) -> co.Run:
     return co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend=backend, progress=progress)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("backend", "progress", "told"), [("xla", True, 1), ("xla", False, 0), ("native", True, 0)])
 def test_a_terminal_shows_how_a_step_is_solved_while_xla_compiles_it(capfd, monkeypatch, body, backend, progress, told):
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -64,6 +68,7 @@ def test_a_terminal_shows_how_a_step_is_solved_while_xla_compiles_it(capfd, monk
     assert ("solved" in str(run)) == (backend == "xla")
 
 
+@pytest.mark.long
 def test_an_ensemble_by_xla_says_how_it_is_solved(body):
     fleet = co.simulate(body, body.state(xi=co.each([[1.0], [2.0]])), dt=0.1, steps=5, backend="xla", progress=False)
     assert "by XLA, Newton's method with a dense Jacobian" in str(fleet)

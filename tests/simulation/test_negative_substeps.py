@@ -42,12 +42,14 @@ DISSIPATIVE = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("forces", HARMLESS.values(), ids=HARMLESS)
 def test_substeps_that_go_backwards_are_taken_where_nothing_dissipates(forces):
     system, start = body(forces)
     assert not co.simulate(system, start, dt=0.05, steps=5, method=SUZUKI).warnings
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("forces", DISSIPATIVE.values(), ids=DISSIPATIVE)
 def test_substeps_that_go_backwards_are_refused_where_forces_dissipate(forces):
     system, start = body(forces)

@@ -70,6 +70,7 @@ def error(method, dt, rule=_rule):
     return float(np.max(np.abs(found - exact())))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_the_order_with_an_actuator_and_a_sampled_controller(method):
     errors = [error(method, dt) for dt in STEPS]
@@ -91,6 +92,7 @@ def _late(motion, h):
     return {**found, "motor": co.Course(u + (x - u) * kept, u + (x - u) * (1 - kept) * LAG / h)}
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("rule", [_held, _late])
 def test_each_mistake_alone_leaves_order_one(rule):
     coarse, fine = (error(co.Midpoint(), dt, rule) for dt in STEPS[1:])

@@ -9,6 +9,7 @@ import coadjoint as co
 from paper_vehicle import start, system
 
 
+@pytest.mark.cases(1)
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 @pytest.mark.parametrize("lacking", [0o022, 0o077, 0o007])
 def test_saving_follows_the_umask_and_never_changes_it(tmp_path, monkeypatch, lacking):

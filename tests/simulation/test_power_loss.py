@@ -27,12 +27,13 @@ def simulate(members, place):
     return co.simulate(body, body.state(xi=[0.3]), **RUN, store=place / "run")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("members", "seeds", "share"),
     [
         (1, 0, 7),
-        pytest.param(1, 3, 1, marks=pytest.mark.exhaustive),
-        pytest.param(3, 2, 2, marks=pytest.mark.exhaustive),
+        pytest.param(1, 3, 1, marks=pytest.mark.long),
+        pytest.param(3, 2, 2, marks=pytest.mark.long),
     ],
 )
 def test_a_run_goes_on_after_a_loss_of_power_at_any_moment(tmp_path, monkeypatch, members, seeds, share):

@@ -25,6 +25,7 @@ def top(**quantities) -> tuple[co.System, co.State]:
     return made, made.state(xi=[0.3, 1, 2], a0=[0, 0.6, 0.8])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_quantity_is_watched_at_every_step_and_saved_at_every_record(backend):
     system, start = top(height=height)
@@ -45,6 +46,7 @@ def test_casimirs_are_kept_to_round_off_at_every_step():
         assert run.relative_change(name) <= 1e-11
 
 
+@pytest.mark.long
 def test_a_fleet_and_a_stored_run_watch_it_too(tmp_path):
     system, start = top(height=height)
     fleet = co.simulate(system.replace(lever=co.each([0.5, 1.0])), start, dt=0.01, steps=20)
@@ -77,6 +79,7 @@ def test_a_quantity_that_is_not_finite_ends_the_run():
         co.simulate(system, start, dt=0.01, steps=400)
 
 
+@pytest.mark.long
 def test_functions_of_a_state_read_named_spaces():
     """Two vectors seen from the body, and two places: by name in quantities, events, brackets and records."""
 

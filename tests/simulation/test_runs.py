@@ -38,6 +38,7 @@ def test_extrema_are_taken_over_every_step_although_few_are_saved():
         np.testing.assert_array_equal(high, values.max(axis=0))
 
 
+@pytest.mark.long
 def test_both_backends_agree_to_round_off_with_equal_newton_counts():
     native = co.simulate(VEHICLE, START, dt=0.01, steps=100, backend="native")
     xla = co.simulate(VEHICLE, START, dt=0.01, steps=100, backend="xla")

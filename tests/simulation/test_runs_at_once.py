@@ -18,12 +18,13 @@ RUN = {"dt": 0.01, "steps": 23, "save_every": 2, "progress": False, "monitors": 
 RUN |= {"backend": "native"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("processes", "share", "rounds"),
     [
         (2, 4, 1),
-        pytest.param(2, 1, 3, marks=pytest.mark.exhaustive),
-        pytest.param(3, 1, 2, marks=pytest.mark.exhaustive),
+        pytest.param(2, 1, 3, marks=pytest.mark.long),
+        pytest.param(3, 1, 2, marks=pytest.mark.long),
     ],
 )
 def test_one_of_them_or_the_same_call_again_finishes_the_run(tmp_path, monkeypatch, processes, share, rounds):

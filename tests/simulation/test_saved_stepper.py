@@ -61,6 +61,7 @@ def rewritten(path, target, **changes):
     return target
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "size"), [("step.ll", 300 << 20), ("state.npy", 50 << 20), ("stepper.json", 50 << 20)]
 )
@@ -221,6 +222,7 @@ def test_a_damaged_file_is_refused_in_one_sentence_or_is_the_same_stepper(saved)
     assert refused > 150
 
 
+@pytest.mark.long
 def test_files_that_are_none_are_refused(saved, tmp_path, top):
     path, body = saved
     whole = path.read_bytes()

@@ -24,6 +24,8 @@ def many() -> co.Stepper:
     return co.Stepper(BODY, start, dt=H, inputs=REST, observe=OBSERVE)
 
 
+@pytest.mark.long
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     "method",
     [
@@ -45,6 +47,7 @@ def test_steps_are_to_the_bit_those_of_a_run_with_held_tables(method):
     assert same(body.state, run.final)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.Trapezoidal(), co.RightRectangle(), co.Simpson()], ids=lambda m: m.title)
 def test_a_command_is_held_also_at_the_end_of_its_step(method):
     given, table = commands(), tables(commands())
@@ -68,6 +71,7 @@ def test_a_run_without_monitors_comes_to_the_same_bits():
     assert list(body.observation) == list(OBSERVE)
 
 
+@pytest.mark.long
 def test_signals_and_functions_of_the_motion_stay_what_they_are():
     given = [command["torque"] for command in commands()]
     spin = co.Linear([0.0, 1.0], [0.1, 0.5])
@@ -85,6 +89,7 @@ def test_signals_and_functions_of_the_motion_stay_what_they_are():
     assert same(steered.state, co.trajectory(BODY, START, dt=H, steps=STEPS, inputs=inputs).final)
 
 
+@pytest.mark.long
 def test_a_function_of_the_motion_may_enter_the_lagrangian_beside_commands():
     given = [command["torque"] for command in commands()]
     spin = lambda motion: REST["spin"] + 0.2 * motion.t  # noqa: E731
@@ -170,6 +175,7 @@ def test_restore_goes_on_to_the_bit_from_a_state_and_from_a_clone(single):
     assert not same(clone.state, single.state)
 
 
+@pytest.mark.long
 def test_a_reset_to_another_start_begins_as_a_run_does():
     body, other = stepper(), BODY.state(xi=[-0.1, 0.2, 0.5], inputs=REST, internal={"brake": 0.3})
     body.reset(other)
@@ -222,6 +228,7 @@ def test_a_failed_member_stays_is_told_and_is_not_started_again_unasked(many):
     assert "the command `spin` is not finite" in many.failures[7]
 
 
+@pytest.mark.long
 def test_members_have_parameters_of_their_own():
     heavy = BODY.replace(lag=co.each([0.1, 0.2, 0.4]))
     body = co.Stepper(heavy, START, dt=H, inputs=REST, observe=OBSERVE)
@@ -245,6 +252,7 @@ def test_arrays_go_out_by_dlpack(many):
 # XLA, events, failures.
 
 
+@pytest.mark.long
 def test_xla_steps_what_native_code_cannot_with_the_same_face():
     wheel = co.System(
         co.SO2(),
@@ -272,6 +280,7 @@ def test_xla_steps_what_native_code_cannot_with_the_same_face():
     assert np.array_equal(by_xla.state.xi, start.xi)
 
 
+@pytest.mark.long
 def test_an_event_ends_a_stepper_where_it_ends_a_run():
     until = lambda state: state.mu[2] - 1.8  # noqa: E731
     body = stepper(until=until)

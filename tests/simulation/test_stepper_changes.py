@@ -46,6 +46,7 @@ def moving(body: co.Stepper) -> tuple[np.ndarray, np.ndarray]:
     return evaluate(lambda s, p: velocities(system.replace(**p.asdict()), s), body.state, body.parameters)
 
 
+@pytest.mark.long
 def test_a_dropped_mass_leaves_the_velocities_alone_and_takes_its_momentum_away(under_way, craft):
     before, state, mass = moving(under_way), under_way.state, craft.vehicle.mass
     whole = under_way.clone()
@@ -62,6 +63,7 @@ def test_a_dropped_mass_leaves_the_velocities_alone_and_takes_its_momentum_away(
     assert under_way.observation["q"][2] < whole.observation["q"][2] - 0.1  # lighter: it rises
 
 
+@pytest.mark.long
 def test_the_start_keeps_its_velocities_too(under_way, remus, craft):
     under_way.change(mass=29.0)
     under_way.reset()
@@ -95,6 +97,7 @@ def test_a_stuck_fin_stays_where_it_stands_and_a_free_one_follows(under_way):
     assert np.linalg.norm(under_way.observation["q"] - free.observation["q"]) > 0.1
 
 
+@pytest.mark.long
 def test_a_dead_thruster_goes_on_as_a_vehicle_that_was_built_without_it(under_way, craft):
     state = under_way.state
     under_way.change(propeller={"thrust": [0.0, 0.0], "torque": [0.0, 0.0]})
@@ -120,6 +123,7 @@ def test_a_front_of_current_carries_the_vehicle_away(under_way):
     assert 5.0 < drift[1] < 10.5  # 20 s in 0.5 m/s
 
 
+@pytest.mark.long
 def test_members_change_by_a_mask_and_by_a_value_each(craft):
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
     observe = {"mass": lambda s, p: p.mass, "q": lambda s: s.q}

@@ -23,6 +23,7 @@ def go_on(*bodies: co.Stepper) -> None:
             one.step(command)
 
 
+@pytest.mark.long
 def test_a_deep_copy_is_a_stepper_of_its_own(body):
     body.reset()
     body.step({"spin": 0.3})
@@ -36,6 +37,7 @@ def test_a_deep_copy_is_a_stepper_of_its_own(body):
     assert body.parameters.lag == 0.3
 
 
+@pytest.mark.long
 def test_a_restored_stepper_goes_on_to_the_bit_with_the_parameters_and_the_start_of_the_clone(body):
     body.reset()
     other = body.clone()
@@ -57,6 +59,7 @@ def test_a_restored_stepper_goes_on_to_the_bit_with_the_parameters_and_the_start
         body.restore(fresh)
 
 
+@pytest.mark.long
 def test_members_are_restored_with_their_parameters():
     many = co.Stepper(BODY, START, dt=H, inputs=REST, observe=OBSERVE, members=11)
     other, mask = many.clone(), np.arange(11) % 3 == 0
@@ -89,6 +92,7 @@ def test_a_clone_that_was_compiled_anew_lends_its_machine_code():
         np.testing.assert_allclose(np.ravel(body.state.mu), 2.1, rtol=1e-15)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_what_is_observed_after_a_change_is_of_the_new_parameters(backend):
     energy = {"energy": lambda s, p: p.power * s.mu[0], "mu": lambda s: s.mu}
@@ -101,6 +105,7 @@ def test_what_is_observed_after_a_change_is_of_the_new_parameters(backend):
     assert body.t == H
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("number", [0, 1, 0.0, 1.0, np.int64(1)])
 def test_by_xla_parameters_change_to_whole_numbers_too(number):
     wheel = co.System(

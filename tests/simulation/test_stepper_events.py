@@ -42,6 +42,7 @@ def falling() -> co.Stepper:
     return stepper(first_momentum)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("direction", "quarter", "backend"),
     [("falling", 1, "native"), ("rising", 3, "native"), ("both", 1, "native"), ("rising", 3, "xla")],

@@ -81,6 +81,7 @@ def test_the_twin_computes_what_the_stepper_computes(ship):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.long
 def test_the_gradient_by_all_gains_is_that_of_differences_of_the_stepper(ship):
     with co.float64():
         slope = np.asarray(jax.grad(lambda gains: episode(ship, gains))(GAINS))
@@ -91,6 +92,7 @@ def test_the_gradient_by_all_gains_is_that_of_differences_of_the_stepper(ship):
     np.testing.assert_allclose(slope, differences, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_gradient_by_a_parameter_of_the_system_too(ship):
     p: Any = SHIP.parameters
     with co.float64():

@@ -20,6 +20,7 @@ COMMANDS = {"rudder": 0.0, "stern_planes": 0.0, "propeller": 15.0}
 OBSERVE = {"z": lambda s: s.internal.water.z, "q": lambda s: s.q}
 
 
+@pytest.mark.long
 def test_a_seed_begins_the_noise_of_a_run_with_that_seed():
     craft = Craft(vehicles.load("remus_100"), water=GaussMarkovCurrent((0.2, 0.2, 0.0), 30.0, seed=3))
     start = craft.start(velocity=(1.5, 0.0, 0.0), actuators={"propeller": 15.0})

@@ -72,7 +72,8 @@ class Walker:
         return np.array_equal(numbers(self.body.state), self.course[self.place, self.members])
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.further)])
+@pytest.mark.long
+@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
 def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run_to_the_bit(count, tmp_path):
     walker, random = Walker(tmp_path), np.random.default_rng(SEED)
     often: list[Any] = [walker.step] * 8 + [walker.reset, walker.restore, walker.restore, walker.save, walker.clone]
@@ -85,7 +86,7 @@ def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run
         assert walker.stands_on_its_run(), f"sequence {sequence} of seed {SEED}"
 
 
-@pytest.mark.parametrize(("calls", "n"), [(20_000, 50), pytest.param(100_000, 1000, marks=pytest.mark.further)])
+@pytest.mark.parametrize(("calls", "n"), [(20_000, 50), pytest.param(100_000, 1000, marks=pytest.mark.long)])
 def test_memory_does_not_grow_with_the_steps(calls, n):
     body = stepper()
     many = stepper(members=11)

@@ -59,6 +59,7 @@ def test_eight_threads_step_clones_of_their_own_to_the_same_bits(many):
     assert all(same(body.state, alone.state) for body in clones)
 
 
+@pytest.mark.long
 def test_eight_threads_on_one_stepper_step_or_are_told_to_take_a_clone(single):
     body, calls = single.clone(), 300
     body.reset()

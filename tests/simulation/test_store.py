@@ -85,13 +85,14 @@ def kill_and_resume(tmp_path, vehicle, whole, moments):
     return interrupted_in_earnest
 
 
+@pytest.mark.long
 def test_runs_killed_at_random_moments_go_on_to_the_same_bits(tmp_path, vehicle, whole):
     generator = random.Random(SEED)
     moments = [(generator.uniform(0, 1.0), False) for _ in range(5)]
     assert kill_and_resume(tmp_path, vehicle, whole, moments) >= 2
 
 
-@pytest.mark.further
+@pytest.mark.long
 def test_runs_killed_at_fifty_random_moments_go_on_to_the_same_bits(tmp_path, vehicle, whole):
     generator = random.Random(SEED + 1)
     moments = [(generator.uniform(0, 1.2), False) for _ in range(40)]
@@ -110,13 +111,15 @@ def stopped_after(monkeypatch, looks: int) -> None:
     monkeypatch.setattr(Progress, "advance", advance)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "backend"),
     [
         (co.Midpoint(co.Cayley()), "native"),
         (co.Midpoint(co.Cayley()), "xla"),
         (co.LeftRectangle(co.Exponential(), start="velocity"), "native"),
-        pytest.param(co.LeftRectangle(co.Exponential(), start="velocity"), "xla", marks=pytest.mark.further),
+        pytest.param(co.LeftRectangle(co.Exponential(), start="velocity"), "xla", marks=pytest.mark.long),
     ],
     ids=lambda part: getattr(part, "title", part),
 )
@@ -135,6 +138,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, vehicle, monkeypa
     assert_same(co.resume(tmp_path / "run", vehicle), whole)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_a_run_does_not_depend_on_its_chunks(vehicle, backend):
     run = co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, "steps": 500}, backend=backend)
@@ -152,6 +156,7 @@ def test_a_run_does_not_depend_on_its_chunks(vehicle, backend):
     assert iterations == run.position.iterations
 
 
+@pytest.mark.long
 def test_memory_stays_flat_while_records_stream(tmp_path):
     """Ten times the records, 70 MB of them, in the same memory."""
     script = f"""
@@ -171,6 +176,7 @@ print(*peaks)
     assert second - first < 15, f"{first:.0f} MB, then {second:.0f} MB"
 
 
+@pytest.mark.long
 def test_a_finished_run_is_returned_and_read_lazily(tmp_path, vehicle):
     whole = co.simulate(vehicle, interrupted.start(vehicle), **RUN)
     run = co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=tmp_path / "run")
@@ -185,6 +191,7 @@ def test_a_finished_run_is_returned_and_read_lazily(tmp_path, vehicle):
     np.testing.assert_array_equal(saved.dataset.q, whole.dataset.q)
 
 
+@pytest.mark.long
 def test_a_streamed_run_that_fails_keeps_what_was_computed(tmp_path):
     """A step size at which Newton's iteration fails some steps into the run."""
 
@@ -208,6 +215,7 @@ def test_a_streamed_run_that_fails_keeps_what_was_computed(tmp_path):
     assert str(again.value) == str(kept.value)
 
 
+@pytest.mark.long
 def test_inputs_and_chosen_quantities_are_given_again(tmp_path, vehicle, monkeypatch):
     def pushed(motion, p):
         return co.Force(force=motion.inputs.thrust * np.array([1.0, 0, 0]))
@@ -285,6 +293,7 @@ def unitary():
     return body, body.state(xi=[0.3, 0.2, 0.1, 0.5, 1.0])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("make", [rigid_body, two_arrows, pendulum, unitary])
 @pytest.mark.parametrize("monitors", [True, False])
 def test_every_kind_of_state_streams(tmp_path, make, monitors):

@@ -74,6 +74,7 @@ def chunk(folder: Path, name: str, index: int) -> Path:
     return next((folder / "records.zarr" / name).glob(f"c.{index}*"))
 
 
+@pytest.mark.long
 def test_the_same_call_again_returns_a_finished_run(unchanged, vehicle):
     folder, _ = unchanged
     run = co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=folder)
@@ -81,6 +82,7 @@ def test_the_same_call_again_returns_a_finished_run(unchanged, vehicle):
     assert str(run) == str(co.load(folder))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
@@ -96,6 +98,7 @@ def test_a_folder_with_a_run_takes_no_other(unchanged, vehicle, changes, told):
         co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, **changes}, store=folder)
 
 
+@pytest.mark.long
 def test_the_same_call_again_goes_on_with_an_interrupted_run(cut, vehicle, whole):
     with pytest.raises(co.ArgumentError, match="holds another run: the parameters differ"):
         co.simulate(interrupted.system(mass=1.0), interrupted.start(vehicle), **RUN, store=cut)
@@ -151,6 +154,7 @@ def test_a_folder_with_something_else_takes_no_run(tmp_path, vehicle):
         co.load(tmp_path / "letters")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
@@ -163,6 +167,7 @@ def test_other_parameters_are_another_run(unchanged, changes, told):
         co.resume(unchanged[0], interrupted.system(**changes))
 
 
+@pytest.mark.long
 def test_another_lagrangian_or_method_is_another_run(unchanged, vehicle):
     folder, _ = unchanged
 
@@ -180,6 +185,7 @@ def test_another_lagrangian_or_method_is_another_run(unchanged, vehicle):
         co.resume(folder, vehicle, start=vehicle.state(q=[0, 0, 2], a0=[0, 0, 1]))
 
 
+@pytest.mark.long
 def test_a_constant_inside_a_lagrangian_belongs_to_the_fingerprint(tmp_path, vehicle):
     def scaled(matrix):
         return co.System(co.SO3(), lambda xi: 0.5 * xi @ matrix @ xi)
@@ -192,6 +198,7 @@ def test_a_constant_inside_a_lagrangian_belongs_to_the_fingerprint(tmp_path, veh
     assert co.resume(tmp_path / "run", same).good_steps == 10
 
 
+@pytest.mark.long
 def test_a_fingerprint_is_the_same_in_every_process(folder):
     script = f"""
 import sys
@@ -214,6 +221,7 @@ def test_a_run_whose_equations_were_traced_in_another_way_is_of_another_version(
         co.resume(folder, vehicle)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["xi", "R", "time", "energy"])
 def test_a_truncated_or_missing_chunk_is_told(unchanged, vehicle, name):
     folder, before = unchanged
@@ -240,6 +248,7 @@ def test_a_chunk_with_a_wrong_bit_is_told_when_it_is_read(unchanged):
     assert str(file) in str(error.value)
 
 
+@pytest.mark.long
 def test_a_damaged_or_missing_checkpoint_is_told(unchanged, vehicle):
     folder, before = unchanged
     file = next(folder.glob("checkpoint-*.npz"))
@@ -254,6 +263,7 @@ def test_a_damaged_or_missing_checkpoint_is_told(unchanged, vehicle):
                 opened()
 
 
+@pytest.mark.long
 def test_a_checkpoint_of_another_run_is_told(unchanged, vehicle, tmp_path):
     folder, before = unchanged
     co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, "dt": 0.02}, store=tmp_path / "other")
@@ -273,6 +283,7 @@ def test_a_chunk_in_the_place_of_another_is_told(tmp_path, vehicle, monkeypatch)
         co.load(tmp_path / "run").dataset.mu.values  # noqa: B018
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("data", [None, b'"float32"'])
 def test_a_missing_or_changed_description_of_an_array_is_told(cut, vehicle, data):
     file = cut / "records.zarr" / "xi" / "zarr.json"
@@ -282,6 +293,7 @@ def test_a_missing_or_changed_description_of_an_array_is_told(cut, vehicle, data
             opened()
 
 
+@pytest.mark.long
 def test_two_processes_do_not_share_a_folder(cut, vehicle):
     before = contents(cut)
     script = f"""
@@ -313,6 +325,7 @@ sys.stdin.read()
     assert not (cut / "lock").exists()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("writes", [0, 40, 63, 90])
 def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, vehicle, whole, monkeypatch, writes):
     monkeypatch.setattr("coadjoint.simulation.store.BLOCK_ROWS", 205)
@@ -331,6 +344,7 @@ def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path, vehicle, whole, m
         np.testing.assert_array_equal(run.dataset[name], values)
 
 
+@pytest.mark.long
 def test_a_file_that_may_not_grow_stops_the_run(tmp_path, vehicle):
     """The operating system itself refuses: a limit on the size of files."""
     script = f"""
@@ -358,6 +372,7 @@ def open_place():
         yield Path(place)
 
 
+@pytest.mark.long
 def test_a_folder_that_may_not_be_written_is_told_and_a_finished_run_in_it_is_read(open_place, vehicle, cut):
     done, unfinished = open_place / "done", open_place / "cut"
     co.simulate(vehicle, interrupted.start(vehicle), **RUN, store=done)

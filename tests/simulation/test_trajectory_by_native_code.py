@@ -12,6 +12,8 @@ from paper_vehicle import start, system
 VEHICLE = system()
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("wrap", [lambda f: f, jax.jit], ids=["plain", "jit"])
 def test_the_gradient_of_a_trajectory_that_fails_is_nan_and_its_code_tells_why(wrap):
     def last(spin):

@@ -60,6 +60,7 @@ def close(found, expected, size=1.0):
     np.testing.assert_allclose(found, expected, rtol=0, atol=ROUND_OFF * max(size, np.max(np.abs(expected), initial=1)))
 
 
+@pytest.mark.cases(14)
 def test_identity_does_nothing_and_products_act_in_turn(place):
     group, space, x, random = place
     g, h = element(group, random), element(group, random)
@@ -73,6 +74,7 @@ def test_identity_does_nothing_and_products_act_in_turn(place):
     close(both, turn, 100)
 
 
+@pytest.mark.cases(23)
 def test_push_is_the_derivative_of_the_action(place):
     group, space, x, random = place
     g = element(group, random)
@@ -83,6 +85,7 @@ def test_push_is_the_derivative_of_the_action(place):
     close(found, expected, 10)
 
 
+@pytest.mark.cases(22)
 def test_pull_is_dual_to_push(place):
     """⟨g*b, v⟩ = ⟨b, g·v⟩."""
     group, space, x, random = place
@@ -94,6 +97,7 @@ def test_pull_is_dual_to_push(place):
     close(found, expected, 10)
 
 
+@pytest.mark.cases(25)
 def test_infinitesimal_action_is_the_derivative_along_the_exponential(place):
     group, space, x, random = place
     xi = random.normal(size=group.dim)
@@ -105,6 +109,7 @@ def test_infinitesimal_action_is_the_derivative_along_the_exponential(place):
     close(*evaluate(both, xi, x), size=10)
 
 
+@pytest.mark.cases(25)
 def test_infinitesimal_action_by_finite_differences(place):
     """Central differences at ε = 1e-4 leave ε²/6 of the third derivative and 1e-16/ε of round-off."""
     group, space, x, random = place
@@ -118,6 +123,7 @@ def test_infinitesimal_action_by_finite_differences(place):
     np.testing.assert_allclose(found, expected, atol=1e-7 * max(1.0, np.max(np.abs(x), initial=0.0)))
 
 
+@pytest.mark.cases(50)
 def test_lifted_action_is_the_derivative_of_the_infinitesimal_one(place):
     group, space, x, random = place
     xi = random.normal(size=group.dim)
@@ -129,6 +135,7 @@ def test_lifted_action_is_the_derivative_of_the_infinitesimal_one(place):
     close(*evaluate(both, xi, x, v), size=10)
 
 
+@pytest.mark.cases(48)
 def test_bracket_acts_as_the_commutator(place):
     """L_ξ(η·x) − L_η(ξ·x) = [ξ, η]·x."""
     group, space, x, random = place
@@ -142,6 +149,7 @@ def test_bracket_acts_as_the_commutator(place):
     close(*evaluate(both, xi, eta, x), size=30)
 
 
+@pytest.mark.cases(29)
 def test_diamond_is_minus_the_transpose_of_the_infinitesimal_action(place):
     """⟨b⋄x, ξ⟩ = −⟨b, ξ·x⟩, ⟨b⋄v, ξ⟩ = −⟨b, L_ξ v⟩."""
     group, space, x, random = place
@@ -158,6 +166,7 @@ def test_diamond_is_minus_the_transpose_of_the_infinitesimal_action(place):
         close(found, expected, 10)
 
 
+@pytest.mark.cases(16)
 def test_diamond_is_equivariant(place):
     """(g⁻*b)⋄(g·x) = Ad*_{g⁻¹}(b⋄x)."""
     group, space, x, random = place
@@ -173,6 +182,7 @@ def test_diamond_is_equivariant(place):
     close(*evaluate(both, g, x, b), size=1e3)
 
 
+@pytest.mark.cases(13)
 def test_closed_forms_equal_the_derivation_from_the_action(place):
     group, space, x, random = place
     g, xi = element(group, random), random.normal(size=group.dim)
@@ -321,6 +331,7 @@ def curved(request):
     return group, space, x, 0.4 * random.normal(size=space.dim(group))
 
 
+@pytest.mark.cases(5)
 def test_frames_are_orthonormal_and_span_the_tangent_space(curved):
     """EᵀE = 1, and EEᵀ takes a covector to the one of T*Q that pairs alike with tangents."""
     group, space, x, y = curved
@@ -338,6 +349,7 @@ def test_frames_are_orthonormal_and_span_the_tangent_space(curved):
     close(rest, np.zeros(x.size), 10)
 
 
+@pytest.mark.cases(4)
 def test_retractions_stay_on_the_space_and_start_along_their_tangent(curved):
     group, space, x, y = curved
 
@@ -352,6 +364,7 @@ def test_retractions_stay_on_the_space_and_start_along_their_tangent(curved):
     close(slope, u)
 
 
+@pytest.mark.cases(5)
 def test_orbits_are_tangent_to_curved_spaces(curved):
     """ξ·x ∈ T_xQ and gx ∈ Q."""
     group, space, x, _ = curved
@@ -443,6 +456,7 @@ def test_a_sphere_needs_orthogonal_matrices():
         co.System(co.SE3(), lambda xi, n, nu: 0.5 * nu @ nu, additional=co.Sphere())
 
 
+@pytest.mark.long
 def test_a_retraction_that_finds_no_point_says_so():
     """From |x| = 1 along u: x + u − 2λx reaches the sphere where |u| < 1 and never beyond; no point off it is given."""
     group, space = co.SO3(), co.Submanifold(lambda x: x @ x - 1)

@@ -48,13 +48,15 @@ def assert_right_on_both_sides(make, seed, units):
     assert verdicts(make, seed, units, 1.01) == ("neutral", "positive definite", "stable"), seed
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("make", [sleeping_top, spinning_body])
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_a_body_of_random_data_is_stable_above_its_threshold_and_unstable_below_in_any_units(make, units):
     assert_right_on_both_sides(make, 1788, units)
 
 
-@pytest.mark.further
+@pytest.mark.long
 @pytest.mark.parametrize("make", [sleeping_top, spinning_body])
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_fifty_bodies_of_random_data_are_judged_right_on_both_sides_in_any_units(make, units):
@@ -62,6 +64,7 @@ def test_fifty_bodies_of_random_data_are_judged_right_on_both_sides_in_any_units
         assert_right_on_both_sides(make, seed, units)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_what_a_body_does_not_conserve_is_refused_in_any_units(units):
     """A body with two nearly equal inertias, J₂ = J₁(1 + 1e-5), does not keep μ₃."""
@@ -74,6 +77,7 @@ def test_what_a_body_does_not_conserve_is_refused_in_any_units(units):
         stability(motion, [lambda state: state.mu[2]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_a_precessing_top_is_found_stable_in_any_units(units):
     """Regular precession at tilt θ, I₁ cos θ Ω² − I₃ωΩ + Mgl = 0, goes along the flow of μ₃."""

@@ -15,6 +15,7 @@ from coadjoint.vehicles.hydrodynamics import ellipsoid
 from coadjoint.vehicles.trim import SteadyFlight
 
 
+@pytest.mark.long
 def test_symplectic_steps_keep_the_modes_of_a_stable_conservative_motion_on_the_unit_circle():
     body = ellipsoid(semi_axes=(0.3, 0.5, 1.0), center_of_mass=(0, 0, 0.02))
     motion = steady_motion(body, start(body, velocity=(0, 0, 0.4)))
@@ -28,6 +29,8 @@ def remus():
     return SteadyFlight(vehicles.load("remus_100")).at(1.5)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("method", "order"), [(co.Midpoint(), 2), (co.LeftRectangle(), 1)])
 def test_frequencies_under_steps_are_right_to_the_order_of_the_method(method, order, remus):
     """On a free body the left rectangle keeps |m| = 1 too; both change the frequency by O(h²)."""

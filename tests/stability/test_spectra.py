@@ -20,6 +20,7 @@ def turning(inertia, omega):
     return stability(steady_motion(body, rigid_body.start(body, angular_velocity=omega)))
 
 
+@pytest.mark.long
 def test_a_free_body_is_unstable_about_its_middle_axis_at_eulers_rate_and_stable_about_the_others():
     J = np.array([1.0, 2.0, 3.0])
     middle = turning(J, (0, 1.3, 0))
@@ -41,6 +42,7 @@ def test_from_a_guess_the_steady_turn_of_the_same_angular_momentum_is_found():
     np.testing.assert_allclose(found.xi, [0, 0, np.linalg.norm([0.1, -0.4, 6.0]) / 3], atol=1e-12)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("fraction", "stable"), [(0.998, False), (1.002, True)])
 def test_a_sleeping_lagrange_top_is_stable_above_its_critical_spin(fraction, stable):
     """ω² > 4Mgl I₁/I₃², and energy, vertical and axial momentum show it nonlinearly."""
@@ -60,6 +62,7 @@ def test_a_sleeping_lagrange_top_is_stable_above_its_critical_spin(fraction, sta
         assert found.growth_rate == pytest.approx(np.max(precession.imag), rel=1e-9)
 
 
+@pytest.mark.long
 def test_without_the_axial_momentum_the_energy_of_a_sleeping_top_says_nothing():
     top = heavy_top.make(mass=1.2, center_of_mass=(0, 0, 0.5), inertia=(1.0, 1.0, 0.4))
     motion = steady_motion(top, heavy_top.start(top, angular_velocity=(0, 0, 14.0)))
@@ -73,6 +76,7 @@ def test_without_the_axial_momentum_the_energy_of_a_sleeping_top_says_nothing():
     assert stability(asleep).verdict == "stable"
 
 
+@pytest.mark.long
 def test_a_hanging_top_is_stable_and_one_that_stands_still_falls():
     for height, verdict in ((-0.5, "stable"), (0.5, "unstable")):
         top = heavy_top.make(mass=1.0, center_of_mass=(0, 0, height), inertia=(1.0, 2.0, 0.4))
@@ -94,6 +98,7 @@ MUNK = 1.5 * np.sqrt(29.4376 - 0.8389) * np.sqrt(REMUS.mass + 0.8389)
 MUNK /= np.sqrt((REMUS.mass + 29.4376) * (4.0278 + 3.4262))
 
 
+@pytest.mark.long
 def test_a_bare_torpedo_turns_across_the_flow_at_munks_rate_on_both_groups():
     """u√((m₂ − m₁)m₁/(m₂J₆₆)): REMUS at 1.5 m/s 2.1330 1/s, and it stays when a current is added."""
     assert pytest.approx(2.1330, abs=5e-5) == MUNK
@@ -106,6 +111,7 @@ def test_a_bare_torpedo_turns_across_the_flow_at_munks_rate_on_both_groups():
         assert found.linear.symmetry_defect < 1e-12
 
 
+@pytest.mark.long
 def test_a_simulated_torpedo_turns_at_the_rate_of_the_spectrum():
     vehicle = bare_torpedo()
     guess = place(vehicle, velocity=(1.5, 0, 0), euler_zyx=(0.0, 0.0, 0.0))
@@ -145,6 +151,7 @@ def ahead(state, speed, axis):
     return jnp.concatenate([state.nu - speed * jnp.eye(3)[axis], state.xi])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axis", [2, 1], ids=["vertical", "horizontal"])
 def test_the_bounds_of_bottom_heavy_vehicles_are_where_the_spectrum_and_the_energy_say(axis):
     body, M, righting = bottom_heavy(AXES[axis])
@@ -160,6 +167,7 @@ def test_the_bounds_of_bottom_heavy_vehicles_are_where_the_spectrum_and_the_ener
     assert [(found.spectral, found.energy.verdict) for found in above] == [("unstable", "undecided")] * 2
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", [2, 1], ids=["vertical", "horizontal"])
 def test_bottom_heavy_vehicles_stay_below_their_bound_and_leave_above_it(axis):
     body, M, righting = bottom_heavy(AXES[axis])
@@ -173,6 +181,7 @@ def test_bottom_heavy_vehicles_stay_below_their_bound_and_leave_above_it(axis):
     assert away[0] < 3e-4 and away[1] > 0.01
 
 
+@pytest.mark.long
 def test_a_bottom_heavy_ellipsoid_at_rest_swings_with_its_closed_form_periods():
     """ω² = mgl/(J − (ml)²/M), J and M of the axis of the swing and of the sway with it."""
     body, M, righting = bottom_heavy((1.0, 0.5, 0.3))
@@ -184,6 +193,7 @@ def test_a_bottom_heavy_ellipsoid_at_rest_swings_with_its_closed_form_periods():
     assert found.verdict == "stable"
 
 
+@pytest.mark.long
 def test_regular_precession_of_a_lagrange_top_nutates_as_its_effective_potential_says():
     """V(θ) = (p_φ − p₃ cos θ)²/(2I₁ sin²θ) + Mgl cos θ: V'(θ) = 0, nutation ω² = V''(θ)/I₁, and stable."""
     M, l, I1, I3, theta, spin = 1.2, 0.5, 1.0, 0.4, 0.9, 15.0
@@ -211,6 +221,7 @@ def test_regular_precession_of_a_lagrange_top_nutates_as_its_effective_potential
     assert found.verdict == "stable" and found.linear.zero_modes == 3
 
 
+@pytest.mark.long
 def test_what_the_motion_does_not_conserve_is_no_integral_and_makes_nothing_stable():
     """μ₃ of an unsymmetric top: with it the second variation would be definite."""
     top = heavy_top.make(mass=1.2, center_of_mass=(0, 0, 0.5), inertia=(1.0, 1.3, 0.4))
@@ -226,6 +237,7 @@ def test_what_the_motion_does_not_conserve_is_no_integral_and_makes_nothing_stab
     assert stability(turning, [lambda s: s.xi[2]]).verdict == "stable"
 
 
+@pytest.mark.long
 def test_integrals_without_names_all_count():
     top = heavy_top.make(mass=1.2, center_of_mass=(0, 0, 0.5), inertia=(1.0, 1.0, 0.4))
     motion = steady_motion(top, heavy_top.start(top, angular_velocity=(0, 0, 14.0)))
@@ -233,6 +245,7 @@ def test_integrals_without_names_all_count():
     assert found.verdict == "stable" and {"integral_1", "integral_2"} <= set(found.multipliers)
 
 
+@pytest.mark.long
 def test_round_off_is_no_definite_form():
     """E = |μ|²/2J is the Casimir function of a body with three equal inertias: E − λC is zero, and decides nothing."""
     random = np.random.default_rng(0)

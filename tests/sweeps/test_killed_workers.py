@@ -28,7 +28,8 @@ def undisturbed(tmp_path_factory):
     return execute(read_sweep(sweep_file(folder, MEMBERS, TASK)), folder / "out", workers=1, progress=False)
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.exhaustive)])
+@pytest.mark.long
+@pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.long)])
 def test_a_sweep_whose_workers_are_killed_is_the_same_to_the_bit(undisturbed, tmp_path, kills):
     sweep = read_sweep(sweep_file(tmp_path, MEMBERS, TASK))
     left, rounds = kills, 0

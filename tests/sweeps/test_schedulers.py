@@ -42,6 +42,7 @@ def test_a_scheduler_that_does_not_answer_is_told_before_anything_is_written(tmp
     assert len(warned) == 1 and not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_a_client_that_reached_nobody_is_closed_at_once_and_silently(monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.cluster.ANSWER", 0.3)
     with warnings.catch_warnings():

@@ -68,6 +68,7 @@ def test_a_member_swims_the_mission_with_its_numbers(tmp_path, monkeypatch):
     np.testing.assert_allclose(found.g[4], alone.g, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.long
 def test_random_currents_belong_to_members_and_not_to_tasks(tmp_path):
     sweep = swept(tmp_path, VARY)
     whole, part = run(sweep, slice(0, 6)), run(sweep, slice(3, 6))

@@ -34,6 +34,7 @@ def run_of(world):
     return system, path, named_point(system, a0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SE3", "SO3xSE2", "SO4"])
 def test_reduction_and_reconstruction_are_inverse(world):
     system, _ = random_group_system(world)
@@ -44,6 +45,7 @@ def test_reduction_and_reconstruction_are_inverse(world):
     close(theory.reduced_path(system.places, again, named_point(system, a0)), reduced, 1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("world", ["SO3 alone", "SO3", "SE2", "SO3 on a sphere"])
 def test_unreduced_reduced_and_reconstructed_algorithms_give_one_motion(world):
     """(B16) on G × Q, (P42)–(P44) with (B17), and the method of the library."""
@@ -109,6 +111,7 @@ def heavy_top(parameter):
     return theory.PoissonLagrangian(group, co.Defining(), weighted, parameter)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 def test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter(parameter):
     """(B19) in f, a against (P42), both ends; and its residual is minus (P42)'s at any sequence."""
@@ -138,6 +141,7 @@ def test_euler_poincare_poisson_is_the_reduced_algorithm_with_a_parameter(parame
     close(row, expected, ROUND_OFF)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 def test_discrete_kelvin_noether_theorem_of_euler_poincare_poisson(parameter):
     """(B25) for 𝒦(c, a) = c + sin(c·a) a on a run of the top; at the left end I^B = −I of Theorem 7."""

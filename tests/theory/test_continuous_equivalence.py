@@ -27,6 +27,7 @@ def family(system, start, shapes, t, e):
     return g, q[0] + jnp.sin(t) * q[1] + e * (q[2] + t * q[3])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SE2", "SL2", "SO4"])
 def test_the_variation_of_the_action_is_the_euler_poincare_equations(world):
     system, start = random_system(world)

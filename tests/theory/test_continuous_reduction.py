@@ -37,6 +37,7 @@ def chart(x):
     )
 
 
+@pytest.mark.long
 def test_the_reduced_system_moves_as_euler_and_lagrange_say_in_coordinates():
     """(P15)–(P20): ẍ of L in Euler angles and q, turned into ξ̇ and ν̇ of the body, against the reduced system."""
     L = body()
@@ -66,6 +67,7 @@ def test_the_reduced_system_moves_as_euler_and_lagrange_say_in_coordinates():
     np.testing.assert_allclose(slope.nu, nu_dot, rtol=0, atol=1e-12 * np.max(np.abs(nu_dot)))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("world", ["SO3 alone", "SO3", "SE3", "SL2", "SO3xSE2", "curved and flat"])
 def test_reduction_undoes_the_inverse(world):
     """ℓ ↦ L ↦ ℓ on random systems, two advected parameters and a curved Q among them; L is left-invariant."""
@@ -101,6 +103,7 @@ def test_a_lagrangian_with_a_small_potential_of_the_space_frame_is_refused():
             theory.reduce_continuous(body(lean))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("h", [1e-1, 1e-3, 1e-4])
 def test_a_discrete_lagrangian_with_a_small_potential_is_refused_at_every_step_size(h):
     """Λ ≈ |d|²/h at far elements hides hU: the potential is seen on steps as short as h, and round-off is not."""

@@ -105,6 +105,7 @@ EVERY = [("top" if i % 2 else "body", kind) for i, kind in enumerate(KINDS)]
 EVERY += [(world, "everything") for world in ("SO3", "SE2", "SO3 on a sphere")]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "kind"), EVERY)
 def test_the_reduced_algorithm_gives_the_driven_motion(world, kind):
     """(P42)–(P44) with Lagrange–d'Alembert forces; time, inputs and internal state go on from the first link."""
@@ -114,6 +115,7 @@ def test_the_reduced_algorithm_gives_the_driven_motion(world, kind):
     close(found, links)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "kind"), EVERY)
 def test_the_unreduced_algorithm_gives_the_driven_motion(world, kind):
     """(B8) with g_k·φ⁻ and T⁻ in the space frame."""
@@ -123,6 +125,7 @@ def test_the_unreduced_algorithm_gives_the_driven_motion(world, kind):
     close(found, path)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_algorithm_of_the_semidirect_product_gives_the_driven_motion(kind):
     """(B13) with forces, on SO(3) Ⓢ ℝ³."""
@@ -136,6 +139,7 @@ def test_the_algorithm_of_the_semidirect_product_gives_the_driven_motion(kind):
     close(theory.semidirect_algorithm(group, Q, l, at(links, 0), H, STEPS), links)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_euler_poincare_poisson_gives_the_driven_motion_and_kelvin_noether_its_change(kind, parameter):
@@ -154,12 +158,14 @@ def test_euler_poincare_poisson_gives_the_driven_motion_and_kelvin_noether_its_c
     np.testing.assert_allclose(np.diff(quantity), change[:-1], rtol=0, atol=1e-13 * np.max(np.abs(quantity)))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "kind"), EVERY)
 def test_the_printed_equations_hold_on_driven_runs(world, kind):
     found = theory.printed_equations(run_of(world, kind)[0])
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("kind", "given", "says"),
     [
@@ -214,6 +220,7 @@ def calls(world, kind, given):
     ]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SO3 on a sphere"])
 def test_actions_and_their_variations_agree_on_driven_systems(world):
     """(P41), (P48): ΣL = ΣΛ at the instants of a run, and their derivatives along a variation of the nodes."""

@@ -22,6 +22,8 @@ SPATIAL = {"P38 F", "P38 s", "P39", "P43", "P44", "P42 μ", "P42 π", "P50", "P5
 MOMENTA = {"F⁻ μ", "F⁻ π", "F⁺ μ", "F⁺ π"}
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("world", "tau", "rule"),
     [
@@ -40,6 +42,7 @@ def test_the_equations_of_theorems_6_and_7_hold_on_runs_of_every_rule(world, tau
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("world", "more"),
     [("SO3", set()), ("SO3xSE2", set()), ("SO3 alone", {"B19", "B25"}), ("SO2", {"B13 f", "B13 u"})],
@@ -54,6 +57,7 @@ def test_the_equations_of_both_papers_hold_on_runs_in_group_form(world, more):
         assert found["B13 f"].scale == found["P42 μ"].scale
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Variational(), co.AdjointVariational()], ids=lambda m: type(m).__name__)
 def test_the_equations_of_theorem_6_hold_for_a_discrete_lagrangian_and_for_its_adjoint(method):
     inertia, center = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 1.5])
@@ -68,6 +72,7 @@ def test_the_equations_of_theorem_6_hold_for_a_discrete_lagrangian_and_for_its_a
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.long
 def test_a_momentum_that_was_changed_on_the_way_is_seen():
     """Two runs after one another, the second with μ off by a millionth."""
     system, start = random_group_system("SO3 alone")
@@ -91,6 +96,7 @@ def test_a_run_that_ends_inside_a_step_raises_no_false_alarm():
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.long
 def test_a_wrong_difference_map_is_seen():
     """Records of a run whose unknowns are said to be those of another map."""
     system, start = random_system("SO3 alone")
@@ -109,6 +115,7 @@ def test_an_unreduced_lagrangian_of_another_body_is_seen():
     assert found["B8 g"].largest > 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "options", "says"),
     [
@@ -149,6 +156,8 @@ def forced_system(world: str, rule: str) -> tuple[co.System, co.State]:
     return made, start.replace(from_velocities=False)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("world", "rule"),
     [
@@ -172,6 +181,7 @@ def test_the_equations_of_lagrange_and_d_alembert_hold_on_forced_runs(world, rul
     assert min(free[row].largest for row in ("P42 μ", "P52", "F⁺ μ" if rule in ("right", "adjoint") else "F⁻ μ")) > 1e-3
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("part", ["mu", "pi"])
 @pytest.mark.parametrize("form", ["algebra", "group"])
 def test_records_whose_momenta_were_overwritten_are_seen(form, part):
@@ -200,6 +210,7 @@ def test_an_equation_whose_residual_is_no_number_holds_least_well():
         assert worst.equation == "two" and worst.largest == np.inf
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), co.LeftRectangle(co.Exponential())], ids=repr)
 def test_the_equations_hold_on_runs_of_chains(method):
     """Links that see each other, and each of which has a point of its own in a field."""

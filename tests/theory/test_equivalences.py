@@ -62,6 +62,7 @@ def statements(system, L, path, a0, eta, w):
     return jnp.stack([first, second, third, fourth]), size
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_four_statements_are_one_covector(world):
     system, _ = random_group_system(world)
@@ -71,6 +72,8 @@ def test_the_four_statements_are_one_covector(world):
     np.testing.assert_allclose(four, four[0], rtol=0, atol=ROUND_OFF * size * system.group.dim)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SE2"])
 def test_on_a_solution_all_four_vanish(world):
     system, start = random_group_system(world)

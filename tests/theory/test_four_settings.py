@@ -92,6 +92,8 @@ def settings():
     return found
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SE(3)", "SO(3) Ⓢ ℝ³", "unreduced", "reconstructed"])
 def test_one_discrete_lagrangian_gives_one_motion_in_every_setting(name):
     R, q = settings()["SO(3) with ℝ³"]
@@ -116,6 +118,7 @@ def ends(rule, h):
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("rule", "order"), [(co.LeftRectangle(), 1), (co.Midpoint(), 2), (co.Trapezoidal(), 2)])
 def test_the_rules_of_the_settings_agree_to_their_order(rule, order):
     """Both products are one group; SO(3) with ℝ³ and SE(3) have other difference maps, so other steps."""

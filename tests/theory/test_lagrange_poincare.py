@@ -40,9 +40,11 @@ def motion(name: str, rule: str):
 
 # A step of the reduced algorithm is traced for each case, which takes seconds.
 QUICK = [("SO3", "midpoint"), ("SE2", "trapezoidal"), ("SL2", "right")]
-SOME = [case if case in QUICK else pytest.param(*case, marks=pytest.mark.further) for case in CASES]
+SOME = [case if case in QUICK else pytest.param(*case, marks=pytest.mark.long) for case in CASES]
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "rule"), SOME)
 def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connection(name, rule):
     system, start = random_system(name)
@@ -58,6 +60,8 @@ def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connectio
         assert np.max(np.abs(found.time - start.t - H * np.arange(6))) <= 1e-15
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "rule"), CASES)
 def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
     system, start = random_system(name)
@@ -73,6 +77,7 @@ def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
     assert np.all(np.max(np.abs(away), axis=1) > 1e-8)
 
 
+@pytest.mark.long
 def test_with_the_trivial_connection_they_are_the_equations_of_the_core():
     """Ω = e, the paper's last remark: σ = F⁻¹, Ad*_{F⁻¹}D^R_σ l = −μ_k."""
     system, start = random_system("SO3")
@@ -83,6 +88,8 @@ def test_with_the_trivial_connection_they_are_the_equations_of_the_core():
     assert apart(found.sigma, np.swapaxes(g[1:], 1, 2) @ g[:-1]) <= 2e-13
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "rule"), [("SO3", "midpoint"), ("SE2", "left"), ("SL2", "trapezoidal")])
 def test_the_first_variation_of_the_action_is_the_residual_on_any_sequence(name, rule):
     """Theorem 6.1, 1 ⇔ 3 ⇔ 4: with g_ε = g e^{εη}, x_ε = x + εδx and fixed ends,
@@ -148,8 +155,9 @@ def driven(name: str) -> tuple[co.System, co.State]:
     return system, start
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "rule"), [pytest.param("SE2", "trapezoidal", marks=pytest.mark.further), ("SO3", "midpoint")]
+    ("name", "rule"), [pytest.param("SE2", "trapezoidal", marks=pytest.mark.long), ("SO3", "midpoint")]
 )
 def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rule):
     """Lagrange–d'Alembert–Poincaré: (B35), (B36) with (T∓, φ∓), whatever the connection, against co.simulate."""
@@ -167,6 +175,7 @@ def test_forces_time_inputs_and_internal_states_give_the_driven_motion(name, rul
     assert np.min(np.max(np.abs(still), axis=1)) > 1e-3, "forces that do nothing prove nothing"
 
 
+@pytest.mark.long
 def test_the_discrete_mechanical_connection_does_not_see_forces():
     system, _ = driven("SO2")
     free = co.System(
@@ -196,6 +205,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence():
             co.lagrange_poincare(system, start, **{**good, **change})
 
 
+@pytest.mark.long
 def test_a_step_that_has_no_solution_says_so():
     """Midpoint steps of ẍ = eˣ from rest at x = 0: v = ½h exp(½hv) has no root at h = 2."""
     system = co.System(co.SO2(), lambda xi, x, v: 0.5 * (xi @ xi + v @ v) + jnp.exp(x[0]), additional=co.Trivial(1))

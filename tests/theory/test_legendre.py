@@ -89,7 +89,9 @@ def run_of(name: str):
     return co.simulate(system, start, dt=H, steps=5, method=method, monitors=False)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.further) if n in LONG else n for n in METHODS])
+@pytest.mark.long
+@pytest.mark.cases(4)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in METHODS])
 def test_the_right_transform_of_a_step_is_the_left_one_of_the_next(name):
     """F⁺_{k} = F⁻_{k+1} and J⁺_k = J⁻_{k+1}, and both are the momenta that the method carries; forced and timed."""
     run = run_of(name)
@@ -111,6 +113,7 @@ def test_the_right_transform_of_a_step_is_the_left_one_of_the_next(name):
     assert np.max(np.abs(maps.plus - maps.minus)) > 1e-4 * size, "a step that gives nothing proves nothing"
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["midpoint", "galerkin", "group variational on a sphere"])
 def test_the_transforms_do_not_read_the_momenta_of_a_record(name):
     run = run_of(name)
@@ -122,6 +125,7 @@ def test_the_transforms_do_not_read_the_momenta_of_a_record(name):
         np.testing.assert_array_equal(x, y)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3", "SE2", "SL2", "SO3xSE2", "SO3 on a sphere"])
 def test_the_momentum_maps_are_derivatives_of_the_unreduced_lagrangian_along_the_group(world):
     """⟨J⁻, η⟩ = −d/dε L(e^{εη}x, x⁺), ⟨J⁺, η⟩ = d/dε L(x, e^{εη}x⁺) at fixed a₀, on a step that solves nothing."""

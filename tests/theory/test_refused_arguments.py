@@ -38,6 +38,7 @@ def path():
     return theory.Configuration(run.records.g, run.records.q)
 
 
+@pytest.mark.long
 def test_the_legendre_transforms_of_a_composition_are_found_for_all_members():
     """F⁻ is the momentum of the records, F⁺ that of the next."""
     start = SMOOTH.state(xi=co.each([[0.3, 1.0, 0.2], [0.1, 2.0, 0.2]]), a0=DOWN)
@@ -60,6 +61,7 @@ def test_a_part_of_a_step_that_led_to_an_event_has_another_transform_and_is_refu
     np.testing.assert_allclose(found.plus.mu[:-1], records.mu[1:], atol=1e-13)
 
 
+@pytest.mark.long
 def test_members_are_refused_by_every_function_in_one_sentence(path):
     fleet, smooth = TOP.replace(weight=co.each([1.0, 2.0])), SMOOTH.replace(weight=co.each([1.0, 2.0]))
     link = at(theory.reduced_path(TOP.places, path, DOWN), 0)

@@ -49,13 +49,14 @@ def test_functions_and_tests_of_a_row_exist(row):
         assert re.search(rf"^def {name}\(", (ROOT / "tests" / file).read_text(encoding="utf-8"), re.MULTILINE), test
 
 
+@pytest.mark.cases(1)
 @each_row
 def test_a_row_holds_in_its_first_case(row):
     assert row.bound <= WORST
     assert max(islice(row.cases(), 1)) <= row.bound
 
 
-@pytest.mark.further
+@pytest.mark.long
 @each_row
 def test_every_residual_of_the_table_is_round_off(row):
     assert row.residual() <= row.bound
@@ -91,6 +92,8 @@ SOME = [
 ]
 
 
+@pytest.mark.long
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(("number", "name", "kind"), SOME, ids=[f"{row[0]} {row[2]}" for row in SOME])
 def test_an_error_in_a_function_of_a_row_is_detected(number, name, kind):
     """A few mutations of every part of the table; the next test has all."""
@@ -100,7 +103,7 @@ def test_an_error_in_a_function_of_a_row_is_detected(number, name, kind):
     assert detected(row, name, kind)
 
 
-@pytest.mark.further
+@pytest.mark.long
 @each_row
 def test_every_mutation_of_a_row_is_detected_or_equivalent(row):
     tried = mutations(row)

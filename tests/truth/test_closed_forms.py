@@ -42,6 +42,7 @@ def test_the_start_has_the_state_and_the_energy_of_the_closed_form(problem: Prob
     assert float(evaluate(energy, problem.system, problem.start)) == pytest.approx(problem.energy, rel=1e-13)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("problem", PROBLEMS, ids=title)
 @pytest.mark.parametrize("method", METHODS, ids=title)
 def test_a_method_converges_to_the_exact_motion_at_its_order_and_conserves(method: co.Method, problem: Problem):

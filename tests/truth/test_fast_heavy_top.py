@@ -29,6 +29,7 @@ def errors(method: co.Method, dt: float) -> np.ndarray:
     return found
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "at_most"),
     [
@@ -52,6 +53,7 @@ def test_order_four_meets_the_reference_in_all_its_digits():
     assert np.max(found) <= 3e-12
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("degree", "dt", "at_most"), [(3, 5e-4, 5e-11), (4, 4e-3, 2e-9), (4, 2e-3, 1e-11)], ids=lambda value: f"{value:g}"
 )
@@ -60,6 +62,7 @@ def test_single_steps_of_high_order_are_long(degree: int, dt: float, at_most: fl
     assert np.max(errors(co.Galerkin(degree=degree), dt)) <= at_most
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("tau", [EXPONENTIAL, CAYLEY], ids=repr)
 def test_the_top_of_simo_and_wong_keeps_its_energy_where_a_reference_code_loses_a_thousandth(tau):
     entry = catalogue["simo_wong_top"]

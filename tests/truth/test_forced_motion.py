@@ -34,6 +34,7 @@ def still(vehicle: co.System, **given) -> co.State:
     return vehicle.state(**{"q": [0, 0, 1], "a0": [0, 0, 1], **given})
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_a_heavy_vehicle_sinks_at_the_speed_at_which_quadratic_drag_carries_it(method):
     """M v̇ = W − c v²: v = v∞ tanh(t/t∞), v∞ = √(W/c), t∞ = M/√(Wc); at v∞ every rule is exact."""
@@ -70,6 +71,7 @@ def test_thrust_against_linear_drag_gives_the_terminal_speed_forward():
     assert lost == pytest.approx(-gained, rel=1e-8)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", range(3))
 def test_a_damped_spin_decays_by_the_factor_of_the_rule_at_every_step(axis):
     """J ω̇ = −d ω: midpoint (1 − ½λh)/(1 + ½λh) a step, which is exp(−λh) to second order."""
@@ -84,6 +86,7 @@ def test_a_damped_spin_decays_by_the_factor_of_the_rule_at_every_step(axis):
     assert factor == pytest.approx(np.exp(-0.02 * rate), rel=1e-6)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("damping", [0.5, 2.0])
 def test_small_pitch_swings_decay_at_the_rate_of_the_damped_oscillator(damping):
     """J₂ θ̈ + d θ̇ + B l θ = 0: θ = θ₀ exp(−γt)(cos ωt + (γ/ω) sin ωt), γ = d/2J₂, ω² = Bl/J₂ − γ²."""
@@ -141,6 +144,7 @@ def begun(vehicle: co.System, current: np.ndarray) -> co.State:
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("forces", [None, {"drag": drag, "thrust": thrust}], ids=["free", "damped with thrust"])
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_who_drifts_with_the_water_sees_the_same_motion(method, forces):
@@ -159,6 +163,7 @@ def gap(run) -> float:
     return float(max(high - first, first - low))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["left", "midpoint", "trapezoidal", "pair", "suzuki"])
 def test_a_damped_vehicle_with_thrust_in_a_current_keeps_its_balances(name):
     """Theorem 7 with forces at round-off, at every step and over the run; the energy budget to the method's order."""

@@ -82,6 +82,7 @@ class SphericalPendulum:
         return nutation(roots, 2 * self.gravity, t)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("problem", [LagrangeTop(), SphericalPendulum()], ids=lambda p: p.name)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.title)
 def test_nutation_converges_to_its_elliptic_function(problem, method):
@@ -128,6 +129,7 @@ def reach(run) -> float:
     return float(np.max(np.abs(run.records.g[1]))) if isinstance(run.records.g, tuple) else 0.0
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("entry", INTEGRABLE, ids=lambda e: e.name)
 def test_casimirs_and_momenta_are_exact_and_the_other_integrals_bounded_without_drift(entry):
     """10⁵ steps: the mean over the last tenth is that over the first within a tenth of the band, the band is O(h²)."""

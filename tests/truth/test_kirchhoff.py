@@ -33,6 +33,7 @@ def largest(rows: np.ndarray) -> float:
     return float(np.max(np.linalg.norm(rows, axis=1)))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.title)
 def test_a_neutrally_buoyant_ellipsoid_conserves_impulse_and_moment_on_the_grid(method: co.Method):
     body = ENTRY.make()

@@ -36,6 +36,7 @@ def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backe
     assert run.relative_change("energy") < 1e-14
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "method",
     [
@@ -57,6 +58,7 @@ def test_every_method_moves_an_oscillator_within_its_order(method):
     assert abs(run.final.n[0] - exact) < (OMEGA * H) ** method.order * t
 
 
+@pytest.mark.long
 def test_variable_steps_are_the_same_by_xla():
     start, options = OSCILLATOR.state(q=[1.0], qdot=[0.3]), {"dt": H, "steps": 4, "monitors": False, "accuracy": False}
     runs = [
@@ -78,6 +80,7 @@ def test_a_pendulum_reaches_the_bottom_after_a_quarter_of_its_period():
     assert alone.event == pytest.approx(quarter[1], rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_run_on_q_alone_is_saved_streamed_stepped_and_told(tmp_path):
     start = PENDULUM.state(q=[1.0], pi=[0.3])
     run = co.simulate(PENDULUM, start, dt=H, steps=STEPS)

@@ -87,6 +87,7 @@ def test_the_maps_agree_to_their_order():
     assert 1e-9 < difference <= 1e-4
 
 
+@pytest.mark.long
 def test_order_four_brings_the_energy_error_down_to_round_off():
     made = run(co.Suzuki4(co.Midpoint(co.Exponential())))
     assert made.relative_change("energy") <= 2e-11

@@ -78,6 +78,7 @@ def test_the_general_form_about_the_mass_centre_is_the_papers():
         assert np.max(np.abs(a - b)) <= 1e-11 * (1 + np.max(np.abs(b))), name
 
 
+@pytest.mark.long
 def test_the_choice_of_the_body_origin_does_not_change_the_motion():
     """O′ = O + d: r_g and r_b shift by −d, and M_A′ = TᵀM_AT with [ν; ω] = T[ν′; ω], ν = ν′ − ω×d."""
     vehicle, start, motion = moves("SO(3)")
@@ -104,6 +105,7 @@ def test_the_choice_of_the_body_origin_does_not_change_the_motion():
     assert np.max(np.abs(moved.q - moved.g @ OFFSET - motion.q)) <= 1e-9
 
 
+@pytest.mark.long
 def test_on_se3_the_continuous_motion_is_that_on_so3_times_r3():
     _, start, motion = moves("SO(3)")
     _, posed, poses = moves("SE(3)")
@@ -114,6 +116,7 @@ def test_on_se3_the_continuous_motion_is_that_on_so3_times_r3():
     assert np.max(np.abs(posed.xi - np.concatenate([OMEGA, start.nu]))) <= 1e-14
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [co.Midpoint(co.Cayley()), co.LeftRight(co.Exponential())], ids=lambda m: m.title)
 def test_on_se3_steps_approach_that_motion_and_conserve_horizontal_momentum_and_the_vertical_moment(method):
     vehicle, start, poses = moves("SE(3)")

@@ -27,6 +27,7 @@ def without_fins(**changes: Any) -> co.System:
     return OPEN.replace(stern_planes={"area": 0.0}, rudder={"area": 0.0}, **changes)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("n", [8.0, 15.0, 1525 / 60])
 def test_the_terminal_speed_is_where_thrust_equals_drag(n):
     area, D = np.pi / 4 * 0.19**2, 0.14
@@ -43,6 +44,7 @@ def test_the_terminal_speed_is_where_thrust_equals_drag(n):
         assert speed == pytest.approx(2.5, rel=0.05)  # The vehicle's top speed, 2.5 m/s at 1525 rpm.
 
 
+@pytest.mark.long
 def test_the_bollard_thrust_is_that_of_the_propeller_at_rest_ahead_and_astern():
     """The work of the first short step from rest is ½(F h)²/M of the thrust F = (1 − t) ρ D⁴ K_T0 n|n|."""
     mass = P.mass + P.added_mass[0, 0]
@@ -55,6 +57,7 @@ def test_the_bollard_thrust_is_that_of_the_propeller_at_rest_ahead_and_astern():
         assert run.final.nu[0] * mass == pytest.approx(thrust * h * 1.5, rel=1e-5)  # of the step after, at 3h/2
 
 
+@pytest.mark.long
 def test_positive_stern_planes_pitch_the_nose_down_and_positive_rudder_turns_it_to_starboard():
     for sign in (1.0, -1.0):
         diving = cruise(15.0, duration=3.0, stern_planes=sign * 0.05).dataset
@@ -63,6 +66,7 @@ def test_positive_stern_planes_pitch_the_nose_down_and_positive_rudder_turns_it_
         assert sign * turning.euler_angles[-1, 0] > 0.02 and abs(turning.q[-1, 2]) < 0.05 * abs(turning.q[-1, 1])
 
 
+@pytest.mark.long
 def test_roll_at_rest_has_the_period_of_its_righting_moment():
     """W z_g φ = −M₄₄ φ̈ with M₄₄ less (m z_g)²/M₂₂, because the origin sways as the vehicle rolls."""
     vehicle = without_fins(damping={"linear": np.zeros(6)}, hull={"crossflow_drag": 0.0})
@@ -75,12 +79,14 @@ def test_roll_at_rest_has_the_period_of_its_righting_moment():
     np.testing.assert_allclose(run.dataset.euler_angles[:, 2], 1e-4, rtol=2e-4)
 
 
+@pytest.mark.long
 def test_slow_surge_decays_with_its_time_constant():
     vehicle = OPEN.replace(hull={"axial_drag": 0.0}, damping={"fading": np.zeros(6)}, center_of_mass=np.zeros(3))
     run = co.simulate(vehicle, remus_start(vehicle, speed=0.1), dt=DT, duration=40.0)
     np.testing.assert_allclose(run.dataset.qdot[:, 0], 0.1 * np.exp(-(run.dataset.time + DT / 2) / 20.0), rtol=1e-5)
 
 
+@pytest.mark.long
 def test_fins_keep_the_course_that_the_munk_moment_would_turn_away():
     """Nothing is deleted from the equations: without fins a torpedo is unstable, with them it is not."""
     drift = []
@@ -101,6 +107,8 @@ MISSION = {
 }
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_a_mission_dives_turns_and_surfaces_within_the_limits_of_its_actuators(delay):
     current = np.array([0.1, 0.2, 0.0])

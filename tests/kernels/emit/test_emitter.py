@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from equations import Equations, Still
 from functions import SMOOTH, TABLES
 
@@ -51,6 +52,7 @@ def test_every_function_in_machine_code():
         np.testing.assert_allclose(seen[name][0], evaluate(function, 1.5 * x), rtol=1e-13, atol=1e-14, err_msg=name)
 
 
+@pytest.mark.long
 def test_every_function_in_lanes():
     xs = _random.uniform(-2, 2, size=(lanes() + 1, 3))
     seen = run_ensemble(PROGRAM, 1.5, xs, 0.1, 1, 1, axes=(False, True)).records

@@ -34,6 +34,7 @@ def one_by_one(steps):
     return state, records
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kernel", [native, xla])
 def test_a_composed_step_is_its_substeps_in_turn(kernel):
     chunk = kernel.run(Composed(), PAPER, start(H), H, 3, 2)
@@ -48,6 +49,7 @@ def test_a_composed_step_is_its_substeps_in_turn(kernel):
     assert chunk.extrema["newton_residual"][1] > 0
 
 
+@pytest.mark.long
 def test_certificates_of_a_composed_step_are_the_largest_over_its_substeps():
     looped = native.run(Composed(), PAPER, start(H), H, 4, 1)
     reference = xla.run(Composed(), PAPER, start(H), H, 4, 1)
@@ -168,6 +170,7 @@ class Trying:
 ROOT = Root(np.asarray(1.03), np.asarray(1.0), np.asarray(0.0))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("substeps", [(1.0,), (0.5, 0.5)])
 @pytest.mark.parametrize("kernel", [native, xla])
 def test_a_stage_that_may_fail_tells_so_and_the_step_goes_on(kernel, substeps):
@@ -188,6 +191,7 @@ def test_members_decide_for_themselves_whether_a_tolerant_stage_failed():
     assert np.all(chunk.code == Code.CONVERGED)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("substeps", [(1.0,), (0.5, 0.5)])
 @pytest.mark.parametrize("kernel", [native, xla])
 def test_an_event_ends_the_run_at_the_node_before_it(kernel, substeps):

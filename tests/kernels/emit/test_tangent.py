@@ -36,6 +36,7 @@ def prepared(method) -> tuple[Any, ...]:
     return Observed(plain, Channels(VEHICLE)), plain, constants, state, active, places.astype(int)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Midpoint(), co.LeftRight(co.Cayley())], ids=["one stage", "two stages"])
 def test_tangents_of_driven_runs_are_those_of_differences(method):
     program, _, constants, state, active, places = prepared(method)
@@ -68,6 +69,7 @@ def test_tangents_of_driven_runs_are_those_of_differences(method):
         np.testing.assert_allclose(found[:, :, column], difference, atol=2e-7 * scale)
 
 
+@pytest.mark.long
 def test_tangents_of_a_run_and_its_adjoint_are_transposes():
     """⟨ȳ, dy⟩ = ⟨p̄, dp⟩ for a run with constant inputs."""
     program, plain, constants, state, active, _ = prepared(co.Midpoint())

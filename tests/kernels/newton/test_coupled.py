@@ -31,6 +31,7 @@ def equations(pairs, sizes, curved=0.3):
     return how, A, lambda z: A @ z + curved * jnp.sin(A @ z) - s
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("kind", "sizes"), [("chain", (2,)), ("ring", (1, 2)), ("tree", (2,)), ("none", (1, 2))])
 def test_block_elimination_solves_what_dense_elimination_does(kind, sizes):
     with jax.enable_x64(True):
@@ -46,6 +47,7 @@ def test_a_chain_has_three_colours_and_a_ring_is_folded_in_two():
     assert (ring.width, ring.rows) == (2, 4)
 
 
+@pytest.mark.long
 def test_factors_are_carried_over_and_the_root_has_the_derivative_of_its_equations():
     how, _, r = equations(CHAIN, (2,))
 
@@ -93,6 +95,7 @@ def solved(how, r, guess, carried):
     return jax.jit(lambda guess, h, carried: how.root(r, guess, h, (14,), carried))(guess, 0.1, carried)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [1.0, 1e-6])
 def test_a_pair_that_is_not_declared_gives_right_derivatives_or_none(size):
     with jax.enable_x64(True):
@@ -115,6 +118,7 @@ def test_a_pair_that_is_not_declared_gives_right_derivatives_or_none(size):
             assert np.max(np.abs(found - np.linalg.solve(matrix, right))) < 1e-9 * np.max(np.abs(found))
 
 
+@pytest.mark.long
 def test_old_factors_with_which_increments_shrink_slowly_end_no_iteration_before_round_off():
     how, A, r = equations(CHAIN, (2,), 0.0)
     with jax.enable_x64(True):
@@ -127,6 +131,7 @@ def test_old_factors_with_which_increments_shrink_slowly_end_no_iteration_before
     assert np.max(np.abs(again.unknowns - exact)) < 1e-14
 
 
+@pytest.mark.long
 def test_old_factors_that_are_no_numbers_are_renewed():
     how, _, r = equations(CHAIN, (2,))
     with jax.enable_x64(True):
@@ -137,6 +142,7 @@ def test_old_factors_that_are_no_numbers_are_renewed():
     assert np.max(np.abs(again.unknowns - first.unknowns)) < 1e-14
 
 
+@pytest.mark.long
 def test_an_iteration_starts_where_the_last_three_solutions_point_to():
     how, A, _ = equations(CHAIN, (2,))
     s = np.random.default_rng(4).normal(size=(3, 14))

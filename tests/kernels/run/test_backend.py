@@ -27,6 +27,7 @@ def everything(chunk):
     return chunk.records, chunk.final, dict(chunk.monitors), {name: chunk.extrema[name] for name in chunk.monitors}
 
 
+@pytest.mark.long
 def test_both_kernels_give_the_same_chunk(monkeypatch):
     """With as many records as a chunk may have, of which the last one is kept as the others are."""
     monkeypatch.setattr(xla, "CAPACITY", 5)
@@ -38,6 +39,7 @@ def test_both_kernels_give_the_same_chunk(monkeypatch):
     assert set(ours.extrema) == set(theirs.extrema)
 
 
+@pytest.mark.long
 def test_both_kernels_give_the_same_ensemble():
     starts = [start(H, xi) for xi in ([1.0, -2.0, 3.0], [0.1, 0.2, 0.3], [np.nan, 0, 0])]
     s = jax.tree.map(lambda *leaves: np.stack(leaves), *starts)

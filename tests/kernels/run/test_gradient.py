@@ -43,6 +43,8 @@ def through_xla(program):
     return jax.jit(jax.grad(total, (0, 1, 2)))
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_adjoint_equals_the_gradient_through_xla(name):
     program, s = PROGRAMS[name], start(H, [1.0, -2.0, 3.0])
@@ -79,6 +81,7 @@ class Ending(LeftRectangle):
         return jnp.where(s.t < self.end - 0.5 * h, 0.0, 1.0)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("end", [0.0, 0.04, 0.24], ids=["first", "early", "last"])
 def test_a_run_that_fails_has_no_derivative(end):
     chunk, pull = gradient.vjp(VehicleProgram((Ending(end=end),)), PAPER, start(H), H, 5, 5)

@@ -73,6 +73,7 @@ class Raw(LeftRectangle):
         return (mix @ r)[::-1]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("p", [PAPER, SKEW], ids=["diagonal", "full"])
 @pytest.mark.parametrize("stage", [LeftRectangle(), Raw()], ids=["blocks", "mixed"])
 def test_native_steps_equal_plain_newton(p, stage):
@@ -87,6 +88,7 @@ def test_native_steps_equal_plain_newton(p, stage):
     assert (chunk.iterations, chunk.iterations_max) == (sum(counts), max(counts))
 
 
+@pytest.mark.long
 def test_stages_follow_each_other():
     stages = tuple(LeftRectangle(fraction) for fraction in (0.4, 0.2, 0.4))
     s = start(H)

@@ -50,6 +50,7 @@ def test_a_parameter_of_a_primitive_belongs_to_the_digest(name):
     assert of(one) == of(lambda a, b: one(a, b)), "the same function under another name"
 
 
+@pytest.mark.long
 def test_a_run_does_not_go_on_with_a_system_that_differs_in_a_power(tmp_path):
     def body(power):
         return co.System(

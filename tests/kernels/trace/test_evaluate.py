@@ -27,6 +27,7 @@ def without_xla(monkeypatch):
     monkeypatch.setattr("coadjoint.kernels.trace.evaluate.compiled", refused)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", LANGUAGE)
 def test_evaluate_agrees_with_xla(name, without_xla):
     function = LANGUAGE[name]

@@ -44,6 +44,7 @@ os.waitpid(child, 0)
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this machine")
 def test_xla_is_refused_in_a_fork_where_it_would_wait_forever_and_native_code_runs():
     command = [sys.executable, "-W", "ignore", "-c", PROGRAM]

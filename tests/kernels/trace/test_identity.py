@@ -174,6 +174,7 @@ print(library(), edited())
 """
 
 
+@pytest.mark.long
 def test_identities_are_those_of_other_processes_and_edited_files_make_another_library(tmp_path):
     shutil.copytree(library.ROOT, tmp_path / "coadjoint", ignore=shutil.ignore_patterns("__pycache__"))
 

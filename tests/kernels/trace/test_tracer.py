@@ -87,6 +87,7 @@ def test_a_loop_has_as_many_trips_as_the_sentence_says(kind):
         traced(loop(2001), B)
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("name", TABLES)
 def test_constants_are_looked_up_where_jax_looks_by_few_operations(name):
     function = TABLES[name]
@@ -98,6 +99,7 @@ def test_constants_are_looked_up_where_jax_looks_by_few_operations(name):
         assert len(reachable(roots)) < 1000
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", {**SMOOTH, **TABLES})
 def test_forward_and_backward_derivatives_agree_with_jax(name):
     function = {**SMOOTH, **TABLES}[name]

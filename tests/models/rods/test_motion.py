@@ -41,12 +41,14 @@ def drift(rod: co.System, records: Any) -> float:
     return float(np.max(np.abs(seen - seen[0])) / np.max(np.abs(seen)))
 
 
+@pytest.mark.long
 def test_a_free_rod_that_spins_keeps_its_momentum():
     rod = rods.cosserat(**SOFT, elements=2)
     run = co.trajectory(rod, rods.start(rod, curvature=(0.1, 0.3, 0.5), **SPINNING), dt=0.01, steps=200)
     assert drift(rod, run.records) < 2e-14
 
 
+@pytest.mark.long
 def test_a_long_rod_keeps_its_momentum_and_a_run_in_two_pieces_is_the_same_to_the_bit():
     rod, method = rods.cosserat(**SOFT, elements=20), co.Midpoint()
     begun = method.begin(rod, rods.start(rod, curvature=(0.1, 0.3, 0.5), **SPINNING), 0.002)
@@ -63,6 +65,7 @@ def test_a_long_rod_keeps_its_momentum_and_a_run_in_two_pieces_is_the_same_to_th
         assert np.array_equal(ours, theirs)
 
 
+@pytest.mark.long
 def test_a_ring_turns_and_breathes_and_stays_closed():
     ring = rods.planar(**PLANE, elements=6, ends="ring")
     start = rods.planar_start(ring, curvature=2 * np.pi, angular_velocity=2.0)
@@ -75,6 +78,7 @@ def test_a_ring_turns_and_breathes_and_stays_closed():
     assert np.mean(away) > np.linalg.norm(rods.centerline(start)[0] - rods.centerline(start).mean(axis=0))
 
 
+@pytest.mark.long
 def test_an_end_that_is_driven_slowly_takes_the_rod_along():
     def motion(t):
         return jnp.eye(2), jnp.stack([0.0 * t, 0.1 * (t - jnp.sin(t))])
@@ -85,6 +89,7 @@ def test_an_end_that_is_driven_slowly_takes_the_rod_along():
     assert np.max(np.abs(rods.centerline(run.final)[:, 1] - expected)) < 0.02 * expected
 
 
+@pytest.mark.long
 def test_an_end_that_is_turned_slowly_turns_the_rod_about_where_it_began():
     """The clamp at g₀(A, y)(t), so sections near g₀(A, y)g₀⁻¹g_i(0)."""
 
@@ -123,6 +128,7 @@ def test_a_rigid_motion_has_the_velocities_momenta_and_energy_of_its_sections():
     np.testing.assert_allclose(np.reshape(start.mu, (5, 6))[:, :3], share[:, None] * J * turning, atol=1e-14)
 
 
+@pytest.mark.long
 def test_a_couple_at_the_end_turns_the_last_section_first():
     """From rest, μ_N = T t at first, in space and in the plane."""
     couple = np.array([0.1, -0.2, 0.3])
@@ -135,6 +141,7 @@ def test_a_couple_at_the_end_turns_the_last_section_first():
     assert mu[1, 0] == pytest.approx(0.3e-4, rel=1e-2) and np.max(np.abs(mu[0])) < 1e-2 * mu[1, 0]
 
 
+@pytest.mark.long
 def test_the_energy_of_a_short_rod_stays_in_its_band():
     rod = rods.planar(**PLANE, elements=2)
     start = rods.planar_start(rod, curvature=0.5, angular_velocity=1.0)
@@ -144,6 +151,7 @@ def test_the_energy_of_a_short_rod_stays_in_its_band():
     assert abs(np.mean(energy[50:]) - np.mean(energy[:50])) < 1e-3 * abs(energy[0])  # a band, no drift
 
 
+@pytest.mark.long
 def test_chains_on_so3_keep_their_momentum_where_nothing_pulls():
     chain = rods.pendulums(links=2, length=0.5, mass=1.0, inertia=(0.01, 0.02, 0.02), gravity=0.0)
     turned = np.stack([np.eye(3), np.asarray(co.attitude.zyx(0.3, 0.2, 0.1))])
@@ -151,6 +159,7 @@ def test_chains_on_so3_keep_their_momentum_where_nothing_pulls():
     assert drift(chain, co.trajectory(chain, start, dt=0.01, steps=200).records) < 2e-13
 
 
+@pytest.mark.long
 def test_points_on_rods_and_thin_links_on_so3_move_alike():
     q, rates = np.array([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]), np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.0]])
     points = rods.points(links=2, length=0.5, mass=(1.0, 0.7))

@@ -41,6 +41,7 @@ def bent(elements: int, **changes: Any) -> tuple[co.System, co.State]:
     return rod, rods.equilibrium(rod, rods.planar_start(rod, curvature=curvature))
 
 
+@pytest.mark.long
 def test_a_couple_bends_a_rod_into_a_circle_of_three_elements():
     elements = 3
     _, state = bent(elements, moment=1.5 * np.pi)
@@ -49,6 +50,7 @@ def test_a_couple_bends_a_rod_into_a_circle_of_three_elements():
     assert np.max(np.abs(rods.centerline(state) - circle)) < 1e-14
 
 
+@pytest.mark.long
 def test_a_couple_about_a_slanted_axis_bends_a_rod_in_space():
     rod = rods.cosserat(
         elements=3, length=1.0, EI=2.0, GJ=1.0, mass=1.0, inertia=(2e-3, 1e-3, 1e-3), ends="clamped",
@@ -60,6 +62,7 @@ def test_a_couple_about_a_slanted_axis_bends_a_rod_in_space():
     assert np.max(np.abs(away)) < 1e-13
 
 
+@pytest.mark.long
 def test_a_cantilever_is_the_elastica_of_order_two_in_the_elements():
     """Mattiasson, Int. J. Numer. Meth. Eng. 17 (1981), table I, FL²/EI = 10."""
     load, across, along = 10.0, 0.81061, 0.55500
@@ -70,6 +73,7 @@ def test_a_cantilever_is_the_elastica_of_order_two_in_the_elements():
     assert np.max(np.abs(ends[1] + (ends[1] - ends[0]) / 3 - exact)) < 2e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("L", [1e-4, 100.0])
 def test_rods_of_any_size_hang_alike(L: float):
     def hanging(L: float, EI: float):
@@ -81,6 +85,7 @@ def test_rods_of_any_size_hang_alike(L: float):
     assert np.max(np.abs(hanging(L, 3.0 * L**3) - hanging(1.0, 3.0))) < 1e-9  # of one mgL³/EI
 
 
+@pytest.mark.long
 def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
     """mgL⁴/8EI and FL³/3EI, small, in the plane and in space about both axes, each with its EI."""
     weight, force = 2 * 1e-3 / 8, 1e-3 / 3
@@ -93,6 +98,7 @@ def test_a_cantilever_sags_along_gravity_and_a_load_by_the_beam_of_bernoulli():
     np.testing.assert_allclose(tip[1:], [force / 3, weight], rtol=2e-2)  # towards the third axis about the second
 
 
+@pytest.mark.long
 def test_a_rod_that_is_curved_at_rest_comes_back_to_its_circle():
     """From straight, and with a couple EIκ against it from its circle to straight."""
     curved = {**SLENDER, "elements": 3, "rest_curvature": 1.2}
@@ -105,6 +111,7 @@ def test_a_rod_that_is_curved_at_rest_comes_back_to_its_circle():
     assert np.max(np.abs(found - np.stack([np.arange(1, 4) / 3, np.zeros(3)], axis=1))) < 1e-9
 
 
+@pytest.mark.long
 def test_a_column_buckles_at_the_load_of_euler():
     def smallest(load: float, elements: int) -> float:
         rod = rods.planar(**SLENDER, elements=elements, load=(-load, 0.0))
@@ -120,6 +127,7 @@ def test_a_column_buckles_at_the_load_of_euler():
     assert abs(found[1] + (found[1] - found[0]) / 3 - euler) < 2e-4 * euler
 
 
+@pytest.mark.long
 def test_beyond_that_load_it_leans_as_the_elastica_does():
     # P/P_cr = (2 K(sin α/2)/π)² of the tip's angle α.
     alpha = np.pi / 3
@@ -150,6 +158,7 @@ def timoshenko(free: bool, between: tuple[float, float]) -> float:
     return float(brentq(determinant, *between))  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("ends", "rigid", "between"), [("clamped", 0, (2.0, 4.0)), ("free", 3, (15.0, 25.0))])
 def test_first_frequencies_are_those_of_timoshenkos_beam(ends: str, rigid: int, between: tuple[float, float]):
     exact, found = timoshenko(ends == "free", between), []
@@ -164,6 +173,7 @@ def test_first_frequencies_are_those_of_timoshenkos_beam(ends: str, rigid: int, 
     assert 0.9 * bernoulli < exact < 0.999 * bernoulli
 
 
+@pytest.mark.long
 def test_a_chain_of_pendulums_swings_at_the_frequencies_of_its_matrices():
     N, l, g = 5, 0.3, 9.81
     chain = rods.pendulums(links=N, length=l, mass=0.7, center=l, inertia=(0.1, 0.0, 0.0), gravity=g)
@@ -202,6 +212,7 @@ def test_round_sections_have_the_integrals_of_a_disc():
     np.testing.assert_allclose(found["inertia"], rho * polar * np.array([1, 0.5, 0.5]), rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_chain_of_many_pendulums_is_the_hanging_chain_of_bernoulli():
     errors = []
     for N in (6, 12):

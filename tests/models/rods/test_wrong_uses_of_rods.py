@@ -146,7 +146,7 @@ RODS = {
 }
 
 
-@pytest.mark.budget(10)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(("call", "says"), RODS.values(), ids=RODS)
 def test_a_wrong_use_of_a_rod_is_told_in_a_sentence(call, says):
     with pytest.raises(CoadjointError, match=says) as caught:
@@ -154,6 +154,7 @@ def test_a_wrong_use_of_a_rod_is_told_in_a_sentence(call, says):
     assert len(str(caught.value)) < 400 and "\n" not in str(caught.value)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("ends", "least"), [("free", 1), ("clamped", 1), ("both clamped", 2), ("ring", 3)])
 @pytest.mark.parametrize("space", [False, True])
 def test_the_smallest_rod_of_every_kind_of_ends_starts(ends, least, space):
@@ -170,6 +171,7 @@ def test_a_motion_may_end_with_the_run():
     assert np.all(rods.planar_start(driven).mu == 0)
 
 
+@pytest.mark.long
 def test_members_at_rest_in_several_curvatures_start_in_one():
     several = rod(ends="clamped").replace(rest_curvature=co.each([[0.0] * 3, [0.5] * 3]))
     fleet = co.simulate(several, rods.planar_start(several, curvature=0.0), dt=1e-3, steps=3, accuracy=False)

@@ -23,6 +23,7 @@ def turned(R, wanted):
     return np.degrees(np.arccos(np.clip((np.einsum("nij,ij->n", R, wanted) - 1) / 2, -1, 1)))
 
 
+@pytest.mark.long
 def test_thrusters_hold_a_vehicle_upside_down_and_nose_down_and_turn_it_back_from_179_degrees():
     wanted = [np.eye(3), co.attitude.zyx(0, 0, np.radians(179)), co.attitude.zyx(0, -np.pi / 2, 0), np.eye(3)]
     times = [0.0, 10.0, 40.0, 70.0]
@@ -38,6 +39,7 @@ def test_thrusters_hold_a_vehicle_upside_down_and_nose_down_and_turn_it_back_fro
     assert np.linalg.norm(run.dataset.q.values - [0, 0, 5], axis=1).max() < 0.2
 
 
+@pytest.mark.long
 def test_fins_take_a_torpedo_into_a_vertical_dive_and_out_of_it_where_euler_angles_have_no_meaning():
     craft = Craft(remus(length=1.6), controller=Attitude(speed=1.5))
     times, wanted = [0.0, 20.0, 60.0], [np.eye(3), co.attitude.zyx(0, -np.pi / 2, 0), co.attitude.zyx(1.0, 0, 0)]
@@ -65,6 +67,7 @@ def follow(vehicle, speed, *, start=1.0, duration=300.0, **controller):
     return run.dataset
 
 
+@pytest.mark.long
 def test_a_torpedo_comes_on_to_its_legs_in_a_cross_current_by_the_integral_and_not_without():
     """Without it the path is missed by Δ tan(asin(0.3/1.6)), the drift angle; depths are those of the way points."""
     held = follow(remus(length=1.6), 1.5)
@@ -78,6 +81,7 @@ def test_a_torpedo_comes_on_to_its_legs_in_a_cross_current_by_the_integral_and_n
     assert missed.q.values[-1, 1] == pytest.approx(4 * 1.6 * np.tan(drift), rel=0.03)
 
 
+@pytest.mark.long
 def test_a_slope_is_followed_in_space_by_pitch():
     made = follow(remus(length=1.6), 1.5, helm=Cruise(vertical="pitch"), duration=60.0)
     q = made.q.values[-1]
@@ -85,6 +89,7 @@ def test_a_slope_is_followed_in_space_by_pitch():
     assert made.euler_angles.values[-1, 1] == pytest.approx(-np.arctan(0.05), abs=0.02)
 
 
+@pytest.mark.long
 def test_thrusters_follow_a_path_with_the_same_guidance():
     made = follow(rov(length=0.5), 0.6, start=0.0, look_ahead=6.0, acceptance=3.0)
     leg, q = made.internal_controller_value_memory_leg.values, made.q.values

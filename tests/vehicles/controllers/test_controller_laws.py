@@ -42,6 +42,7 @@ def slewing(wanted, period):
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("axis", "degrees"), [((1, 0, 0), 179.0), ((0, 1, 0), 90.0), ((0, 0, 1), 179.0), ((1, -2, 0.5), 179.0)]
 )

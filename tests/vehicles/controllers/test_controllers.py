@@ -5,6 +5,7 @@ fins.
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,13 +61,20 @@ STEP: dict[str, Any] = {
     "speed": ([0.0, 160.0], [1.5, 1.8]),
 }
 VEHICLES = {"cross": remus(), "x": x_tail()}
-CONTROLLERS = {name: Cruise(speed=1.5).fitted(vehicle) for name, vehicle in VEHICLES.items()}
 
 
+@cache
+def proposed(name: str) -> Cruise:
+    """The controller with the gains that it proposes for a vehicle."""
+    return Cruise(speed=1.5).fitted(VEHICLES[name])
+
+
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("tail", VEHICLES)
 def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_proposed_gains(tail):
     """Only an X-tail takes the heel away that the propeller's torque gives."""
-    run = fly(VEHICLES[tail], CONTROLLERS[tail], 240.0, water=UniformWater((0.1, 0.2, 0.0)), **STEP)
+    run = fly(VEHICLES[tail], proposed(tail), 240.0, water=UniformWater((0.1, 0.2, 0.0)), **STEP)
     made = run.dataset
     through = np.einsum("kji,kj->ki", made.R.values, made.qdot.values - [0.1, 0.2, 0.0])
     depth, heading, speed = made.q.values[:, 2], made.euler_angles.values[:, 0], through[:, 0]
@@ -79,7 +87,7 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot_by_the_pr
 
 
 def test_the_allocation_of_an_x_tail_turns_about_one_axis_and_about_no_other():
-    motion, mixed = under_way(VEHICLES["x"], 1.5), CONTROLLERS["x"].allocation
+    motion, mixed = under_way(VEHICLES["x"], 1.5), proposed("x").allocation
     assert mixed is not None
     turns = motion.effects[3:] @ mixed.matrix[:, :3]
     np.testing.assert_allclose(turns - np.diag(np.diag(turns)), 0, atol=1e-9 * np.abs(turns).max())
@@ -109,9 +117,10 @@ def test_a_round_hull_turns_alike_in_pitch_and_heading_and_the_munk_moment_turns
     assert motion.damping[5, 1] == pytest.approx(-(M[1, 1] - M[0, 0]) * 1.5, rel=1e-9)
 
 
+@pytest.mark.long
 def test_an_integral_does_not_wind_up_while_its_controller_is_saturated():
     """Half a minute of the largest pitch: an integral that wound up would take the vehicle 9.5 m too deep."""
-    made = fly(VEHICLES["cross"], CONTROLLERS["cross"], 200.0, depth=60.0, heading=0.0, speed=1.5).dataset
+    made = fly(VEHICLES["cross"], proposed("cross"), 200.0, depth=60.0, heading=0.0, speed=1.5).dataset
     assert 60.0 < made.q.values[:, 2].max() < 60.4 and abs(made.q.values[-1, 2] - 60.0) < 0.1
 
 
@@ -122,8 +131,9 @@ def test_pid_saturates_about_what_is_known_beforehand_and_between_its_own_limits
     assert (u, I) == (0.0, 0.5)
 
 
+@pytest.mark.long
 def test_an_altitude_is_kept_over_a_flat_bottom():
-    controller = dataclasses.replace(CONTROLLERS["cross"], vertical="altitude", bottom=20.0)
+    controller = dataclasses.replace(proposed("cross"), vertical="altitude", bottom=20.0)
     made = fly(VEHICLES["cross"], controller, 80.0, altitude=14.0, heading=0.0, speed=1.5).dataset
     assert made.q.values[-1, 2] == pytest.approx(6.0, abs=0.1)
 
@@ -133,9 +143,10 @@ def test_a_controller_that_only_damps_a_turn_has_finite_numbers():
     assert controller.heading_reach == np.pi and controller.pitch_reach < 1.0
 
 
+@pytest.mark.long
 def test_a_longer_period_and_delay_take_damping_away():
     """The same gains by a slower computer: the heading swings further beyond its set point."""
-    craft = Craft(VEHICLES["cross"], controller=CONTROLLERS["cross"])
+    craft = Craft(VEHICLES["cross"], controller=proposed("cross"))
     start, beyond = craft.start(speed=1.5, actuators={"propeller": 15.0}), []
     for period, delay in ((0.1, 0.0), (0.6, 0.6)):
         slower = craft.system.replace(controller={"period": period, "delay": delay})

@@ -45,6 +45,7 @@ def with_numpy(feedback, p):
     return {"rudder": rudder}
 
 
+@pytest.mark.long
 def test_a_plain_python_function_with_numpy_flies_as_the_same_law_in_the_native_kernel():
     inside = fly(traceable, heading=0.5)
     with warnings.catch_warnings(record=True) as told:
@@ -58,6 +59,7 @@ def test_a_plain_python_function_with_numpy_flies_as_the_same_law_in_the_native_
     np.testing.assert_allclose(outside.dataset.internal_rudder, inside.dataset.internal_rudder, atol=1e-10)
 
 
+@pytest.mark.long
 def test_a_function_may_remember():
     """∫ of the heading error by the controller itself, against the sum over its samples."""
 
@@ -74,6 +76,7 @@ def test_a_function_may_remember():
     np.testing.assert_allclose(total[samples], np.cumsum(0.1 * (0.3 - heading[samples])), atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_samples():
     """The command is the time of the sample: it stays as it is for a period, and begins `delay` after."""
     craft = Craft(
@@ -91,6 +94,7 @@ def test_a_command_is_in_force_the_delay_after_its_sample_and_held_between_sampl
             assert held[-1] == pytest.approx(held[0] + 0.2 - DT, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_flight_that_is_interrupted_goes_on_to_the_same_bits(tmp_path, monkeypatch):
     craft = Craft(VEHICLE, controller=Cruise(delay=0.07, period=0.15))
     start = craft.start(speed=1.5, actuators={"propeller": 12.0})
@@ -152,6 +156,7 @@ def test_a_controller_that_divides_by_zero_is_named():
         fly(sinking, duration=1.0)
 
 
+@pytest.mark.cases(7)
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [
@@ -173,6 +178,7 @@ def test_functions_that_cannot_steer_are_refused_with_a_sentence(function, sente
         fly(function, duration=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("derivative", [jax.grad, lambda f: lambda x: jax.jvp(f, (x,), (1.0,))])
 def test_a_run_through_a_controller_in_numpy_has_no_derivative_and_says_so(derivative):
     craft = Craft(PLAIN, controller=with_numpy)
@@ -186,6 +192,7 @@ def test_a_run_through_a_controller_in_numpy_has_no_derivative_and_says_so(deriv
         derivative(east)(0.02)
 
 
+@pytest.mark.long
 def test_a_controller_in_numpy_that_fails_on_the_way_is_named_and_what_was_computed_is_kept():
     def lost(feedback, p):
         if float(feedback.t) > 0.22:

@@ -53,6 +53,8 @@ def recoil(craft: Craft, h: float, omega: Any = (0.3, -0.2, 0.4)) -> Any:
     return co.simulate(craft.system, start, dt=h, duration=6.0, inputs={"slider": there_and_back}).dataset
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("added_mass", [(0.0,) * 6, (5.0, 60.0, 70.0, 1.0, 2.0, 3.0)])
 def test_a_mass_that_runs_inside_leaves_momentum_and_moment_of_momentum_as_they_were(added_mass):
     made = recoil(free_body(added_mass), 0.05)
@@ -66,6 +68,7 @@ def test_a_mass_that_runs_inside_leaves_momentum_and_moment_of_momentum_as_they_
     assert np.max(np.abs(np.diff(made.nu.values, axis=0))) > 1e-2
 
 
+@pytest.mark.long
 def test_the_common_mass_centre_goes_straight_on_to_second_order():
     """q_c = q + R (m/M)(r + x e), with x at the nodes; without turning its velocity is exact, turning adds h²."""
     missed = []
@@ -79,6 +82,7 @@ def test_the_common_mass_centre_goes_straight_on_to_second_order():
     assert missed[0] < 2e-5 and missed[0] / missed[1] == pytest.approx(4.0, abs=0.3)
 
 
+@pytest.mark.long
 def test_the_hull_runs_against_a_mass_that_runs_from_rest_and_its_gradient_is_the_closed_forms():
     """(m_b + m) u + m ẋ = 0 along the line through the mass centre, where nothing turns: du/dm = −ẋ m_b/(m_b + m)²."""
     shifter = MovingMass("slider", mass=9.0, position=(0, 0, 0), axis=(1, 0, 0), low=-1, high=1, rate=0.1)
@@ -97,6 +101,7 @@ def test_the_hull_runs_against_a_mass_that_runs_from_rest_and_its_gradient_is_th
         assert jax.grad(recoils)(9.0) == pytest.approx(-0.1 * 41 / 50**2, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_pump_works_against_the_water_it_pushes_away_and_the_craft_rises_by_its_buoyancy():
     """At depth z, ΔV costs ρ g z ΔV; the net lift ρ g ΔV then makes the terminal speed of slow linear damping."""
     rho, g, dV = 1025.0, 9.81, 1e-4
@@ -113,6 +118,7 @@ def test_a_pump_works_against_the_water_it_pushes_away_and_the_craft_rises_by_it
     assert run.summary()["energy_budget_error_max"] < 1e-9
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("path", [-25.0, -45.0, 25.0])
 def test_a_trimmed_glider_glides_at_the_angle_and_speed_of_the_closed_form(path):
     glide, trimmed = trim(GLIDER, np.radians(path), 0.3)
@@ -125,6 +131,7 @@ def test_a_trimmed_glider_glides_at_the_angle_and_speed_of_the_closed_form(path)
     assert float(run.dataset.euler_angles[-1, 1]) == pytest.approx(glide.pitch, abs=1e-8)
 
 
+@pytest.mark.long
 def test_the_trim_holds_with_ballast_in_the_nose_and_centres_off_the_origin():
     pump, battery = GLIDER.part("pump"), GLIDER.part("battery")
     added_mass = np.diag([5.0, 60, 70, 0.1, 0.2, 0.2])
@@ -145,6 +152,7 @@ def test_the_trim_holds_with_ballast_in_the_nose_and_centres_off_the_origin():
     assert float(abs(made.euler_angles[:, 1] - glide.pitch).max()) < 1e-11
 
 
+@pytest.mark.long
 def test_a_mass_that_runs_in_a_steady_current_is_a_mass_that_runs_in_still_water():
     current = np.array([0.3, -0.2, 0.05])
     inputs: dict[str, Any] = {
@@ -182,6 +190,8 @@ def test_a_trim_out_of_range_and_a_vehicle_without_wings_are_told_in_one_sentenc
         trim(vehicles.load("slocum_dave"), np.radians(-25.0), 0.3)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("vehicle", [GLIDER, slocum_of_dave()], ids=lambda vehicle: vehicle.name)
 def test_a_glider_flies_a_sawtooth_of_an_hour(vehicle):
     controller = vehicle.controller
@@ -205,6 +215,8 @@ def test_a_glider_flies_a_sawtooth_of_an_hour(vehicle):
     assert took < 0 < float(made.work_internal[-1])
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("key", ["linear", "forward"])
 def test_the_slocum_of_dave_with_its_added_masses_does_not_crash_at_any_start(key):
     """(4, 95, 75, 0.4, 27, 32) were taken out of that simulator because it crashed: they are a good added mass.
@@ -224,6 +236,7 @@ def test_the_slocum_of_dave_with_its_added_masses_does_not_crash_at_any_start(ke
             assert float(abs(run.dataset.xi).max()) < 2.0 and float(abs(run.dataset.nu).max()) < 5.0
 
 
+@pytest.mark.long
 def test_members_of_a_fleet_of_gliders_have_wings_of_their_own():
     glide, trimmed = trim(GLIDER, np.radians(-25.0), 0.3)
     craft = Craft(GLIDER)

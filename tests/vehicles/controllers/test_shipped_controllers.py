@@ -20,6 +20,8 @@ SPEEDS = {
 }
 
 
+@pytest.mark.long
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", SPEEDS)
 def test_five_vehicles_dive_turn_and_surface_by_their_own_controllers(name):
     vehicle, speed = vehicles.load(name), SPEEDS[name]

@@ -29,6 +29,7 @@ def fly(vehicle, controller, duration, inputs, current=CURRENT):
     return run
 
 
+@pytest.mark.long
 def test_a_station_is_kept_in_a_current_level_and_on_its_heading():
     run = fly(rov(), Hover(), 100.0, STATION)
     made = run.dataset
@@ -39,6 +40,7 @@ def test_a_station_is_kept_in_a_current_level_and_on_its_heading():
     assert np.abs(made.q.values - [2.0, -1.0, 3.0])[int(60 / 0.05) :].max() < 0.05
 
 
+@pytest.mark.long
 def test_net_weight_that_is_fed_forward_is_no_error_of_depth_at_first():
     """The vehicle is 2.4 N light: without integral it floats above its set point by (W − B)/(M₃₃ k_p)."""
     vehicle, stay = rov(), {"north": 0.0, "east": 0.0, "depth": 0.0, "heading": 0.0}
@@ -52,6 +54,7 @@ def test_net_weight_that_is_fed_forward_is_no_error_of_depth_at_first():
     assert abs(depths[1]) < 1e-4
 
 
+@pytest.mark.long
 def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot():
     inputs = {
         "depth": co.Held([0.0, 10.0], [0.0, 5.0]),
@@ -68,6 +71,7 @@ def test_steps_of_depth_heading_and_speed_settle_with_little_overshoot():
     assert np.abs(made.internal_thrusters.values).max() <= 1.0
 
 
+@pytest.mark.long
 def test_a_thruster_vehicle_would_be_turned_across_the_flow_by_the_munk_moment_that_is_fed_forward():
     inputs = {"depth": co.Held([0.0, 5.0], [0.0, 5.0]), "heading": 0.0, "speed": 0.5}
     pitch = []

@@ -32,11 +32,13 @@ def actions(count: int, size: int = 8) -> np.ndarray:
     return np.random.default_rng(5).uniform(-1, 1, (count, size))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:.*Box observation space m")
 def test_gymnasium_finds_nothing_to_object_to(env):
     check_env(env, skip_render_check=True)
 
 
+@pytest.mark.long
 def test_a_start_is_to_round_off_that_of_the_craft(env):
     env.reset(options={"start": START})
     there = env.stepper.state
@@ -119,6 +121,7 @@ def test_an_episode_ends_badly_far_from_the_station(env):
     assert reward < -50.0
 
 
+@pytest.mark.long
 def test_a_step_that_fails_ends_the_episode_and_says_why():
     env = environment(NAME, HoldStation(far=1e9), dt=50.0, period=50.0, seconds=5000.0)
     env.reset(options={"start": {"position": (0, 0, 100.0), "angular_velocity": (30.0, -30.0, 30.0)}})
@@ -130,6 +133,7 @@ def test_a_step_that_fails_ends_the_episode_and_says_why():
     assert np.all(np.isfinite(row)) and np.isfinite(reward)
 
 
+@pytest.mark.long
 def test_a_picture_shows_the_track_so_far():
     env = environment(NAME, render_mode="rgb_array")
     with pytest.raises(ArgumentError, match="nothing to draw"):
@@ -144,6 +148,7 @@ def test_a_picture_shows_the_track_so_far():
     assert env.metadata["render_fps"] == 10
 
 
+@pytest.mark.long
 def test_rewards_ends_and_observations_may_be_ones_own():
     env = environment(
         NAME,

@@ -15,6 +15,7 @@ from coadjoint.vehicles.environments.actions import Actions
 NAME = "bluerov2_heavy_von_benzon"
 
 
+@pytest.mark.cases(23)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
@@ -102,6 +103,7 @@ def test_an_action_of_0_is_neutral_where_the_travel_is_uneven():
     assert str(uneven) == "0: a[1] (m) at −1, 0, 1: -1, 1, 2\n1: a[2] (m) at −1, 0, 1: 0, 1, 5"
 
 
+@pytest.mark.long
 def test_nothing_is_stepped_before_the_first_reset():
     env = environment(NAME)
     with pytest.raises(ArgumentError, match="call reset"):
@@ -124,6 +126,7 @@ def test_a_reward_that_is_not_finite_is_named(env):
         mad.reset(seed=1)
 
 
+@pytest.mark.long
 def test_without_gymnasium_the_library_is_whole_and_an_environment_says_what_to_install():
     script = f"""
 import sys

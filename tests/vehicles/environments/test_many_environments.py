@@ -43,6 +43,7 @@ def alone(single, member: int, seed: int, given: np.ndarray) -> list[list[tuple]
     return episodes
 
 
+@pytest.mark.long
 def test_members_are_single_environments_that_begin_anew_at_once(single, envs):
     many, given, seed = envs["same_step"], actions(60), 3
     assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
@@ -71,6 +72,7 @@ def test_members_are_single_environments_that_begin_anew_at_once(single, envs):
     assert ends == {"far", "time"}
 
 
+@pytest.mark.long
 def test_members_begin_anew_at_their_next_step(single, envs):
     many, given, seed = envs["next_step"], actions(60), 3
     assert many.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
@@ -126,6 +128,7 @@ def test_the_same_seed_gives_the_same_bits_and_later_episodes_are_others(envs):
     assert np.array_equal(listed, first[0])
 
 
+@pytest.mark.long
 def test_a_member_that_fails_is_terminated_and_told_and_nothing_is_nan():
     task = HoldStation(far=1e9, seconds=5000.0)
     many = vector_environment(NAME, task, num_envs=COUNT, dt=50.0, period=50.0, autoreset="next_step")

@@ -110,6 +110,7 @@ def episode(env, **reset):
     return np.array([row] + [env.step(action)[0] for action in ACTIONS]), float(p.mass), np.asarray(p.added_mass)
 
 
+@pytest.mark.long
 def test_every_episode_has_its_parameters_and_the_same_seed_the_same_bits(env):
     first, second = [episode(env, seed=4), episode(env)], [episode(env, seed=4), episode(env)]
     for a, b in zip(first, second, strict=True):
@@ -117,6 +118,7 @@ def test_every_episode_has_its_parameters_and_the_same_seed_the_same_bits(env):
     assert len({13.5, first[0][1], first[1][1], episode(env, seed=5)[1]}) == 4
 
 
+@pytest.mark.long
 def test_an_episode_is_that_of_a_craft_with_these_parameters(env):
     env.reset(seed=4)
     p, state = env.stepper.parameters, env.stepper.state
@@ -136,6 +138,7 @@ def test_an_episode_is_that_of_a_craft_with_these_parameters(env):
         assert np.allclose(getattr(env.stepper.state, name), getattr(other.state, name), rtol=0, atol=1e-11)
 
 
+@pytest.mark.long
 def test_randomisation_leaves_the_starts_alone_and_may_have_a_seed_of_its_own(env):
     plain = environment(NAME)
     starts = [plain.reset(seed=9)[0], plain.reset()[0]]
@@ -149,6 +152,7 @@ def test_randomisation_leaves_the_starts_alone_and_may_have_a_seed_of_its_own(en
     assert masses[0] == masses[1] != 13.5
 
 
+@pytest.mark.long
 def test_members_have_parameters_of_their_own_and_of_each_episode(env):
     given = {"mass": "1 %", "damping.linear": "10 %"}
     many = vector_environment(NAME, num_envs=5, randomise=given, seconds=0.5, autoreset="same_step")

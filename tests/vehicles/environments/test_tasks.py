@@ -42,6 +42,7 @@ def dock():
     return environment(NAME, Dock(heading=0.7))
 
 
+@pytest.mark.long
 def test_docking_is_rewarded_near_slow_and_aligned(dock):
     def formula(q, R, row):
         e, ahead = np.linalg.norm(q - [0, 0, 5.0]), np.array([np.cos(0.7), np.sin(0.7), 0.0])
@@ -78,6 +79,7 @@ def test_an_episode_begins_behind_the_dock(dock):
         assert R[2, 2] == pytest.approx(1.0) and abs(np.arctan2(R[1, 0], R[0, 0]) - 0.7) <= 0.5
 
 
+@pytest.mark.long
 def test_following_a_path_is_rewarded_along_its_nearest_leg():
     points = np.array([[0, 0, 5.0], [8, 0, 5.0], [8, 8, 6.0]])
     env = environment(NAME, FollowPath(points=points, far=30.0, seconds=20.0))
@@ -106,6 +108,7 @@ def crossing():
     return environment(NAME, CrossCurrent(place=(6.0, 8.0, 5.0)))
 
 
+@pytest.mark.long
 def test_crossing_is_rewarded_along_the_line(crossing):
     along = np.array([0.6, 0.8, 0.0])
 
@@ -117,6 +120,7 @@ def test_crossing_is_rewarded_along_the_line(crossing):
     rewarded(crossing, formula, {"position": (1.0, 0.0, 4.5), **MOVING}, 8)
 
 
+@pytest.mark.long
 def test_every_episode_has_a_current_of_its_own_across_the_way(crossing):
     crossing.reset(seed=3)
     found = []
@@ -141,6 +145,7 @@ def test_a_vehicle_drifts_with_the_current_of_its_episode(crossing):
     assert np.allclose(where(crossing)[0][:2], current[:2] * 1.0, atol=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:.*Box observation space m")
 def test_set_points_of_a_torpedo_are_actions_and_gymnasium_makes_it_by_its_id():
     import coadjoint.vehicles.environments.ids  # noqa: F401
@@ -160,6 +165,7 @@ def test_set_points_of_a_torpedo_are_actions_and_gymnasium_makes_it_by_its_id():
     assert many.unwrapped.num_envs == 3 and many.action_space.shape == (3, 3)
 
 
+@pytest.mark.long
 def test_a_water_of_ones_own_is_that_of_every_episode():
     env = environment(NAME, CrossCurrent(), water=UniformWater((0.1, 0.2, 0.0)))
     for seed in range(3):

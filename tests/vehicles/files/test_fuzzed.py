@@ -75,6 +75,7 @@ def changed_files(draw) -> str:
     return written(table)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 @seed(20261121)
 @settings(max_examples=400, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow])

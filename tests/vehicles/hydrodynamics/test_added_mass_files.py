@@ -164,6 +164,7 @@ def test_netcdf_3_files_are_read_as_netcdf_4_ones(tmp_path, form):
     assert close(capytaine_added_mass(tmp_path / "three.nc", axes="z_down"), computed())
 
 
+@pytest.mark.long
 def test_the_highest_frequency_stands_in_for_an_infinite_one_only_if_asked(tmp_path):
     held = dataset(computed(), values=(1.0, 80.0, 2.0))
     held["added_mass"][1] /= 1.1
@@ -182,6 +183,7 @@ def test_an_empty_file_is_called_empty(tmp_path):
             capytaine_added_mass(tmp_path / name, axes="z_up")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("measure", "infinite"), [("omega", np.inf), ("period", 0.0), ("wavelength", 0.0)])
 def test_infinite_frequency_is_found_in_every_measure_and_modes_in_every_order(tmp_path, measure, infinite):
     held = dataset(computed(), measure, (2.0, infinite, 5.0), order=MODES[::-1])
@@ -270,6 +272,7 @@ def over(name, values):
     return xarray.concat([dataset(computed())] * len(values), dim=xarray.DataArray(list(values), dims=name, name=name))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("held", "sentence"),
     [

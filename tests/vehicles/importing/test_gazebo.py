@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from other_simulators import moved, rigid, turned
 
 import coadjoint as co
@@ -34,6 +35,7 @@ def foil(v: np.ndarray, forward: np.ndarray, upward: np.ndarray, a0: float) -> n
     return q * (cl * lift - cd * w / np.linalg.norm(w))
 
 
+@pytest.mark.long
 def test_a_torpedo_of_gazebo_swims_as_by_its_systems() -> None:
     """60 s with propeller, rudder and elevator: within 5 mm of where the systems' equations lead."""
     found = import_vehicle(TORPEDO, forward="-x")

@@ -32,6 +32,7 @@ LINEAR = np.array([-74.82, -69.48, -728.4, -268.8, -309.77, -105])
 QUADRATIC = np.array([-748.22, -992.53, -1821.01, -672, -774.44, -523.27])
 
 
+@pytest.mark.long
 def test_a_rov_of_uuv_simulator_swims_as_by_its_plugins() -> None:
     """60 s from a slant, with its rotors held after a lag: within 5 mm of where the plugins' equations lead."""
     found = import_vehicle(HERE / "rov" / "rov.xacro", gravity=9.81)
@@ -75,6 +76,7 @@ def fin_force(velocity: np.ndarray) -> np.ndarray:
     return size * constant * (3.0 * angle * across + 1.98 * angle**2 * along)
 
 
+@pytest.mark.long
 def test_a_torpedo_of_uuv_simulator_swims_as_by_its_plugins() -> None:
     """LAUV, 60 s with its propeller and four fins, all after their lags: within 5 mm of the plugins' equations."""
     found = import_vehicle(HERE / "lauv.xacro", gravity=9.81)

@@ -41,6 +41,7 @@ def columns(path):
     return dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
 
 
+@pytest.mark.long
 def test_a_log_tells_place_attitude_and_velocities_of_the_run(run, tmp_path):
     found = columns(run.save(tmp_path / "dive.csv"))
     data = run.dataset
@@ -55,6 +56,7 @@ def test_a_log_tells_place_attitude_and_velocities_of_the_run(run, tmp_path):
     assert np.allclose(found["current_east_m_s"], 0.2, atol=1e-9)
 
 
+@pytest.mark.long
 def test_velocities_of_a_log_are_those_at_the_node_over_ground_and_through_the_water(run, tmp_path):
     path = run.save(tmp_path / "dive.csv")
     found, exact = columns(path), synthetic_log(run).columns
@@ -83,6 +85,7 @@ def test_a_log_of_east_north_up_is_the_same_motion(run, tmp_path):
     assert not (tmp_path / "other.csv").exists()
 
 
+@pytest.mark.long
 def test_the_set_points_of_a_log_fly_the_same_mission_again(run, tmp_path):
     again = dive(inputs_from_csv(run.save(tmp_path / "dive.csv")))
     assert np.allclose(again.final.q, run.final.q, atol=1e-9)
@@ -151,6 +154,7 @@ def test_a_table_without_the_wanted_input_or_too_long_is_refused(tmp_path, monke
         read_csv(tmp_path / "nothing.csv")
 
 
+@pytest.mark.long
 def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
     for axes_of_log in ("NED/FRD", "ENU/FLU"):
         path = tmp_path / f"{axes_of_log[:3]}.csv"

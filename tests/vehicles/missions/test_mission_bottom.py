@@ -32,6 +32,7 @@ figures = false
 """
 
 
+@pytest.mark.long
 def test_a_mission_ends_over_a_rising_bottom_and_knows_its_altitude(tmp_path: Path) -> None:
     """d = 8 − 0.1 n: 1 m above it at n ≈ 20 m, at a depth of about 5 m."""
     rows = [f"{n},{e},{8 - 0.1 * n!r}" for n in range(-10, 61, 10) for e in (-50, 50)]

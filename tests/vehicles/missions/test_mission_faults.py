@@ -34,6 +34,7 @@ def written(folder: Path, faults: str) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_rudder_that_sticks_turns_the_vehicle_and_stands_on_the_card(tmp_path: Path) -> None:
     fault = '[faults.stuck_rudder]\npart = "rudder"\nstuck_deg = 10\ntime_s = 2\n'
     mission = vehicles.load_mission(written(tmp_path, fault))
@@ -44,6 +45,7 @@ def test_a_rudder_that_sticks_turns_the_vehicle_and_stands_on_the_card(tmp_path:
     assert any("From t = 2 s on, fault `stuck_rudder` of rudder: stuck_deg = 10" in line for line in run.warnings)
 
 
+@pytest.mark.long
 def test_a_fault_by_depth_that_does_not_come_is_told(tmp_path: Path) -> None:
     fault = '[faults.screw]\npart = "propeller"\nout = true\ndepth_m = 50\n'
     run = vehicles.load_mission(written(tmp_path, fault)).run()

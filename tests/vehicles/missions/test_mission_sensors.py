@@ -54,6 +54,7 @@ def mission(text=MISSION, name="dive.toml"):
     return co.vehicles.load_mission(name)
 
 
+@pytest.mark.long
 def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder():
     mission()
     assert main(["run", "dive.toml", "--out", "dive"]) == 0
@@ -102,6 +103,7 @@ def test_mistakes_in_the_section_are_told_in_a_sentence(old, new, sentence):
 GRID = MISSION.replace("bottom_m = 18\n", "").replace("[sensors]", '[water.bottom]\nfile = "bottom.csv"\n[sensors]', 1)
 
 
+@pytest.mark.long
 def test_sensors_know_the_bottom_of_the_water():
     """Bottom lock ends where the grid rises: with the same depth everywhere it is read as with bottom_m."""
     dvl: Any = co.vehicles.load("bluerov2_heavy_blue").sensor("dvl")
@@ -120,6 +122,7 @@ def test_sensors_know_the_bottom_of_the_water():
     assert far.sizes["sensor_dvl_time"] == 0
 
 
+@pytest.mark.long
 def test_what_cannot_be_read_costs_no_results(monkeypatch):
     def fails(*args, **more):
         raise ArgumentError("The sensor is out of order.")

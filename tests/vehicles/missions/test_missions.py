@@ -73,6 +73,7 @@ def mission(**sections):
     return from_table({name: part for name, part in table.items() if part is not None}, Path("dive.toml"), "")
 
 
+@pytest.mark.long
 def test_a_mission_is_swum_and_leaves_trajectory_log_figures_and_summary(tmp_path, capsys):
     Path("dive.toml").write_text(MISSION)
     assert main(["run", "dive.toml", "--json"]) == 0
@@ -146,6 +147,7 @@ def test_a_start_in_east_north_up_is_the_same_start():
     assert np.allclose(ned.nu, enu.nu)
 
 
+@pytest.mark.long
 def test_a_mission_in_east_north_up_is_the_same_mission():
     tide = {"kind": "tidal", "constituents": ["M2"]}
     ned = mission(
@@ -180,6 +182,7 @@ def test_a_mission_in_east_north_up_is_the_same_mission():
 TO_A_POINT = {"way_points_m": [[90, 2, 3]], "speed": 1}
 
 
+@pytest.mark.cases(60)
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
@@ -365,6 +368,7 @@ def test_every_kind_of_current_can_be_said(tmp_path):
         assert float(sea.density(0.0, own)) == 1025.0
 
 
+@pytest.mark.long
 def test_a_mission_that_surfaces_ends_there(tmp_path, capsys):
     Path("up.toml").write_text(MISSION.replace("depth_m = [1.0, 2.0]", 'depth_m = [0.5, -2.0]\nends = "surface"'))
     assert main(["run", "up.toml", "--set", "output.figures=false", "--set", "run.duration=60", "--json"]) == 0
@@ -375,6 +379,7 @@ def test_a_mission_that_surfaces_ends_there(tmp_path, capsys):
     assert abs(told["mission"]["position_final"][2]) < 0.2
 
 
+@pytest.mark.long
 def test_a_vehicle_that_leaves_the_water_is_warned_of(capsys):
     given = ["--set", "initial.position_m=[0, 0, -0.5]", "--set", "initial.pitch_deg=40"]
     quick = ["--set", "run.duration=2", "--set", "output.figures=false", "--set", "output.animation="]
@@ -390,6 +395,7 @@ def test_a_vehicle_that_leaves_the_water_is_warned_of(capsys):
     assert np.min(depth) < -length
 
 
+@pytest.mark.long
 def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys):
     square = Path(__file__).parents[3] / "examples" / "square.toml"
     assert main(["run", str(square), "--out", "square", "--set", "output.figures=false", "--json"]) == 0
@@ -408,6 +414,7 @@ def test_way_points_are_reached_in_turn_and_the_last_one_ends_the_mission(capsys
     assert told["mission"]["tracking"]["path"]["error_rms"] < 2.5
 
 
+@pytest.mark.long
 def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys, monkeypatch):
     more = '[perturb]\nseed = 3\nmass = 0.5\nhull.axial_drag = "10 %"\n'
     Path("fleet.toml").write_text(MISSION.replace("duration = 10", "duration = 5\nmembers = 40") + more)
@@ -436,18 +443,21 @@ def test_members_differ_as_they_were_told_to_and_are_summed_up(tmp_path, capsys,
     assert {"mission", "track", "actuators", "budget"} <= set(drawn)
 
 
+@pytest.mark.long
 def test_too_many_members_for_a_file_are_refused_with_a_remedy():
     run = {"dt": 0.05, "duration": 300, "members": 10_000}
     with pytest.raises(ArgumentError, match=r"save_every = \d+ or more"):
         set_up(mission(run=run, perturb={"mass": 0.1}))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["remus_100", "bluerov2_heavy_blue", "slocum_graver", "ono_fiori_peng"])
 def test_the_example_of_a_vehicle_can_be_run(name, tmp_path):
     Path("example.toml").write_text(example(name))
     assert main(["run", "example.toml", "--check"]) == 0
 
 
+@pytest.mark.long
 def test_a_mission_is_resumed_from_its_folder_alone(tmp_path, monkeypatch):
     legs = "time_s,depth_m,heading_deg,speed_m_s\n0,1,0,1.5\n5,2,40,1.5\n"
     (tmp_path / "tables").mkdir()

@@ -16,6 +16,7 @@ SQUARE = Path(__file__).parents[3] / "examples" / "square.toml"
 SHORT = ("run.duration_min=", "run.duration=5")
 
 
+@pytest.mark.long
 def test_a_mission_runs_from_python_and_is_what_the_command_writes(tmp_path: Path) -> None:
     mission = vehicles.load_mission(SQUARE, SHORT)
     run = mission.run()
@@ -27,6 +28,7 @@ def test_a_mission_runs_from_python_and_is_what_the_command_writes(tmp_path: Pat
     }
 
 
+@pytest.mark.long
 def test_a_mission_needs_no_command_line() -> None:
     code = (
         "import sys, coadjoint as co\n"

@@ -24,6 +24,7 @@ from remus import remus
 CURRENT = (0.1, 0.2, -0.05)
 
 
+@pytest.mark.long
 def test_inputs_of_the_names_of_parts_command_them_and_other_parts_stay():
     craft = Craft(remus())
     start = craft.start(speed=1.5, actuators={"propeller": 15.0, "rudder": 0.03})
@@ -34,6 +35,7 @@ def test_inputs_of_the_names_of_parts_command_them_and_other_parts_stay():
     assert np.all(run.dataset.internal_rudder == 0.03) and np.all(run.dataset.internal_propeller == 15.0)
 
 
+@pytest.mark.long
 def test_an_actuator_that_lags_leaves_the_order_two():
     """The number of docs/actuators.md, after 10 s at h = 0.05 s, by extrapolation to h → 0."""
     craft = Craft(remus()).replace(rudder={"lag": 0.5})
@@ -65,6 +67,7 @@ def test_a_controller_sees_where_the_craft_is_and_how_it_moves():
     assert feedback.actual.rudder == 0.1
 
 
+@pytest.mark.long
 def test_a_function_of_what_a_controller_sees_steers():
     def controller(feedback, p):
         return {"rudder": 1.2 * (feedback.inputs.heading - feedback.heading) - feedback.omega[2]}
@@ -104,6 +107,7 @@ def odd(**changes: Any) -> Vehicle:
 MOVED = {"one": 0.1, "two": -0.05, "three": 0.07, "four": 0.02, "propeller": 12.0, "bow": 0.1}
 
 
+@pytest.mark.long
 def test_a_craft_in_a_steady_current_moves_as_in_still_water_carried_along_on_the_grid_too():
     def gone(current):
         craft = Craft(odd(), water=UniformWater(current))
@@ -143,6 +147,7 @@ def test_a_hull_that_stands_upright_in_a_shear_is_turned_as_one_that_turns_in_st
     np.testing.assert_allclose(found.force, 0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_craft_without_parts_is_the_vehicle_of_kirchhoff():
     vehicle = odd(parts=())
     same = ("mass", "inertia", "added_mass", "buoyancy", "center_of_mass", "center_of_buoyancy", "gravity")
@@ -158,6 +163,7 @@ def test_a_craft_without_parts_is_the_vehicle_of_kirchhoff():
     assert "energy_budget" not in one.dataset and one.relative_change("energy") < 1e-2
 
 
+@pytest.mark.long
 def test_the_energy_budget_of_a_craft_with_a_part_of_every_kind_closes_to_second_order():
     craft = Craft(odd())
     start = craft.start(velocity=(1.2, 0.1, -0.2), actuators=MOVED)
@@ -170,6 +176,7 @@ def test_the_energy_budget_of_a_craft_with_a_part_of_every_kind_closes_to_second
     assert found[0] < 1e-3 and 3.5 < found[0] / found[1] < 4.5
 
 
+@pytest.mark.long
 def test_port_and_starboard_are_mirrored():
     craft = Craft(remus()).replace(propeller={"torque_fraction": 0.0})
     mirror, turned = np.array([1.0, -1, 1]), np.array([-1.0, 1, -1])
@@ -186,6 +193,7 @@ def test_port_and_starboard_are_mirrored():
     np.testing.assert_allclose(made[1].xi, made[0].xi * turned, atol=1e-11)
 
 
+@pytest.mark.long
 def test_every_member_of_a_fleet_has_its_own_rudder_its_own_start_and_its_own_current():
     places, currents = np.arange(9.0).reshape(3, 3), 0.1 * np.arange(9.0)[::-1].reshape(3, 3)
     own = {
@@ -208,6 +216,7 @@ def test_every_member_of_a_fleet_has_its_own_rudder_its_own_start_and_its_own_cu
         np.testing.assert_allclose(fleet.work_rudder[k], alone.work_rudder, atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_gradient_of_where_a_craft_ends_by_the_area_of_its_rudder_is_that_of_its_differences():
     craft = Craft(remus(parts=tuple(remus().part(name) for name in ("damping", "rudder"))))
     start = craft.start(speed=1.5, actuators={"rudder": 0.1})
@@ -267,6 +276,7 @@ class ByHand(Controller):
         return {"rudder": feedback.inputs.rudder - 0.5 * feedback.omega[2]}, {}
 
 
+@pytest.mark.long
 def test_a_set_point_of_a_controller_may_have_the_name_of_the_part_that_it_steers():
     craft = Craft(remus(), controller=ByHand())
     start = craft.start(speed=1.5, actuators={"propeller": 15.0})
@@ -294,6 +304,7 @@ def drifting(**inputs: Any):
     return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs)
 
 
+@pytest.mark.cases(16)
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -386,6 +397,7 @@ def test_what_can_be_replaces_a_parameter_also_where_it_is_traced():
     assert evaluate(jax.grad(area), np.float64(0.3)) == 0.6
 
 
+@pytest.mark.long
 def test_a_lag_of_zero_is_none():
     """exp(−h/τ) → 0: the rudder is where its command is at once, without dividing by zero."""
     craft = Craft(remus()).replace(rudder={"lag": 0.0})

@@ -31,6 +31,7 @@ def dropped(dt: float, duration: float = 4.0) -> co.Run:
     return co.simulate(craft.system, craft.start(**START), dt=dt, duration=duration)
 
 
+@pytest.mark.long
 def test_what_is_dropped_takes_its_momentum_along_and_no_velocity_changes() -> None:
     """ν and ω of the node are continuous; P = R m v_r, and the energy loses ½m|v_r|² − m g z + ρ V g z."""
     run = dropped(0.01)
@@ -50,6 +51,7 @@ def test_what_is_dropped_takes_its_momentum_along_and_no_velocity_changes() -> N
     assert np.ptp(energy[:k]) < 1e-3 and np.ptp(energy[k + 1 :]) < 1e-3
 
 
+@pytest.mark.long
 def test_after_a_drop_a_craft_moves_as_one_that_never_had_it() -> None:
     """To O(h²), from the place and the velocities of the drop."""
     gaps = []
@@ -68,6 +70,7 @@ def test_after_a_drop_a_craft_moves_as_one_that_never_had_it() -> None:
     assert gaps[1] < 1e-4 and gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.3)
 
 
+@pytest.mark.long
 def test_a_fin_that_is_stuck_and_one_that_stays_steer_on() -> None:
     """A rudder stuck at 0.1 rad from 1 s on is one that is commanded so from there; without a value it stays."""
     remus = load("remus_100")
@@ -91,6 +94,7 @@ def _at_once(part):
     return replace(part, lag=None) if getattr(part, "lag", None) else part
 
 
+@pytest.mark.long
 def test_one_thruster_is_out_from_an_event_on() -> None:
     """Below 5.2 m the third thruster of a BlueROV2 stands at neutral, whatever its command, and stays there."""
     vehicle = load("bluerov2_heavy_blue")

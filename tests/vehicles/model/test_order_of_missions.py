@@ -117,10 +117,11 @@ def exact(craft: Craft, start: co.State, inputs: dict[str, Any]) -> np.ndarray:
     return np.array(places)
 
 
-SLOW = pytest.mark.further
+SLOW = pytest.mark.long
 NAMES = [name if name == "remus_100" else pytest.param(name, marks=SLOW) for name in MISSIONS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_missions_are_of_order_two_and_off_by_less_than_two_millimetres(name):
     flown = flight(name)

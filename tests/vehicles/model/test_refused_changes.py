@@ -20,6 +20,7 @@ IMPOSSIBLE |= {"radius": -1.0, "circulations": 0.0, "moments": -1.0}
 WITHOUT_PARAMETERS = ["toda_lattice"]
 
 
+@pytest.mark.cases(20)
 @pytest.mark.parametrize("name", [name for name in catalogue if name not in ("remus_100", *WITHOUT_PARAMETERS)])
 def test_models_refuse_a_replaced_parameter_as_they_refuse_it_when_they_are_made(name):
     system = catalogue[name].make()
@@ -116,6 +117,7 @@ def test_effectiveness_is_read_and_written_and_refused_outside_0_to_1():
             four(effectiveness=wrong)
 
 
+@pytest.mark.long
 def test_one_thruster_takes_one_number_and_several_are_told_by_their_columns():
     one = four(positions=[[0.0, 0.0, 0.0]], directions=[[1.0, 0.0, 0.0]])
     craft = Craft(one)
@@ -129,6 +131,7 @@ def test_one_thruster_takes_one_number_and_several_are_told_by_their_columns():
         co.simulate(craft.system, craft.start(), dt=0.05, steps=10, inputs={"jets": 5.0})
 
 
+@pytest.mark.long
 def test_functions_of_the_motion_see_place_and_attitude_and_errors_list_what_there_is():
     craft = Craft(four())
     start = craft.start(position=(1.0, 2.0, 3.0), euler_zyx=(0.5, 0.1, 0.2))
@@ -143,6 +146,7 @@ def test_functions_of_the_motion_see_place_and_attitude_and_errors_list_what_the
         co.simulate(craft.system, start, dt=0.05, steps=4, until=lambda s: s.psi)
 
 
+@pytest.mark.long
 def test_a_controller_sees_place_and_attitude_as_g_and_q():
     seen = []
 

@@ -271,6 +271,7 @@ def test_an_actuator_saturates_lags_and_never_moves_faster_than_its_rate():
     assert 0 < both[-1] < both[20] < both[10] < 0.5 * 0.05
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("lag", [None, 0.1])
 @pytest.mark.parametrize("rate", [None, 0.2, 5.0])
 @pytest.mark.parametrize("x", [-0.25, 0.29, 0.3])

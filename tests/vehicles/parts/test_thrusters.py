@@ -149,6 +149,7 @@ def test_the_reaction_of_a_propeller_turns_about_its_own_axis():
     np.testing.assert_allclose((B - plain)[3:], 0.02 * plain[:3] * ([1, -1] * 4), atol=1e-15)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", ["geometry", "matrix", "table"])
 def test_allocated_commands_give_the_wrench_or_its_direction_where_thrusters_saturate(kind):
     part = {
@@ -183,6 +184,7 @@ def vehicle(*parts: Any, damping: Any = (0.0,) * 6) -> Vehicle:
     return Vehicle(name="box", **body, parts=(*parts, Damping("damping", linear=damping)))
 
 
+@pytest.mark.long
 def test_a_lagging_thruster_follows_exp_of_time_exactly_whatever_the_step():
     tau = 0.7
     part = Thrusters("thrusters", {"linear": 1e-6}, positions=np.eye(3), directions=np.eye(3), limit=5.0, lag=tau)
@@ -212,6 +214,7 @@ def test_the_budgets_line_of_a_thruster_is_force_times_velocity_and_a_bollard_pu
     assert run.summary()["energy_budget_error_max"] < 1e-6
 
 
+@pytest.mark.long
 def test_every_member_of_an_ensemble_has_its_curve_and_gradients_go_through_it():
     part = Thrusters("thrusters", {"quadratic": 0.5}, **ONE, limit=10.0, lag=0.3)
     craft = Craft(vehicle(part))
@@ -229,6 +232,7 @@ def test_every_member_of_an_ensemble_has_its_curve_and_gradients_go_through_it()
         assert jax.grad(speed)(0.5) == pytest.approx(float(speeds[1]) / 0.5, rel=1e-10)
 
 
+@pytest.mark.long
 def test_a_controller_may_allocate_inside_the_native_kernel():
     part = Thrusters("thrusters", "T200", allocation=BLUEROV_TAM, lag=0.1, unit="µs")
 

@@ -63,6 +63,8 @@ def process():
     return ModelProcess(one.system, start, inputs=COMMANDS, noise=noise, drifting=drifting, biases=biases), start
 
 
+@pytest.mark.long
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", [one.name for one in SENSORS])
 def test_a_filter_expects_of_a_sensor_what_it_reads_of_a_run(name):
     """At nodes, by the motion and by the kinematics of the craft."""
@@ -80,6 +82,7 @@ def test_a_filter_expects_of_a_sensor_what_it_reads_of_a_run(name):
         assert np.allclose(expected[0], read.exact[3], rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.long
 def test_readings_lead_a_filter_to_the_motion_and_to_the_biases_of_its_sensors():
     """A DVL that is late, a depth sensor that was set to salt water, and an inertial unit with biases."""
     model, start = process()
@@ -120,6 +123,7 @@ def _first(model, P):
     return e[None]
 
 
+@pytest.mark.long
 def test_what_the_parameters_do_not_say_is_refused():
     water = co.vehicles.water.Sheared(
         co.vehicles.water.UniformWater((0.1, 0.0, 0.0)), co.vehicles.water.LinearProfile(80.0)

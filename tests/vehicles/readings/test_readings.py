@@ -92,6 +92,7 @@ def test_between_nodes_a_circle_is_read_to_fourth_order_and_its_accelerations_ex
     np.testing.assert_allclose(imu, np.tile(expected, (37, 1)), atol=1e-14)
 
 
+@pytest.mark.long
 def test_every_sensor_reads_at_its_own_rate_and_with_its_own_latency():
     read = readings(run(), seed=1)
     assert list(read) == ["imu", "dvl", "depth", "gps"]
@@ -143,6 +144,7 @@ def same(ours, theirs, until=np.inf):
         assert np.array_equal(ours[name].values, theirs[name].values[kept]), name
 
 
+@pytest.mark.long
 def test_readings_are_the_same_to_the_bit_in_a_shorter_run_and_without_the_other_sensors():
     read = readings(run(), seed=4)
     same(readings(ran(duration=7.0), seed=4), read, until=7.0)
@@ -151,6 +153,7 @@ def test_readings_are_the_same_to_the_bit_in_a_shorter_run_and_without_the_other
     assert not np.array_equal(readings(run(), seed=5)["depth"].values, read["depth"].values)
 
 
+@pytest.mark.long
 def test_readings_of_a_run_that_was_interrupted_and_resumed_are_the_same_to_the_bit(tmp_path, monkeypatch):
     monkeypatch.setattr(driver, "CAPACITY", 50)
     monkeypatch.setattr(streaming, "PERIOD", 0.0)
@@ -170,12 +173,14 @@ def test_readings_of_a_run_that_was_interrupted_and_resumed_are_the_same_to_the_
     same(readings(resumed, seed=4), readings(run(), seed=4))
 
 
+@pytest.mark.long
 def test_where_fewer_nodes_were_saved_the_steps_between_are_taken_again():
     sparse = ran(save_every=9)
     read, again = readings(run(), seed=4), readings(sparse, seed=4)
     same(again, read)
 
 
+@pytest.mark.long
 def test_blocks_are_filled_up_and_cut_again(monkeypatch):
     monkeypatch.setattr(of_run, "BLOCK", 4)
     rows = {"x": np.arange(10.0)}
@@ -201,6 +206,7 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
     assert float(first.split(",")[2]) == pytest.approx(np.degrees(read["imu"].values[0, 0]), rel=1e-10)
 
 
+@pytest.mark.cases(8)
 @pytest.mark.parametrize(
     "make, sentence",
     [
@@ -235,6 +241,7 @@ def test_mistakes_are_told_in_a_sentence(make, sentence):
     assert sentence in str(told.value)
 
 
+@pytest.mark.long
 def test_a_stepper_observes_sensors_by_name_as_a_run_is_read():
     one, start = craft(), run().start
     seen = observations(one, ["imu", "depth"])

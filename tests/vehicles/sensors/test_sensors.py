@@ -147,6 +147,7 @@ def every():
     ]  # fmt: skip
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("sensor", every(), ids=lambda sensor: sensor.kind)
 def test_readings_are_differentiated_exactly_by_the_motion_and_by_the_sensors_numbers(sensor):
     whole = moving(

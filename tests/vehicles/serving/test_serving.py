@@ -47,6 +47,7 @@ def errors_of_the_inertial_unit(served: Served) -> np.ndarray:
     return np.concatenate([at.specific_force - force, at.angular_velocity - turned])
 
 
+@pytest.mark.long
 def test_an_inertial_unit_off_the_origin_reads_what_its_place_and_attitude_do_to_second_order(fresh, craft):
     """Differences of step h are off by a quarter at h/2, and by 1e-3 of 5 m/s² at 400 Hz."""
     coarse = errors_of_the_inertial_unit(fresh)
@@ -57,6 +58,7 @@ def test_an_inertial_unit_off_the_origin_reads_what_its_place_and_attitude_do_to
     np.testing.assert_allclose(coarse[seen] / fine[seen], 4.0, rtol=0.05)
 
 
+@pytest.mark.long
 def test_a_vehicle_that_rests_level_and_floats_neither_up_nor_down_feels_its_weight_alone():
     vehicle = vehicles.load(NAME)
     still = Craft(replace(vehicle, volume=vehicle.mass / vehicle.fluid_density))
@@ -89,6 +91,7 @@ def test_each_motor_of_a_frame_does_what_ardusub_means_it_to_do(frame):
         )
 
 
+@pytest.mark.long
 def test_the_shipped_heavy_rov_turns_the_way_that_ardusub_asks(fresh):
     """Roll to starboard by motors 5 to 8 is a positive K; the source of its allocation has them in another order."""
     thrusters = thrusters_of(fresh.craft.vehicle)
@@ -121,6 +124,7 @@ def test_a_frame_that_does_not_fit_is_told():
         thrusters_of(vehicles.load("remus_100"))
 
 
+@pytest.mark.long
 def test_lockstep_gives_the_motion_of_the_same_commands_to_the_bit(lockstep, craft):
     """As `co.simulate` with the same held commands; the time of a frame is its end."""
     answers = [told(lockstep.answer(packet(number, AHEAD))) for number in range(200)]
@@ -275,6 +279,7 @@ def test_a_text_that_is_no_unicode_is_answered_as_it_came(service):
     assert json.loads(service.answer(b'{"id": "\\ud800", "steps": 0}'))["id"] == "\ud800"
 
 
+@pytest.mark.long
 def test_set_points_of_a_controller_must_be_given_at_each_start():
     vehicle = vehicles.load("remus_100")
     craft = Craft(vehicle, controller=vehicle.controller)
@@ -312,6 +317,7 @@ def test_a_service_that_cannot_be_given_is_one_sentence(capsys, arguments, sente
     assert sentence in told and len(told.strip().splitlines()) == 1
 
 
+@pytest.mark.long
 def test_the_command_ends_when_nothing_comes_and_prints_its_figures(capsys):
     assert main(["serve", NAME, "--ardupilot", "--port", "0", "--idle", "0.01", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["answers"] == 0

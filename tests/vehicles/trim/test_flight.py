@@ -25,6 +25,7 @@ def straight():
     return FLIGHT.at(1.5)
 
 
+@pytest.mark.long
 def test_straight_flight_has_the_revolutions_where_thrust_is_drag(straight):
     area, D, n = np.pi / 4 * 0.19**2, 0.14, float(straight.free["propeller"])
     slope = (0.1798 - 0.4566) / 0.6632
@@ -38,6 +39,7 @@ def test_straight_flight_has_the_revolutions_where_thrust_is_drag(straight):
     assert np.sin(found.roll) == pytest.approx(torque / (REMUS.mass * 9.81 * 0.02), rel=1e-9)
 
 
+@pytest.mark.long
 def test_the_composed_remus_is_stable_by_its_large_fins_and_unstable_without_them(straight):
     assert stability(straight).verdict == "stable"
     bare = stability(BARE_FLIGHT.at(1.5))
@@ -47,11 +49,13 @@ def test_the_composed_remus_is_stable_by_its_large_fins_and_unstable_without_the
     assert 2.10 < bare.growth_rate < 2.1330
 
 
+@pytest.mark.long
 def test_a_simulation_stays_on_the_steady_motion_that_was_found(straight):
     run = co.simulate(FLIGHT.craft.system, straight.state, dt=0.05, duration=20.0).dataset
     np.testing.assert_allclose(run.nu.values, straight.state.nu[None] * np.ones((len(run.time), 1)), atol=1e-9)
 
 
+@pytest.mark.long
 def test_without_fins_a_simulation_leaves_at_the_rate_of_the_spectrum():
     motion = BARE_FLIGHT.at(1.5)
     mode = stability(motion).modes[0]
@@ -62,6 +66,8 @@ def test_without_fins_a_simulation_leaves_at_the_rate_of_the_spectrum():
     assert np.log(yaw[700] / yaw[300]) / 2.0 == pytest.approx(mode.rate, rel=2e-3)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("climb", [0.0, -20.0])
 def test_a_turning_circle_or_helix_is_the_one_that_a_simulation_goes_round(climb):
     flight = SteadyFlight(REMUS, hold={"rudder": np.radians(10)}, turning=True, climb=np.radians(climb))
@@ -80,6 +86,7 @@ def test_a_turning_circle_or_helix_is_the_one_that_a_simulation_goes_round(climb
     assert across == pytest.approx(2 * found.radius, rel=1e-3)
 
 
+@pytest.mark.long
 def test_at_rest_velocities_decay_and_pitch_and_roll_swing_as_their_linear_equations_say():
     """(M_i s + D_i)(M_jj s² + D_j s + W z_g) = (m z_g)² s³ for surge with pitch and sway with roll; s = −D/M else."""
     motion = FLIGHT.at(0.0)
@@ -98,6 +105,7 @@ def test_at_rest_velocities_decay_and_pitch_and_roll_swing_as_their_linear_equat
     assert -surge.rate == pytest.approx(1 / 20.0, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_dive_on_a_slope_goes_down_it(straight):
     flight = SteadyFlight(REMUS, climb=np.radians(-20))
     found = trim(REMUS, flight.at(1.5))
@@ -111,6 +119,7 @@ def test_a_neutral_ellipsoid_of_parts_rises_nose_first():
     assert found.speed == pytest.approx(0.7) and found.climb == pytest.approx(np.pi / 2, abs=1e-6)
 
 
+@pytest.mark.long
 def test_what_cannot_be_flown_is_told_in_a_sentence():
     with pytest.raises(ArgumentError, match="`flaps` is no actuator of `REMUS 100`"):
         SteadyFlight(REMUS, hold={"flaps": 0.1})
@@ -122,6 +131,7 @@ def test_what_cannot_be_flown_is_told_in_a_sentence():
         stability_figure([1.0], [])
 
 
+@pytest.mark.long
 def test_a_vehicle_with_thrusters_enough_flies_on_an_even_keel_and_its_thrusters_hold_it():
     rov = vehicles.load("rexrov")
     flight = SteadyFlight(rov)
@@ -132,6 +142,7 @@ def test_a_vehicle_with_thrusters_enough_flies_on_an_even_keel_and_its_thrusters
     np.testing.assert_allclose(run.nu.values[-1], [0.5, 0, 0], atol=1e-7)
 
 
+@pytest.mark.long
 def test_a_glider_glides_where_its_pump_and_its_battery_make_it():
     glider = vehicles.load("slocum_graver")
     motion = SteadyFlight(glider, climb=np.radians(-30)).at(0.4)

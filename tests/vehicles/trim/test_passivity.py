@@ -17,6 +17,7 @@ DRIVEN = {"nps_auv_ii": False, "slocum_graver": True}
 """Shipped vehicles whose parts drive them in some motions, and whether going ahead too."""
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", vehicles.names())
 def test_shipped_vehicles_are_driven_by_their_parts_only_where_the_docs_say_so(name):
     vehicle = vehicles.load(name)
@@ -49,6 +50,7 @@ def test_the_search_finds_the_one_eigenvector_along_which_damping_drives():
     assert abs(found.velocity @ n) == pytest.approx(np.linalg.norm(found.velocity), rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_run_that_enters_such_motions_is_warned_of_and_no_other():
     """NPS AUV II in still water, actuators off, slowly astern and turning: 5.0 kJ grow."""
     craft = Craft(vehicles.load("nps_auv_ii"))
@@ -65,6 +67,7 @@ def test_a_run_that_enters_such_motions_is_warned_of_and_no_other():
     assert not any("should only brake" in sentence for sentence in ahead.warnings)
 
 
+@pytest.mark.long
 def test_members_that_enter_such_motions_are_named():
     craft = Craft(vehicles.load("nps_auv_ii"))
     turning, ahead = (-0.02, 0.42, -0.22), (0.0, 0.0, 0.0)

@@ -71,6 +71,7 @@ def _solved(start: list[float], rudder: float) -> Any:
     return found.x
 
 
+@pytest.mark.long
 def test_a_turn_beyond_the_fold_is_that_of_the_equations_as_the_source_has_them():
     rudder = np.radians(5)
     found = trim(PRESTERO, motion := SteadyFlight(PRESTERO, hold={"rudder": rudder}, turning=True).at(1.5))
@@ -86,12 +87,14 @@ def test_a_turn_beyond_the_fold_is_that_of_the_equations_as_the_source_has_them(
     assert found.exceeded["propeller"] == pytest.approx((183.005, 1525 * 2 * np.pi / 60), rel=1e-5)
 
 
+@pytest.mark.long
 def test_a_turn_within_all_limits_is_found_where_the_straight_course_leads_to_none():
     remus = vehicles.load("remus_100_sgarioto")
     found = trim(remus, SteadyFlight(remus, hold={"rudder": np.radians(5)}, turning=True).at(1.5))
     assert np.degrees(found.turn_rate) == pytest.approx(10.38, abs=5e-3) and not found.beyond
 
 
+@pytest.mark.long
 def test_a_turn_that_needs_too_much_is_told_with_the_value_and_the_limit(capsys):
     assert main(["stability", "remus_100_prestero", "--rudder", "5"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
@@ -102,17 +105,20 @@ def test_a_turn_that_needs_too_much_is_told_with_the_value_and_the_limit(capsys)
     assert "turning to starboard at 10.1°/s" in shown
 
 
+@pytest.mark.long
 def test_an_actuator_that_is_held_beyond_its_limit_is_told_as_held(capsys):
     assert main(["stability", "remus_100_sgarioto", "--rudder", "30"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "rudder is held at 30.00°, beyond its limit of 15.00°." in shown and "No turn" not in shown
 
 
+@pytest.mark.long
 def test_what_a_vehicle_weighs_beyond_its_buoyancy_is_told_in_words():
     with pytest.raises(ArgumentError, match=r"is 11 N lighter than the water .* \(positively buoyant\)\.$"):
         SteadyFlight(PRESTERO).at(0.0)
 
 
+@pytest.mark.long
 def test_one_number_holds_a_propeller_of_one_thruster():
     flight = SteadyFlight(PRESTERO, hold={"propeller": 50.0})
     with pytest.raises(ArgumentError, match="No steady motion was found"):

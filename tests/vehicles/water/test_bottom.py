@@ -20,6 +20,7 @@ NORTH, EAST = np.linspace(-50.0, 150.0, 41), np.linspace(-100.0, 100.0, 81)
 PLANE = 30.0 + 0.1 * NORTH[:, None] - 0.05 * EAST
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("between", ["bilinear", "bicubic"])
 def test_a_plane_is_met_exactly_with_its_slope(between) -> None:
     bottom = Bottom(NORTH, EAST, PLANE, between)
@@ -31,6 +32,7 @@ def test_a_plane_is_met_exactly_with_its_slope(between) -> None:
     assert evaluate(bottom, 1e4, 0.0) == pytest.approx(45.0, rel=1e-12)  # level beyond the grid
 
 
+@pytest.mark.long
 def test_a_sine_is_met_to_the_second_and_to_the_third_order() -> None:
     """d = 40 + 5 sin kn: bilinear within k²h²·5/8, bicubic falling by 2³ or more as h is halved."""
     k = 2 * np.pi / 60.0
@@ -47,6 +49,7 @@ def test_a_sine_is_met_to_the_second_and_to_the_third_order() -> None:
     assert errors["bicubic", 4.0] / errors["bicubic", 2.0] > 7.0
 
 
+@pytest.mark.long
 def test_a_body_that_goes_ahead_meets_a_rising_plane_where_it_stands() -> None:
     """10 m deep at 1 m/s over d = 12 − 0.1 n it meets it at n = 20 m, and is 1 m above it at n = 10 m."""
     body = vehicles.load("ellipsoid")

@@ -77,6 +77,7 @@ def swinging(t, numpy=jnp):
     return 0.3 * numpy.sin(0.7 * t) + 0.1 * t
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("heaviness", [0.05, 1.2, 3.0])
 def test_a_sphere_in_accelerated_flow_is_pushed_by_froude_krylov_and_added_mass(heaviness):
     """(m + C_M ρV) ẍ = ρV(1 + C_M) u̇: at rest at first, x = k∫u dt."""
@@ -156,6 +157,7 @@ def field(q, t):
     )
 
 
+@pytest.mark.long
 def test_a_sphere_in_any_smooth_current_moves_by_the_equation_of_auton_hunt_and_prudhomme():
     """(m + C_M ρV) v̇ = ρV[(1 + C_M) Dc/Dt + C_L (c − v) × (∇ × c)], integrated by DOP853; C_L = C_M = ½."""
     heaviness, duration = 0.6, 6.0
@@ -180,6 +182,7 @@ def test_a_sphere_in_any_smooth_current_moves_by_the_equation_of_auton_hunt_and_
     assert np.log2(gaps[0] / gaps[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "method",
     [co.Midpoint(co.Cayley()), co.Trapezoidal(co.Cayley()), co.Galerkin(co.Cayley())],
@@ -196,6 +199,7 @@ def test_the_order_is_kept_in_a_smooth_current_of_place_and_time_and_the_budget_
     assert np.log2(gaps[1] / gaps[2]) == pytest.approx(method.order, abs=0.2)
 
 
+@pytest.mark.long
 def test_a_current_that_stays_moves_a_craft_as_the_water_at_rest_does_to_round_off():
     velocity = np.array([0.3, -0.2, 0.05])
     attitude = {"speed": 1.0, "euler_zyx": (0.4, 0.1, 0.0), "angular_velocity": (0.1, -0.2, 0.3)}
@@ -206,6 +210,8 @@ def test_a_current_that_stays_moves_a_craft_as_the_water_at_rest_does_to_round_o
     np.testing.assert_allclose(other.dataset.R, one.dataset.R, atol=1e-11)
 
 
+@pytest.mark.long
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "water",
     [
@@ -241,6 +247,7 @@ def test_a_random_current_carries_a_body_of_the_waters_own_density_exactly():
     np.testing.assert_allclose(run.dataset.qdot[:-1], current, atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_budget_of_a_random_current_in_a_sheared_tide_closes():
     sea = Sea(
         tide=Sheared(TidalCurrent([600.0], [[0.5, 0.2, 0.0]]), PowerLaw(40.0)),

@@ -71,6 +71,7 @@ def random_system() -> tuple[co.System, co.State]:
     return system, system.state(internal={"z": np.zeros(3), "random": stream(5)})
 
 
+@pytest.mark.long
 def test_both_backends_draw_the_same_random_numbers_to_the_bit():
     system, start = random_system()
     native, xla = (co.simulate(system, start, dt=0.1, steps=3000, backend=backend) for backend in ("native", "xla"))
@@ -86,6 +87,7 @@ def test_both_backends_draw_the_same_random_numbers_to_the_bit():
     assert stats.kstest(z, "norm").pvalue > 0.01
 
 
+@pytest.mark.long
 def test_gradients_do_not_go_through_random_numbers_and_stay_finite():
     drawing, _ = random_system()
     system = co.System(
@@ -123,6 +125,7 @@ def fleet() -> Craft:
     return drifting(co.each(np.arange(MEMBERS)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dt", [0.25, 2.5])
 def test_a_random_current_has_the_same_mean_variance_and_correlation_whatever_the_step(fleet, dt):
     """Over 2000 seeds, at every 2.5 s: mean, variance, e^{−t/τ} within 4 standard errors; fixed seeds."""
@@ -137,6 +140,7 @@ def test_a_random_current_has_the_same_mean_variance_and_correlation_whatever_th
     assert np.max(np.abs(np.mean(z[..., 0] * z[..., 1], axis=0))) < 4 / np.sqrt(MEMBERS)
 
 
+@pytest.mark.long
 def test_a_member_of_an_ensemble_is_the_run_of_its_seed(fleet):
     alone = drifting(9)
     many = co.simulate(fleet.system, fleet.start(speed=1.0), dt=0.5, steps=20)
@@ -245,6 +249,7 @@ DENSITIES = {
 }
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("density", DENSITIES.values(), ids=DENSITIES)
 def test_the_head_of_pressure_is_the_integral_of_the_density(density):
     own = Named(**density.parameters())
@@ -260,6 +265,7 @@ def test_the_head_of_pressure_is_the_integral_of_the_density(density):
     assert rho(-4.0) == rho(0.0) == 1020.0
 
 
+@pytest.mark.long
 def test_a_float_in_a_density_gradient_bobs_at_the_frequency_of_brunt_and_vaisala():
     """(m + m_A) z̈ = −gVρ′(z − z₀): with added mass, ω² = N²ρV/(m + m_A), N² = gρ′/ρ."""
     gradient, depth = 0.5, 20.0
@@ -272,6 +278,7 @@ def test_a_float_in_a_density_gradient_bobs_at_the_frequency_of_brunt_and_vaisal
     assert run.relative_change("energy") < 1e-6
 
 
+@pytest.mark.long
 def test_surface_and_bottom_end_a_run_where_they_are():
     riser, sinker = Craft(ball(volume=0.021)), Craft(ball(volume=0.019))
     up = co.simulate(

@@ -163,6 +163,7 @@ def test_every_number_that_rosbags_writes_is_read_to_the_bit(tmp_path, compressi
     assert np.array_equal(found["header.stamp.sec"], np.arange(50)) and np.array_equal(topic.times, np.arange(50))
 
 
+@pytest.mark.long
 def test_a_mission_writes_a_bag_and_a_vehicle_is_identified_from_it(tmp_path, capsys):
     remus = Craft(vehicles.load("remus_100"))
     t = np.arange(0.0, 12.0, 0.1)

@@ -53,6 +53,7 @@ def bag(dive, tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_a_bag_of_this_library_says_where_its_sensors_sit(dive, bag):
     """Speeds, rates and attitudes along the body; places as the sensor's, with r beside them."""
     log = read_log(bag, topics=TOPICS)
@@ -81,6 +82,7 @@ def declaration(axes="NED/FRD"):
     }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axes", ["NED/FRD", "ENU/FLU"])
 def test_a_declared_mounting_is_that_of_the_vehicle_file(dive, bag, tmp_path, axes):
     """The same bag without its metadata: the mounting stands in the declaration, in either axes."""
@@ -163,6 +165,7 @@ def test_what_is_compared_is_what_a_sensor_of_that_place_reads(dive):
     np.testing.assert_allclose(values[:, 3:], O[:, 3:] + np.cross(rates, PLACE), atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_model_from_sensors_off_the_origin_is_the_true_one(dive, bag):
     """Without the places the drags are 3 and 25 % off."""
     craft, start, _ = dive

@@ -237,6 +237,7 @@ def test_folders_and_files_that_are_not_there_are_refused(tmp_path):
         read_log(tmp_path)
 
 
+@pytest.mark.long
 def test_files_that_are_changed_at_random_are_read_or_refused_in_a_sentence(tmp_path):
     """Bytes that are changed, cut out or repeated, in files of four formats."""
     from test_bags import written as bag_of
