@@ -236,7 +236,7 @@ class Fit:
 
     def settle(self, place: Estimates) -> None:
         """Internal states of starts that follow from those of the segments before."""
-        if self.shooting.template.internal is None:
+        if not self.shooting.handed:
             return
         for _ in range(SETTLING):
             found = self.predict(place)
@@ -245,4 +245,5 @@ class Fit:
             self.accepted(found)
 
     def accepted(self, way: Prediction) -> None:
-        self.internal = self.shooting.internal(way)
+        if self.shooting.handed:
+            self.internal = self.shooting.internal(way)

@@ -36,6 +36,9 @@ SHORT = (2.0, 6.0)
 FAR = 10.0
 """How many times its size, or in logarithms, a parameter may move until it counts as lost."""
 
+MISSED = 5.0
+"""How many times the noise between neighbouring samples a residual is that is no noise."""
+
 FINEST = 16
 """A step is cut into this many at most."""
 
@@ -202,16 +205,41 @@ def _far(fit: Fit, solution: Solution) -> list[str]:
 
 def _lost(fit: Fit, solution: Solution, trips: int) -> str:
     """Why there is no estimate."""
+    doubts = " ".join(fit.log.doubts)
     if far := _far(fit, solution):
         return (
             f"Least squares ran away with {', '.join(far)}: the log hardly excites that, or the search began too far "
             "away, or the log is in other axes or units; leave it at a known value, or start from better ones."
+            + (f" {doubts}" if doubts else "")
+        )
+    said = f"Least squares did not converge in {trips} iterations"
+    if doubts:
+        return f"{said}. {doubts}"
+    if handed := fit.shooting.handed:
+        names = " and ".join(f"`{name}`" for name in handed)
+        return (
+            f"{said}: the internal state {names} {'depends' if len(handed) == 1 else 'depend'} on the motion, so that "
+            "what a parameter does to it is not followed from one segment into the next; take the log as one run, "
+            "segment=None or --segment 0."
+        )
+    if missed := _missed(fit, solution):
+        return (
+            f"{said}, and the simulation still misses {', '.join(missed)} by far more than the noise between "
+            "neighbouring samples: check axes and units of these columns, start from better parameters, or take "
+            "shorter segments; what the model lacks, such as a current or a thruster that is out, must be sought, too."
         )
     return (
-        f"Least squares did not converge in {trips} iterations: check axes and units of the log, start from better "
-        "parameters, seek fewer, or take shorter segments; what the model lacks, such as a thruster that is out, must "
-        "be sought, too."
+        f"{said}, although the simulation meets every column up to its noise: the log does not tell the parameters "
+        "apart; seek fewer, or take a log in which commands change more."
     )
+
+
+def _missed(fit: Fit, solution: Solution) -> list[str]:
+    """The columns that the simulation misses by far."""
+    r = solution.residual[:, : fit.there[0].size].reshape(fit.there.shape) * fit.sigma
+    rms = np.sqrt(np.sum(r**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
+    names = fit.shooting.channels.names
+    return [f"{n} ({off:.3g})" for n, off in zip(names, rms, strict=True) if off > MISSED * rough_noise(fit.log, n)]
 
 
 def _estimated(solution: Solution, problem: Fit, d: int) -> np.ndarray:

@@ -24,6 +24,7 @@ class Log:
     `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
     `positions`: where in the body the sensor of a column of place or velocity sits, name → (x, y, z) m; O where none is
     named. `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
+    `doubts`: the notes on columns that cannot be what they are named.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """
 
@@ -35,6 +36,7 @@ class Log:
     step: float | None = None
     actual: Mapping[str, np.ndarray] = field(default_factory=dict)
     positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    doubts: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self):
         time = _numbers(self.time, "time")
@@ -79,8 +81,9 @@ class Log:
         for key, value in found.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
-        doubted = [note for note in implausible(time, columns, self.units) if note not in self.notes]
-        object.__setattr__(self, "notes", (*self.notes, *doubted))
+        object.__setattr__(self, "doubts", tuple(implausible(time, columns, self.units)))
+        new = [doubt for doubt in self.doubts if doubt not in self.notes]
+        object.__setattr__(self, "notes", (*self.notes, *new))
 
     def __len__(self) -> int:
         return len(self.time)

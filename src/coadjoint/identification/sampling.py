@@ -24,7 +24,10 @@ FEWEST = 4
 """Samples of a segment, at least."""
 
 FEWEST_STEPS = 3
-"""Steps that the longest segment lasts, at least."""
+"""StepsBetween that the longest segment lasts, at least."""
+
+GAP_STEPS = 1000
+"""The most steps in which actuators are followed over a gap."""
 
 
 class Interpolation(NamedTuple):
@@ -34,6 +37,16 @@ class Interpolation(NamedTuple):
     nodes: np.ndarray
     weights: np.ndarray
     slopes: np.ndarray
+
+
+class StepsBetween(NamedTuple):
+    """The steps from the start of the first segment to that of the last, (steps,): when they begin, how long they last,
+    and the mean of the inputs, (steps, numbers); `begins`: at which of them each segment starts."""
+
+    times: np.ndarray
+    lengths: np.ndarray
+    inputs: np.ndarray
+    begins: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -119,13 +132,40 @@ def samples(
     farthest = max(steps_away.max(), np.where(continued[1:], to_next, 0.0).max(initial=0.0))
     steps = int(np.ceil(farthest + reach / h)) + 2
     nodes, weights = _interpolation(steps_away, steps)
-    inputs = np.concatenate([np.zeros((len(log), 0)), *(v.reshape(len(log), -1) for v in log.inputs.values())], axis=1)
+    inputs = _columns(log)
     edges = starts[None, :] + h * np.arange(steps + 1)[:, None]
     table = np.diff(_integral(log.time, inputs, edges, between), axis=0) / h
     following = np.minimum(np.rint(to_next).astype(int), steps - 1)
     after_gap = ~continued & (number[:count] > 0)
     early = steps_away * h < np.where(continued, 0.0, reach)[:, None]
     return Samples(h, starts, table, rows, nodes, weights, turning, following, steps_away, early, after_gap)
+
+
+def steps_between(log: Log, cut: Samples, between: Between) -> StepsBetween:
+    """StepsBetween of each segment's own grid, the last before the next start shorter; over a gap, no more than GAP_STEPS."""
+    starts, last = np.maximum.accumulate(cut.starts), cut.starts + cut.h * cut.steps_away.max(axis=1)
+    edges, begins = [starts[:1]], [0]
+    for start, end, following, gap in zip(starts, last, starts[1:], cut.after_gap[1:], strict=False):
+        parts = [_grid(start, end if gap else following, cut.h)]
+        if gap:
+            parts.append(_grid(end, following, max(cut.h, (following - end) / GAP_STEPS)))
+        edges += parts
+        begins.append(begins[-1] + sum(map(len, parts)))
+    times = np.concatenate(edges)
+    lengths = np.diff(times)
+    means = np.diff(_integral(log.time, _columns(log), times, between), axis=0) / lengths[:, None]
+    return StepsBetween(times[:-1], lengths, means, np.array(begins))
+
+
+def _grid(first: float, last: float, h: float) -> np.ndarray:
+    """The ends of steps of h from `first`, of which the last is `last`; none where that is not later."""
+    count = int(np.ceil((last - first) / h - ON_NODE))
+    return np.append(first + h * np.arange(1, count), [last] if count > 0 else [])
+
+
+def _columns(log: Log) -> np.ndarray:
+    """All numbers of the inputs, (samples, numbers)."""
+    return np.concatenate([np.zeros((len(log), 0)), *(v.reshape(len(log), -1) for v in log.inputs.values())], axis=1)
 
 
 def _cuts(log: Log, segment: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
 from coadjoint.identification.observed import Observed
 from coadjoint.identification.process_noise import KNOT, MOST, Knots
-from coadjoint.identification.sampling import Between, samples
+from coadjoint.identification.sampling import Between, samples, steps_between
 from coadjoint.identification.sensing import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
@@ -87,7 +87,9 @@ class Setting:
         reference = self._reference(cut.starts, h)
         if knots == "new":
             knots = self._knots(float(cut.steps_away.max()) * h, h)
-        return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun, knots)
+        several = template.internal is not None and len(cut.starts) > 1
+        steps = steps_between(self.log, cut, self.between) if several else None
+        return Shooting(self.unknowns, self.channels, cut, reference, template, self.program, begun, knots, steps)
 
     def _knots(self, longest: float, h: float) -> Knots | None:
         """Those of what wanders, over the longest of all segments, s; each lasts a whole number of steps h."""

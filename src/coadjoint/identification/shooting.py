@@ -1,7 +1,8 @@
 """Multiple shooting: a log in segments, each a run of its own from a start of its own, all simulated at once.
 
 The start of a segment is a reference, g₀ exp(δ_g), q₀ + δ_q, ξ₀ + δ_ξ, ν₀ + δ_ν, with momenta by the Legendre transform
-of the parameters that are sought. Derivatives of what sensors would say, by δ and by the parameters, are exact.
+of the parameters that are sought, and with actuators where their commands have brought them (`actuators`). Derivatives
+of what sensors would say, by δ and by the parameters, are exact, except through internal states that the motion moves.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.identification.actuators import Actuators, ActuatorsAtStarts
 from coadjoint.identification.channels import Channels
 from coadjoint.identification.process_noise import Knots
-from coadjoint.identification.sampling import Interpolation, Samples
+from coadjoint.identification.sampling import Interpolation, Samples, StepsBetween
 from coadjoint.identification.unknowns import Unknowns
-from coadjoint.kernels.packing import layout, pack
+from coadjoint.kernels.packing import layout, pack, rows
 from coadjoint.kernels.run import driven
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -49,7 +51,7 @@ class Prediction(NamedTuple):
     """What the sensors would say at the samples, (segments, samples, numbers), with the path that led there.
 
     `reading`: where they were read, with delays; None at the times of the samples. `wandering`: parameters that did not
-    stay the same.
+    stay the same. `standing`: where actuators stood at the starts.
     """
 
     values: np.ndarray
@@ -57,6 +59,7 @@ class Prediction(NamedTuple):
     slopes_of_start: np.ndarray
     reading: Interpolation | None
     wandering: driven.Wandering | None = None
+    standing: ActuatorsAtStarts | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,8 @@ class Shooting:
     """Where actuators stand at the first sample of each segment, (segments, …), as far as the log tells."""
     knots: Knots | None = None
     """What wanders."""
+    steps: StepsBetween | None = None
+    """From the first start to the last, where there is an internal state and more than one segment."""
 
     @property
     def size(self) -> int:
@@ -133,12 +138,49 @@ class Shooting:
         return internal.replace(**changed)
 
     @cached_property
+    def actuators(self) -> Actuators | None:
+        """What the inputs alone drive of the internal state; None where there is no such thing."""
+        if self.steps is None:
+            return None
+        begun = self.template.internal
+        logged = {name for name in self.begun if isinstance(begun, Named) and name in begun}
+        logged = {name for name in logged if not isinstance(getattr(begun, name), Named)}
+        paths = [path[0] for path, _ in jax.tree_util.tree_leaves_with_path(begun)]
+        found = Actuators(
+            key=(self.program, layout(self.template)),
+            system=self.unknowns.system,
+            template=self.template,
+            active=self.active,
+            steps=self.steps,
+            held=self.held,
+            logged=tuple(getattr(path, "name", None) in logged for path in paths),
+            after_gap=self.samples.after_gap,
+        )
+        return found if found.leaves else None
+
+    @cached_property
+    def handed(self) -> tuple[str, ...]:
+        """Parts of the internal state that depend on the motion: a segment hands them to the next."""
+        begun = self.template.internal
+        if self.runs == 1 or begun is None:
+            return ()
+        paths = [jax.tree_util.keystr(path).lstrip(".") for path, _ in jax.tree_util.tree_leaves_with_path(begun)]
+        driven_alone = self.actuators.leaves if self.actuators else ()
+        return tuple(path for i, path in enumerate(paths) if i not in driven_alone)
+
+    @cached_property
+    def inner(self) -> tuple[int, ...]:
+        """The numbers of the internal state at starts that depend on parameters that are sought."""
+        return tuple(self.actuators.places.tolist()) if self.actuators and self.actuators.moving else ()
+
+    @cached_property
     def begin(self) -> NativeFunction:
-        """(δ, active parameters), what is known of a segment ↦ the numbers of the state at its start."""
+        """(δ, active parameters, `inner`), what is known of a segment ↦ the numbers of the state at its start."""
         one = jax.tree.map(lambda leaf: leaf[0], self._known(self.held))
-        key = self.program, layout(self.template), layout(one), self.active
+        key = self.program, layout(self.template), layout(one), self.active, self.inner
         if key not in _starts:
-            _starts[key] = NativeFunction(self._starting(one), np.zeros(self.size + len(key[3])), _flat(one, 0)[0])
+            x = np.zeros(self.size + len(self.active) + len(self.inner))
+            _starts[key] = NativeFunction(self._starting(one), x, pack(one)[1])
             while len(_starts) > KEPT:
                 _starts.pop(next(iter(_starts)))
         return _starts[key]
@@ -157,20 +199,25 @@ class Shooting:
         system, template, size = replace_parameters(self.unknowns.system, None), self.template, self.size
         group, Q, V = system.places
         structure, shape = layout(like), layout(self.unknowns.system.parameters)
-        active = self.active
+        active, inner, within = self.active, self.inner, layout(like[2])
         ends = np.cumsum([group.dim, Q.dim(group), group.dim])
 
         def start(x, known):
-            at, t, internal, numbers, a0 = _unpacked(structure, known)
+            at, t, internal, numbers, a0 = structure.views(known)
             for i, place in enumerate(active):
                 numbers = numbers.at[place].set(x[size + i])
+            if inner:
+                flat = jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(internal)])
+                for i, place in enumerate(inner, size + len(active)):
+                    flat = flat.at[place].set(x[i])
+                internal = within.views(flat)
             turn, shift, spin, speed = jnp.split(x[:size], ends)
             g = group.compose(at.g, group.exp(turn))
             back = group.inverse(g)
             q = at.q + Q.difference(group, at.q, Q.tangent(group, at.q, shift)) if len(shift) else at.q
             n, a, xi = Q.act(group, back, q), V.act(group, back, a0), at.xi + spin
             nu = at.nu + Q.tangent(group, n, speed) if len(speed) else at.nu
-            here = replace_parameters(system, _unpacked(shape, numbers))
+            here = replace_parameters(system, shape.views(numbers))
             mu, pi = legendre(here, xi, n, nu, a, t, template.inputs, internal)
             state = template.replace(t=t, g=g, n=n, a=a, mu=mu, pi=pi, xi=xi, nu=nu, internal=internal)
             return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(state)])
@@ -189,8 +236,9 @@ class Shooting:
         wandering = self._wandering(own[:, self.size :])
         if wandering is not None:
             active[:, [self.active.index(place) for place in wandering.places]] += wandering.values[:, 0]
-        known = _flat(self._known(self.held if internal is None else internal), 1)
-        starts, slopes = self.begin(np.concatenate([delta, active], axis=1), known)
+        standing, internal = self._standing(numbers, self.held if internal is None else internal)
+        x = [delta, active, *([standing.values] if standing and self.inner else [])]
+        starts, slopes = self.begin(np.concatenate(x, axis=1), rows(self._known(internal)))
         if not np.all(np.isfinite(starts)):
             return None
         path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table, wandering)
@@ -198,10 +246,18 @@ class Shooting:
             return None
         records = self.samples.unwrapped(path.records)
         if delays is None:
-            return Prediction(self.samples.weighed(records), path, slopes, None, wandering)
+            return Prediction(self.samples.weighed(records), path, slopes, None, wandering, standing)
         reading = self.samples.reading(delays, records.shape[1])
         values = self.samples.read(records, reading.nodes, reading.weights)
-        return Prediction(values, path, slopes, reading, wandering)
+        return Prediction(values, path, slopes, reading, wandering, standing)
+
+    def _standing(self, numbers: np.ndarray, internal: Any) -> tuple[ActuatorsAtStarts | None, Any]:
+        """Where actuators stand at the starts, and the internal states there."""
+        if self.actuators is None:
+            return None, internal
+        found, numbers_within = self.actuators.at_starts(numbers), rows(internal)
+        numbers_within[:, self.actuators.places] = found.values
+        return found, layout(self.template.internal).views(numbers_within)
 
     def _wandering(self, x: np.ndarray) -> driven.Wandering | None:
         """The numbers of parameters that x, (segments, knots · components), moves."""
@@ -224,7 +280,10 @@ class Shooting:
         if self.knots is not None:
             along = np.concatenate([along, self._directions(self.knots)])
         p_dot = np.concatenate([np.zeros((self.size, along.shape[1])), along])
-        by_delta, by_active = found.slopes_of_start[:, :, : self.size], found.slopes_of_start[:, :, self.size :]
+        ends = np.cumsum([self.size, len(self.active)])
+        by_delta, by_active, by_inner = np.split(found.slopes_of_start, ends, axis=2)
+        if self.inner and found.standing:
+            by_active = by_active + by_inner @ found.standing.slopes
         start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
         start_dot = np.ascontiguousarray(start_dot)
         dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, start_dot, found.wandering)
@@ -254,20 +313,6 @@ class Shooting:
         pairs = zip(jax.tree.leaves(first), jax.tree.leaves(came.internal), strict=True)
         leaves = [np.concatenate([start[:1], later.reshape(-1, *start.shape[1:])]) for start, later in pairs]
         return self._after_gaps(jax.tree.unflatten(jax.tree.structure(first), leaves))
-
-
-def _flat(tree: Any, lead: int) -> np.ndarray:
-    """The numbers of a tree, one row for each of the leading axes: (rows, numbers)."""
-    leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
-    return np.concatenate([leaf.reshape(leaf.shape[0] if lead else 1, -1) for leaf in leaves], axis=1)
-
-
-def _unpacked(shape: Any, numbers: Any) -> Any:
-    """The PyTree of traced numbers."""
-    sizes = np.cumsum([int(np.prod(s)) for s in shape.shapes])[:-1]
-    parts = jnp.split(numbers, sizes)
-    leaves = [part.reshape(s) for part, s in zip(parts, shape.shapes, strict=True)]
-    return jax.tree.unflatten(shape.structure, leaves)
 
 
 def require_inputs(system: Any, state: State) -> None:

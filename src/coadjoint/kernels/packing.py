@@ -26,8 +26,8 @@ class Layout(NamedTuple):
         """The PyTree of arrays (*lead, …) from numbers (*lead, size)."""
         return jax.tree.map(lambda leaf: leaf.copy(), self.views(numbers))
 
-    def views(self, numbers: np.ndarray) -> Any:
-        """The same as views into the numbers: for long rows that are copied later anyway."""
+    def views(self, numbers: np.ndarray | jax.Array) -> Any:
+        """The same as views into the numbers, or of traced ones: for long rows that are copied later anyway."""
         lead, leaves, start = numbers.shape[:-1], [], 0
         for shape in self.shapes:
             end = start + math.prod(shape)
@@ -52,3 +52,9 @@ def pack(tree: Any) -> tuple[Layout, np.ndarray]:
     numbers = [array.astype(np.float64).reshape(-1) for array in arrays]
     shapes = tuple(array.shape for array in arrays)
     return Layout(structure, shapes), np.concatenate(numbers) if numbers else np.zeros(0)
+
+
+def rows(tree: Any) -> np.ndarray:
+    """The numbers of a tree whose leaves have a common first axis: (rows, numbers)."""
+    leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
+    return np.concatenate([leaf.reshape(len(leaf), -1) for leaf in leaves], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,9 @@ class NativeFunction:
         m = x.size
         slopes = {i * m + j: node for i, row in enumerate(rows) for j, node in row.items()}
         self.shape = len(value), m
-        self._machine = machine(_assemble(flat(symbols[0]), flat(symbols[1]), dict(enumerate(value)), slopes, m))
+        given = [(nodes, len(nodes)) for nodes in map(flat, symbols)]
+        found = [(dict(enumerate(value)), len(value)), (slopes, len(value) * m)]
+        self._machine = machine(assembled(given, found))
         self.code = self._machine.function(NAME, *[ctypes.c_void_p] * 4, ctypes.c_int64)
 
     def __call__(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,11 +44,16 @@ class NativeFunction:
         return value, slopes
 
 
-def _assemble(x: list[Any], y: list[Any], value: dict[int, Any], slopes: dict[int, Any], m: int) -> str:
-    """void function(x, y, value, slopes, rows): what is absent from `slopes` stays as it is."""
+def assembled(given: Sequence[tuple[list[Any], int]], found: Sequence[tuple[Mapping[int, Any], int]]) -> str:
+    """void function(arrays of `given`, arrays of `found`, rows): what is absent from `found` is left unwritten.
+
+    given: the nodes that an array holds, and by how many numbers it moves on after a row. found: likewise nodes by
+    their places.
+    """
     module = ir.Module(name="coadjoint")
     pointer = DOUBLE.as_pointer()
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [*[pointer] * 4, WHOLE]), name=NAME)
+    signature = ir.FunctionType(ir.VoidType(), [*[pointer] * (len(given) + len(found)), WHOLE])
+    function = ir.Function(module, signature, name=NAME)
     b = ir.IRBuilder(function.append_basic_block("entry"))
     emit = Emitter(module, b, 1)
     *arrays, rows = function.args
@@ -56,18 +63,17 @@ def _assemble(x: list[Any], y: list[Any], value: dict[int, Any], slopes: dict[in
     b.position_at_end(loop)
     row = b.phi(WHOLE)
     row.add_incoming(WHOLE(0), before)
-    sizes = len(x), len(y), len(value), len(value) * m
-    starts = [b.mul(row, WHOLE(size)) for size in sizes]
+    starts = [b.mul(row, WHOLE(stride)) for _, stride in [*given, *found]]
 
     def place(number: int, index: int) -> Any:
         return b.gep(arrays[number], [b.add(starts[number], WHOLE(index))])
 
     with emit.scope():
-        for number, nodes in enumerate((x, y)):
+        for number, (nodes, _) in enumerate(given):
             for i, node in enumerate(nodes):
                 emit.bind(node, b.load(place(number, i)))
-        for number, found in ((2, value), (3, slopes)):
-            for i, result in zip(found, emit.values(found.values()), strict=True):
+        for number, (results, _) in enumerate(found, len(given)):
+            for i, result in zip(results, emit.values(results.values()), strict=True):
                 b.store(result, place(number, i))
     following = b.add(row, WHOLE(1))
     row.add_incoming(following, b.block)

@@ -56,6 +56,13 @@ def depends(function: Callable, *args: Any) -> list[bool]:
     return list(partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(closed.jaxpr.outvars))[1])
 
 
+def used_by_each(function: Callable, *args: Any) -> list[list[bool]]:
+    """As `depends`, for each leaf of the result."""
+    jaxpr = jaxpr_of(function, *args)[0].jaxpr
+    results = len(jaxpr.outvars)
+    return [list(partial_eval.dce_jaxpr(jaxpr, [i == k for i in range(results)])[1]) for k in range(results)]
+
+
 def xla_has_begun() -> bool:
     """Whether XLA has started its threads in this process; False where this JAX does not tell."""
     told = getattr(xla_bridge, "backends_are_initialized", None)
