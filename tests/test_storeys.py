@@ -23,6 +23,7 @@ STOREYS = (
         "units",
         "texts",
         "sealed",
+        "archives",
         "csv_tables",
         "roots",
         "kernels",

@@ -13,8 +13,9 @@ import numpy as np
 from coadjoint.errors import FileError
 from coadjoint.texts import told_text
 
-LARGEST = 128_000_000
-"""The most bytes of a table."""
+LARGEST, MOST_LINES, MOST_CELLS = 128_000_000, 4_000_000, 20_000_000
+"""The most bytes, lines and cells of a table."""
+_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
 class Sheet(NamedTuple):
@@ -61,6 +62,7 @@ def read_sheet(path: str | os.PathLike[str]) -> Sheet:
     and for a row of another length.
     """
     text = told_text(Path(path), most=LARGEST)
+    _require_small(path, text)
     lines = list(enumerate(text.splitlines(), 1))
     kept = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if len(kept) < 2:
@@ -78,6 +80,15 @@ def read_sheet(path: str | os.PathLike[str]) -> Sheet:
             raise FileError(f"{path}, line {line}: there are {len(row)} cells for {len(names)} columns.")
     comments = [line for _, line in lines if line.lstrip().startswith("#")]
     return Sheet(str(path), first, names, [line for line, _ in rest], rows, comments)
+
+
+def _require_small(path: str | os.PathLike[str], text: str) -> None:
+    """Raise FileError for a text that would become more lines and cells than fit in memory."""
+    lines = sum(text.count(end) for end in _ENDS)
+    cells = max(text.count(mark) for mark in ",;\t") + lines
+    for found, most, what in ((lines, MOST_LINES, "lines"), (cells, MOST_CELLS, "cells")):
+        if found > most:
+            raise FileError(f"The file {path} has {found:,} {what}, more than {most:,}: thin it out.")
 
 
 def csv_text(columns: Mapping[str, Any], shown: Callable[[float], str] = "{:.12g}".format) -> str:

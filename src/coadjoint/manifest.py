@@ -33,7 +33,7 @@ DAMAGED = "put back a copy of it; nothing has been changed"
 BEGINNING = b'{\n"facts"'
 """How every manifest begins; files of other programs may have its name."""
 
-_LARGEST = 1 << 30
+_LARGEST = 1 << 26
 _CHECKSUM = 4
 _END = '"\n}\n'
 

@@ -11,6 +11,8 @@ from coadjoint.errors import FileError
 
 LARGEST, DEEPEST = 1_000_000, 64
 """The most bytes of a text, and the most tables and lists within each other."""
+LARGEST_SUMMARY = 64_000_000
+"""The most bytes of the summary of a run or of a sweep."""
 
 _KEYS = re.compile(r"[\w.\-\"' \t]+")
 """What may be a dotted key. Each of its prefixes is looked up when it is read, so that long ones take forever."""

@@ -45,16 +45,6 @@ def test_no_single_bit_changes_a_number_that_is_read(written, tmp_path):
             np.testing.assert_array_equal(found[name], before[name])
 
 
-@pytest.mark.parametrize("code", ["import time; time.sleep(60)", "import os; os.abort()"], ids=["hangs", "crashes"])
-def test_a_file_of_others_at_which_the_library_hangs_or_crashes_is_refused(written, tmp_path, monkeypatch, code):
-    file = tmp_path / "other.nc"
-    file.write_bytes(written.read_bytes()[: -sealed.SIZE])
-    monkeypatch.setattr(sealed, "_CHILD", code)
-    monkeypatch.setattr(sealed, "SECONDS", 0.3)
-    with pytest.raises(co.FileError, match="it is damaged"):
-        co.load(file)
-
-
 def test_a_file_of_others_that_is_whole_is_read(written, tmp_path):
     file = tmp_path / "other.nc"
     file.write_bytes(written.read_bytes()[: -sealed.SIZE])

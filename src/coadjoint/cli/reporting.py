@@ -51,10 +51,11 @@ def contents(folder: Path, wanted: tuple[str, ...], with_scene: bool) -> Content
     from coadjoint.report.folder import RUN_FILE, SUMMARY
     from coadjoint.report.numbers import numbers
     from coadjoint.report.page import Contents
+    from coadjoint.texts import text_of
 
     runs = stored.recordings(folder)
     summary = stored.summary(folder) if (folder / SUMMARY).exists() else {}
-    settings = (folder / RUN_FILE).read_text(encoding="utf-8") if (folder / RUN_FILE).exists() else ""
+    settings = text_of(folder / RUN_FILE) if (folder / RUN_FILE).exists() else ""
     files, state = _files(folder)
     return Contents(
         title=_title(folder, runs, summary),

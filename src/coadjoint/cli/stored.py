@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import FileError
 from coadjoint.report.folder import RUN_FILE, SUMMARY, UNFINISHED, held_manifest
-from coadjoint.texts import read_table
+from coadjoint.texts import LARGEST_SUMMARY, read_table, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.recording import SavedRun
@@ -34,7 +34,9 @@ def figures_asked(source: Path) -> list[str] | None:
     if not file.is_file():
         return None
     try:
-        output = read_table(file.read_text(encoding="utf-8"), file).get("output", {})
+        output = read_table(text_of(file), file).get("output", {})
+    except FileError:
+        raise
     except (OSError, ValueError) as error:
         raise FileError(f"The file {file} cannot be read: {error}.") from error
     found = output.get("figures") if isinstance(output, dict) else None
@@ -51,10 +53,12 @@ def summary(source: Path) -> dict[str, Any]:
         return json.loads(to_json(dict(run.dataset.attrs)))
     file = source / SUMMARY
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = json.loads(text_of(file, LARGEST_SUMMARY))
     except FileNotFoundError as error:
         raise FileError(f"The folder {source} {_state(source)}: there is no {SUMMARY}.") from error
-    except (OSError, ValueError) as error:
+    except FileError:
+        raise
+    except (OSError, RecursionError, ValueError) as error:
         raise FileError(f"The file {file} cannot be read: {error}.") from error
     if not isinstance(found, dict):
         raise FileError(f"The file {file} was not written by coadjoint.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,8 @@ AXES = {
     "YUP": np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
 }
 """The axes of a file, in those of the body: forward, starboard, down."""
-MOST = 40_000
-"""The most triangles: some 2 MB of a page."""
+MOST, LARGEST = 40_000, 32_000_000
+"""The most triangles, some 2 MB of a page, and the most bytes of a file."""
 
 
 def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") -> dict[str, Any]:
@@ -43,21 +44,29 @@ def read_mesh(path: str | os.PathLike[str], unit: str = "m", axes: str = "FRD") 
         if value not in known:
             raise ArgumentError(f"Argument `{name}` of a mesh must be one of {list(known)}, but is {value!r}.")
     try:
-        data = source.read_bytes()
+        data = _content(source)
         vertices, faces = read(data, source)
         vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
         faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     except FileNotFoundError as error:
         raise FileError(f"There is no file {source}{_named(error, source)}.") from error
-    except OSError as error:
-        raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
     except CoadjointError:
         raise
+    except OSError as error:
+        raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise FileError(f"The file {source} is damaged, or no mesh of its format.") from error
     _check(vertices, faces, source)
     turned = UNITS[unit] * vertices @ AXES[axes].T
     return {"kind": "mesh", "vertices": np.round(turned, 6).ravel(), "faces": faces.ravel()}
+
+
+def _content(path: Path) -> bytes:
+    with path.open("rb") as opened:
+        data = opened.read(LARGEST + 1)
+    if len(data) > LARGEST:
+        raise FileError(f"The mesh {path} is larger than {LARGEST / 1e6:.0f} MB: make it coarser.")
+    return data
 
 
 def _named(error: FileNotFoundError, source: Path) -> str:
@@ -121,11 +130,11 @@ def _gltf(data: bytes, source: Path) -> tuple[Any, Any]:
     needed = held.get("extensionsRequired", [])
     if needed:
         raise ArgumentError(f"The mesh {source} needs {', '.join(needed)} of glTF, which is not read: export it plain.")
-    buffers = [_buffer(one, own, source) for one in held.get("buffers", [])]
-    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    scene = _Scene(held, [_buffer(one, own, source) for one in held.get("buffers", [])], source)
     scenes = held.get("scenes", [{"nodes": range(len(held.get("nodes", [])))}])
     for root in scenes[held.get("scene", 0)]["nodes"]:
-        _node(held, buffers, root, np.eye(4), parts, 0)
+        scene.node(root, np.eye(4))
+    parts = scene.parts
     if not parts:
         return np.zeros((0, 3)), np.zeros((0, 3))
     first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
@@ -142,22 +151,51 @@ def _buffer(told: dict[str, Any], own: bytes, source: Path) -> bytes:
     name = Path(address)
     if name.is_absolute() or ".." in name.parts or ":" in address:
         raise ArgumentError(f"The mesh {source} names {address}, which is not beside it: put all of it into one .glb.")
-    return (source.parent / name).read_bytes()
+    return _content(source.parent / name)
 
 
-def _node(held: dict[str, Any], buffers: list[bytes], number: int, above: np.ndarray, parts: Any, depth: int) -> None:
-    if depth > 100:
-        raise ValueError("nodes that hold one another")
-    node = held["nodes"][number]
-    whole = above @ _placed(node)
-    for piece in held["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
-        if piece.get("mode", 4) != 4:
-            continue
-        vertices = _accessor(held, buffers, piece["attributes"]["POSITION"])
-        faces = _accessor(held, buffers, piece["indices"]) if "indices" in piece else np.arange(len(vertices))
-        parts.append((vertices @ whole[:3, :3].T + whole[:3, 3], faces.astype(np.int64).reshape(-1, 3)))
-    for child in node.get("children", ()):
-        _node(held, buffers, child, whole, parts, depth + 1)
+@dataclass
+class _Scene:
+    """The triangles of a scene of glTF: vertices and faces of each piece, in the axes of the scene."""
+
+    held: dict[str, Any]
+    buffers: list[bytes]
+    source: Path
+    parts: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
+    seen: set[int] = field(default_factory=set)
+    rows: int = 0
+
+    def node(self, number: int, above: np.ndarray) -> None:
+        """What a node holds, and those below it: each is below one other at most, as the format demands."""
+        if number in self.seen:
+            raise ValueError("a node below two others, or below itself")
+        self.seen.add(number)
+        node = self.held["nodes"][number]
+        whole = above @ _placed(node)
+        for piece in self.held["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
+            if piece.get("mode", 4) == 4:
+                vertices = self.accessor(piece["attributes"]["POSITION"])
+                faces = self.accessor(piece["indices"]) if "indices" in piece else np.arange(len(vertices))
+                self.parts.append((vertices @ whole[:3, :3].T + whole[:3, 3], faces.astype(np.int64).reshape(-1, 3)))
+        for child in node.get("children", ()):
+            self.node(child, whole)
+
+    def accessor(self, number: int) -> np.ndarray:
+        """The rows of an accessor; raises ArgumentError where pieces share so many that no page takes them."""
+        told = self.held["accessors"][number]
+        width = {"SCALAR": 1, "VEC3": 3}[told["type"]]
+        view, kind = self.held["bufferViews"][told["bufferView"]], np.dtype(_KINDS[told["componentType"]])
+        start = view.get("byteOffset", 0) + told.get("byteOffset", 0)
+        stride = view.get("byteStride", width * kind.itemsize)
+        data = np.frombuffer(self.buffers[view["buffer"]], np.uint8)
+        if stride < width * kind.itemsize or not 0 <= start + stride * (told["count"] - 1) < len(data):
+            raise ValueError("an accessor beyond its buffer, or of rows that overlap")
+        self.rows += told["count"]
+        if self.rows > 100 * MOST:
+            raise ArgumentError(f"The mesh {self.source} has far more than {MOST:,} triangles: make it coarser.")
+        rows = data[start + stride * np.arange(told["count"])[:, None] + np.arange(width * kind.itemsize)]
+        found = np.ascontiguousarray(rows).view(kind)
+        return found.astype(float) if width == 3 else found.ravel()
 
 
 def _placed(node: dict[str, Any]) -> np.ndarray:
@@ -168,17 +206,3 @@ def _placed(node: dict[str, Any]) -> np.ndarray:
     found[:3, :3] = from_quaternion(rotation) * node.get("scale", [1, 1, 1])
     found[:3, 3] = node.get("translation", [0, 0, 0])
     return found
-
-
-def _accessor(held: dict[str, Any], buffers: list[bytes], number: int) -> np.ndarray:
-    told = held["accessors"][number]
-    width = {"SCALAR": 1, "VEC3": 3}[told["type"]]
-    view, kind = held["bufferViews"][told["bufferView"]], np.dtype(_KINDS[told["componentType"]])
-    start = view.get("byteOffset", 0) + told.get("byteOffset", 0)
-    stride = view.get("byteStride", width * kind.itemsize)
-    data = np.frombuffer(buffers[view["buffer"]], np.uint8)
-    if not 0 <= start + stride * (told["count"] - 1) < len(data):
-        raise ValueError("an accessor beyond its buffer")
-    rows = data[start + stride * np.arange(told["count"])[:, None] + np.arange(width * kind.itemsize)]
-    found = np.ascontiguousarray(rows).view(kind)
-    return found.astype(float) if width == 3 else found.ravel()

@@ -26,6 +26,7 @@ from coadjoint.report.summary import run_summary, to_json, versions
 from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
+from coadjoint.texts import LARGEST_SUMMARY, text_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
@@ -146,7 +147,7 @@ def finished(claim: Claim) -> Written:
 
     if damaged := next(claim.manifest.problems(), None):
         raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the run again.")
-    summary = json.loads((claim.folder / SUMMARY).read_text(encoding="utf-8"))
+    summary = json.loads(text_of(claim.folder / SUMMARY, LARGEST_SUMMARY))
     trajectory = claim.folder / TRAJECTORY
     run = load(trajectory) if trajectory.exists() else None
     return Written(run, claim.folder, summary, summary["failure"], before=True)

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import jax
 import numpy as np
 
+from coadjoint.archives import stored_array
 from coadjoint.errors import FileError
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED
@@ -38,19 +39,19 @@ def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The header and the arrays in `path`; raises FileError where it is damaged."""
     data = path.read_bytes()
     body, sealed = data[:-32], data[-32:]
-    if hashlib.sha256(body).digest() != sealed or not _stored(body):
-        raise FileError(f"The file {path} is damaged: {DAMAGED}.")
-    with np.load(io.BytesIO(body), allow_pickle=False) as found:
-        header = json.loads(bytes(found["header"]))
-        return header, {name.partition("/")[2]: found[name] for name in found.files if name != "header"}
-
-
-def _stored(body: bytes) -> bool:
-    """Whether an archive holds no more than its own size, so that to read it takes no more memory."""
-    with zipfile.ZipFile(io.BytesIO(body)) as archive:
-        return all(part.compress_type == zipfile.ZIP_STORED for part in archive.infolist()) and sum(
-            part.file_size for part in archive.infolist()
-        ) <= len(body)
+    damaged = FileError(f"The file {path} is damaged: {DAMAGED}.")
+    if hashlib.sha256(body).digest() != sealed:
+        raise damaged
+    try:
+        with zipfile.ZipFile(io.BytesIO(body)) as archive:
+            names = [part.filename.removesuffix(".npy") for part in archive.infolist()]
+            if sum(part.file_size for part in archive.infolist()) > len(body):
+                raise damaged
+            header = json.loads(bytes(stored_array(archive, "header")))
+            arrays = {name: stored_array(archive, name) for name in names if name != "header"}
+    except (ValueError, KeyError, RecursionError, zipfile.BadZipFile, NotImplementedError) as error:
+        raise damaged from error
+    return header, {name.partition("/")[2]: values for name, values in arrays.items()}
 
 
 def position_numbers(position: AnyPosition) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

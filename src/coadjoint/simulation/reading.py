@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,8 @@ from coadjoint.simulation import checkpoint
 from coadjoint.simulation.dataset import labelled, member_coordinates
 
 CONFIGURATION, RECORDS = "configuration.npz", "records.zarr"
+CODECS = ("bytes", "crc32c")
+"""How the chunks of records are written: numbers without compression, and a checksum."""
 CHECKPOINTS = "checkpoint-*.npz"
 OLD_CHECKPOINT = "checkpoint.npz"
 """What a folder of format 1 holds."""
@@ -61,7 +65,9 @@ def stored_dataset(
     # Opened with the times, xarray would read all of them, and those to come are not there.
     options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
     found = xarray.open_zarr(store, drop_variables=["time"], **options)
-    time = opened_arrays(manifest)["time"]
+    arrays = opened_arrays(manifest)
+    _require_held(manifest, arrays, count)
+    time = arrays["time"]
     order = [name for name in found.attrs["order"] if name != "time"]
     found = found[order].set_coords("step").isel(time=slice(0, count))
     found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
@@ -144,9 +150,34 @@ def opened_arrays(manifest: Manifest) -> dict[str, Any]:
     place = Verified(manifest.folder / RECORDS, manifest=manifest, read_only=True)
     try:
         group: Any = zarr.open_group(place, mode="r", zarr_format=3)
-        return {name: group[name] for name in group.attrs["order"]}
+        found = {name: group[name] for name in group.attrs["order"]}
+        for array in found.values():
+            _require_plain(array)
+        return found
     except (OSError, ValueError, KeyError) as error:
         raise FileError(f"The records in {manifest.folder / RECORDS} cannot be opened ({error}): {DAMAGED}.") from error
+
+
+def _require_plain(array: Any) -> None:
+    """Raise ValueError for an array whose chunks may take more memory than they have bytes."""
+    codecs = [codec.to_dict()["name"] for codec in array.metadata.codecs]
+    if [name for name in codecs if name not in CODECS] or array.dtype.hasobject:
+        raise ValueError(f"{array.basename} is written by {', '.join(codecs)}, but a run only by {', '.join(CODECS)}")
+
+
+def _require_held(manifest: Manifest, arrays: Mapping[str, Any], count: int) -> None:
+    """Raise FileError where the chunks of an array cannot hold so many records."""
+    held: Counter[str] = Counter()
+    for name, (size, *_) in manifest.files.items():
+        held[name.split("/")[1] if name.startswith(f"{RECORDS}/") else ""] += size
+    for name, array in arrays.items():
+        axis = along_time(array)
+        declared = array.dtype.itemsize * math.prod(count if i == axis else n for i, n in enumerate(array.shape))
+        if declared > held[array.basename]:
+            raise FileError(
+                f"The checkpoint of {manifest.folder} counts {count:,} records, more than the chunks of {name} hold: "
+                f"{DAMAGED}."
+            )
 
 
 def along_time(array: Any) -> int:

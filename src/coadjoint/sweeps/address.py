@@ -15,7 +15,7 @@ INSIDE = "inproc"
 """That of a scheduler in this process, whose address has no port."""
 LOOK = 0.2
 """Seconds between two attempts to reach a scheduler."""
-ANSWER = 2.0
+ANSWER = 10.0
 """Seconds that an attempt may take."""
 
 

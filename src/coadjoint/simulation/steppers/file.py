@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coadjoint.archives import stored_array
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import processor
 from coadjoint.simulation.steppers.buffers import Buffers
@@ -118,8 +119,7 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
     face["compiled_in"] = tuple((place, value) for place, value in face["compiled_in"])
     arrays = {}
     for name in (*Buffers._fields, "origin"):
-        with archive.open(f"{name}.npy") as file:
-            arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
+        arrays[name] = stored_array(archive, name)
     _require_shapes(Face(**face), header["lanes"], arrays)
     code = archive.read("step.o") if tuple(header["processor"]) == processor() else None
     try:

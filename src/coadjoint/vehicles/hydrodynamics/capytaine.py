@@ -10,15 +10,13 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import positive
-from coadjoint.sealed import readable
+from coadjoint.sealed import engine_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
 MODES = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 INFINITE = {"omega": np.inf, "freq": np.inf, "wavenumber": np.inf, "period": 0.0, "wavelength": 0.0}
 """What each measure of frequency is at infinite frequency."""
 DEGREES = ("radiating_dof", "influenced_dof")
-ENGINES = {b"\x89HDF": "h5netcdf", b"CDF\x01": "scipy", b"CDF\x02": "scipy"}
-"""What reads a file that begins so: netCDF 4 is HDF5, netCDF 3 is what xarray writes where it finds only scipy."""
 SAVE = "capytaine.export_dataset(path, dataset)"
 
 
@@ -64,14 +62,10 @@ def _dataset(source: Path) -> Any:
     if not os.path.isfile(source):
         raise FileError(f"There is no file {source}.")
     try:
-        with source.open("rb") as opened:
-            engine = ENGINES.get(opened.read(4))
-        if engine is None:
-            raise ValueError("neither HDF5 nor netCDF 3")
-        if engine == "h5netcdf" and not readable(source):
-            raise ValueError("damaged")
-        with xarray.open_dataset(source, engine=engine) as opened:
+        with xarray.open_dataset(source, engine=engine_of(source)) as opened:
             dataset = opened.load()
+    except FileError:
+        raise
     except Exception as error:
         if source.stat().st_size == 0:
             raise FileError(_empty(source)) from None

@@ -11,8 +11,11 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.models.quantities import positive
+from coadjoint.texts import text_of
 from coadjoint.vehicles.hydrodynamics.added_mass import computed_added_mass
 
+LARGEST = 16_000_000
+"""The most bytes of a file: hundreds of periods of six modes take one megabyte."""
 POWER = 3 + np.add.outer([0, 0, 0, 1, 1, 1], [0, 0, 0, 1, 1, 1])
 """k of A = ρLᵏĀ: 3 between forces, 4 between a force and a moment, 5 between moments."""
 
@@ -80,11 +83,13 @@ Row = tuple[int, float, int, int, float]
 def _rows(source: Path) -> list[Row]:
     """The rows of the file; one line of words may stand above them."""
     try:
-        lines = source.read_text(encoding="utf-8").splitlines()
+        lines = text_of(source, LARGEST).splitlines()
     except FileNotFoundError as error:
         raise FileError(f"There is no file {source}.") from error
     except UnicodeDecodeError as error:
         raise FileError(f"The file {source} is not text: a file `.1` of WAMIT is.") from error
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"The file {source} cannot be read: {error.strerror or error}.") from error
     split = [(number, line.split()) for number, line in enumerate(lines, start=1) if line.strip()]

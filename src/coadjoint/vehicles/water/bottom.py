@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.groups.group import Array
+from coadjoint.sealed import engine_of
 from coadjoint.vehicles.water.columns import read
 
 MOST = 4_000_000
@@ -78,7 +79,9 @@ class Bottom:
         if not source.is_file():
             raise FileError(f"There is no file {source}.")
         try:
-            opened = xarray.open_dataset(source)
+            opened = xarray.open_dataset(source, engine=engine_of(source, by_child=False))
+        except FileError:
+            raise
         except Exception as error:
             raise FileError(f"The file {source} is not a netCDF file that can be read.") from error
         with opened as dataset:

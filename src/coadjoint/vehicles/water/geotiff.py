@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import lzma
+import zlib
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,10 @@ from coadjoint.errors import ArgumentError, FileError, told
 _SCALE, _TIE, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
 _MODEL, _RASTER, _LINEAR_UNITS = 1024, 1025, 3076
 _PROJECTED, _POINT, _METRE = 1, 2, 9001
+_UNPACKERS: dict[int, Any] = {8: zlib.decompressobj, 32946: zlib.decompressobj, 34925: lzma.LZMADecompressor}
+"""What unpacks the compressions that tifffile unpacks without a bound: deflate, old and new, and LZMA."""
+SMALL = 64_000_000
+"""Bytes that any strip may take."""
 
 
 def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -41,6 +47,7 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             more = sum(not other.keyframe.is_reduced for other in opened.pages[1:])  # reduced ones are overviews
             shape = tuple(page.shape) if not more else (1 + more, *page.shape)
             _require_grid(path, shape, tags, most)
+            _require_segments(path, page, most)
             values = np.asarray(page.asarray(), float)
     except (FileError, ArgumentError):
         raise
@@ -66,6 +73,23 @@ def _require_grid(path: Path, shape: tuple[int, ...], tags: dict[int, Any], most
         )
     if keys.get(_LINEAR_UNITS, _METRE) != _METRE:
         raise FileError(f"The file {path} is not in metres, but in the unit EPSG:{keys[_LINEAR_UNITS]}: project it.")
+
+
+def _require_segments(path: Path, page: Any, most: int) -> None:
+    """Raise FileError where a strip or tile would take more memory than its pixels, before tifffile unpacks it."""
+    size = int(page.dtype.itemsize) * int(np.prod(page.chunks))
+    if size > max(8 * most, SMALL):
+        raise FileError(f"The file {path} has a strip or tile of {size:,} bytes: write it anew in smaller ones.")
+    handle = page.parent.filehandle
+    if sum(page.databytecounts) > handle.size:
+        raise FileError(f"The file {path} is damaged: its strips have more bytes than the file.")
+    unpacker = _UNPACKERS.get(int(page.compression))
+    if unpacker is None:
+        return
+    for place, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        handle.seek(place)
+        if len(unpacker().decompress(handle.read(count), size + 1)) > size:
+            raise FileError(f"The file {path} is damaged: a strip unpacks to more than its {size:,} bytes of pixels.")
 
 
 def _keys(directory: Any) -> dict[int, int]:

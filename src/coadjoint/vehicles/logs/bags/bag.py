@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coadjoint.errors import FileError
+from coadjoint.vehicles.logs.bags.decompressing import require_kept
 from coadjoint.vehicles.logs.bags.definitions import Definition, definition
 from coadjoint.vehicles.logs.bags.messages import Block, Topic
 
@@ -32,6 +33,10 @@ class Bag:
     blocks: dict[int, list[Block]] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    size: int = 0
+    """Bytes of the file."""
+    kept: int = 0
+    """Bytes of messages that were unpacked."""
 
     def topics(self) -> dict[str, tuple[str, int]]:
         """Type and number of messages of every topic."""
@@ -70,4 +75,6 @@ class Bag:
         """Messages of a channel: begin, size and time of each in `content`; `alone`: without what is between them."""
         table = np.array(rows, np.int64).reshape(-1, 3)
         block = Block(content, table[:, 0], table[:, 1], table[:, 2])
+        self.kept += int(table[:, 1].sum()) if alone else 0
+        require_kept(self.path, self.kept, self.size)
         self.blocks.setdefault(number, []).append(block.alone() if alone else block)

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import bz2 as bz2_module
 
+from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.bags.optional import library
 
 LARGEST_CHUNK, MOST_TIMES = 256_000_000, 1000
 """The most bytes of a chunk, and how many times as large as the file what it holds may be."""
+MOST_KEPT = 50
+"""How many times as large as the file the messages that are wanted may be; any file may have a chunk of them."""
+
+
+def require_kept(path: str, kept: int, size: int) -> None:
+    """Raise FileError where messages of so many bytes are kept of a file of this size."""
+    if kept > max(LARGEST_CHUNK, MOST_KEPT * size):
+        raise FileError(
+            f"The messages in {path} would take {kept / 1e9:.3g} GB of memory, more than {MOST_KEPT} times the file: "
+            "it is damaged, or made to fill the memory. Read fewer topics."
+        )
 
 
 def zstd(data: memoryview, size: int) -> bytes:

@@ -47,7 +47,7 @@ class _Reading:
 
     def __init__(self, path: Path, content: memoryview, wanted: Callable[[str, str], bool], partial: bool):
         self.path, self.content, self.asked, self.partial = path, content, wanted, partial
-        self.found = Bag(str(path))
+        self.found = Bag(str(path), size=len(content))
         self.schemas: dict[int, tuple[str, str, bytes]] = {0: ("", "", b"")}
         self.wanted: set[int] = set()
         self.opened = 0

@@ -42,7 +42,7 @@ class _Reading:
 
     def __init__(self, path: Path, content: memoryview, wanted: Callable[[str, str], bool], partial: bool):
         self.path, self.content, self.asked, self.partial = path, content, wanted, partial
-        self.found = Bag(str(path))
+        self.found = Bag(str(path), size=len(content))
         self.wanted: set[int] = set()
         self.opened = 0
         self.closed = False

@@ -13,6 +13,8 @@ from coadjoint.vehicles.logs.bags.bag import Bag, BagChannel
 from coadjoint.vehicles.logs.bags.definitions import short
 from coadjoint.vehicles.logs.bags.schemas import BODIES, schema
 
+SMALL = 1_000_000
+"""Bytes that a text or message may have in any file; computed columns could make more than the file has."""
 MAGIC = b"SQLite format 3\0"
 
 
@@ -35,6 +37,7 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
         base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
         try:
             base.execute("PRAGMA trusted_schema = OFF")
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(path.stat().st_size, SMALL))
             return _read(base, path, wanted)
         finally:
             base.close()
@@ -43,10 +46,13 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
 
 
 def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], bool]) -> Bag:
-    found = Bag(str(path))
+    found = Bag(str(path), size=path.stat().st_size)
     tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= tables:
         raise FileError(f"The file {path} is no bag of ROS 2: it has no tables `topics` and `messages`.")
+    for table in sorted(tables & {"topics", "messages", "message_definitions"}):
+        if any(hidden for *_, hidden in base.execute(f"PRAGMA table_xinfo({table})")):
+            raise FileError(f"The file {path} is no bag of ROS 2: its table `{table}` has columns that are computed.")
     texts: dict[str, tuple[str, bytes]] = {}
     if "message_definitions" in tables:
         rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
@@ -80,4 +86,6 @@ def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
         rows.append((at, len(data), time))
         parts.append(data)
         at += len(data)
+        if at > found.size:
+            raise FileError(f"The bag {found.path} is damaged: its messages have more bytes than the file.")
     found.add(number, memoryview(b"".join(parts)), rows, alone=False)

@@ -1,0 +1,26 @@
+"""Arrays in NumPy archives, read only where the file holds as many bytes as an array declares."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+
+import numpy as np
+
+
+def stored_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """The array in `name`.npy of an archive, which is stored without compression.
+
+    Raises ValueError for one that is compressed, holds Python objects, or declares another size than it has, before any
+    number is read; KeyError for a name that is not there.
+    """
+    part = archive.getinfo(f"{name}.npy")
+    with archive.open(part) as file:
+        version = np.lib.format.read_magic(file)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = header(file)
+        size = math.prod(shape) * kind.itemsize
+        if kind.hasobject or part.compress_type != zipfile.ZIP_STORED or file.tell() + size != part.file_size:
+            raise ValueError(f"{name} declares {size} bytes, but the file holds {part.file_size}")
+    with archive.open(part) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)

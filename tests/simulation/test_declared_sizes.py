@@ -1,0 +1,302 @@
+"""Sizes that a file declares are compared with what it can hold before memory is taken."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import sqlite3
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import csv_tables, sealed
+from coadjoint.errors import ArgumentError, CoadjointError, FileError
+from coadjoint.plotting import meshes
+from coadjoint.plotting.meshes import read_mesh
+from coadjoint.simulation import checkpoint
+from coadjoint.simulation.recording import SavedRun
+from coadjoint.vehicles.hydrodynamics import capytaine_added_mass, wamit_added_mass
+from coadjoint.vehicles.logs.bags.mcap_file import read_mcap
+from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
+from coadjoint.vehicles.water import Bottom
+from made_runs import dataset
+
+HUGE = 400_000_000
+"""Numbers of 3.2 GB in all."""
+
+
+def hdf5(path: Path, kind: str) -> Path:
+    """A small netCDF 4 file of 3 GB."""
+    with h5py.File(path, "w") as file:
+        file.attrs["card"] = "a card"
+        if kind == "empty":
+            file.create_dataset("time", (HUGE,), "f8")
+        elif kind == "chunk":
+            file.create_dataset("time", (1,), "f8", chunks=(HUGE,), maxshape=(None,))
+        elif kind == "small kinds":
+            file.create_dataset("time", (HUGE,), "i1")
+        elif kind == "many":
+            for number in range(40):
+                file.create_dataset(f"x{number}", (HUGE // 40,), "f8")
+        elif kind == "group":
+            file.create_group("a").create_group("b").create_dataset("time", (HUGE,), "f8")
+        elif kind == "texts":
+            text = file.create_dataset("time", (60,), h5py.string_dtype())
+            text[0] = "x" * 4_000_000
+            for number in range(1, 60):  # the same text, again and again
+                text[number] = text[0]
+    return path
+
+
+@pytest.mark.parametrize("kind", ["empty", "chunk", "small kinds", "many", "group"])
+def test_a_sealed_file_that_declares_gigabytes_is_refused_before_it_is_read(tmp_path, kind):
+    file = hdf5(tmp_path / "x.nc", kind)
+    sealed.seal(file)
+    assert sealed.sealed(file) is True and file.stat().st_size < 40_000
+    with pytest.raises(FileError, match=r"declares [0-9.]+ GB of numbers, but has [0-9,]+ bytes"):
+        co.load(file)
+
+
+@pytest.mark.parametrize("kind", ["link", "external", "virtual", "filters", "many texts"])
+def test_a_sealed_file_that_is_more_than_plain_numbers_is_read_in_a_child(tmp_path, monkeypatch, kind):
+    file, other = tmp_path / "x.nc", hdf5(tmp_path / "other.nc", "nothing")
+    with h5py.File(file, "w") as opened:
+        if kind == "link":
+            opened["time"] = h5py.ExternalLink(str(other), "/")
+        elif kind == "external":
+            opened.create_dataset("time", (3,), "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout((3,), "f8")
+            layout[:] = h5py.VirtualSource(str(other), "time", (3,))
+            opened.create_virtual_dataset("time", layout)
+        elif kind == "filters":
+            opened.create_dataset("time", data=np.zeros(1000), compression="gzip")
+        else:
+            opened.create_dataset("time", data=["x"] * 1000, dtype=h5py.string_dtype())
+    sealed.seal(file)
+    asked = []
+    monkeypatch.setattr(sealed, "tried", asked.append)
+    assert not sealed.readable(file) and asked == [file]
+
+
+def test_a_file_of_a_run_is_plain_and_needs_no_child(tmp_path):
+    made = dataset()
+    made.attrs["card"] = "a card"
+    assert sealed.plain(SavedRun(made).save(tmp_path / "run.nc"))
+
+
+def child(tmp_path: Path, monkeypatch, instead: str) -> Path:
+    """A file of others, whose child does something else in place of reading it."""
+    text = Path(sealed.__file__).read_text(encoding="utf-8")
+    reading = 'xarray.open_dataset(path, engine="h5netcdf").load()'
+    assert text.count(reading) == 1
+    script = tmp_path / "child.py"
+    script.write_text(
+        text.replace(reading, instead).replace("import xarray\n", "import h5py, time\n"), encoding="utf-8"
+    )
+    monkeypatch.setattr(sealed, "__file__", str(script))
+    return hdf5(tmp_path / "x.nc", "nothing")
+
+
+def test_a_child_that_waits_longer_than_its_processor_time_has_still_read_the_file(tmp_path, monkeypatch):
+    file = child(tmp_path, monkeypatch, "time.sleep(0.4)")
+    monkeypatch.setattr(sealed, "SECONDS", 0.05)
+    assert sealed.readable(file)
+
+
+@pytest.mark.parametrize(
+    "code", ["bytearray(10**9)", "os.abort()", pytest.param("while True: pass", marks=pytest.mark.long)]
+)
+def test_a_child_that_takes_too_much_memory_or_processor_time_has_not(tmp_path, monkeypatch, code):
+    file = child(tmp_path, monkeypatch, code)
+    monkeypatch.setattr(sealed, "SECONDS", 0.05)
+    assert not sealed.readable(file)
+
+
+def test_a_child_that_is_waited_for_in_vain_says_so(tmp_path, monkeypatch):
+    file = child(tmp_path, monkeypatch, "time.sleep(60)")
+    monkeypatch.setattr(sealed, "SECONDS", 0.05)
+    monkeypatch.setattr(sealed, "PATIENCE", 0.05)
+    with pytest.raises(FileError, match="was not read within"):
+        sealed.readable(file)
+
+
+def test_files_of_coefficients_and_bottoms_that_declare_gigabytes_are_refused(tmp_path):
+    file = hdf5(tmp_path / "x.nc", "empty")
+    with pytest.raises(FileError, match=r"declares 3\.2 GB"):
+        Bottom.from_netcdf(file)
+    sealed.seal(file)
+    with pytest.raises(FileError, match=r"declares 3\.2 GB"):
+        capytaine_added_mass(file, axes="z_up")
+    text = tmp_path / "x.1"
+    text.write_bytes(b"-1 1 1 1.0\n" * 1_600_000)
+    with pytest.raises(FileError, match="larger than the 16 MB"):
+        wamit_added_mass(text, length=1, fluid_density=1000, axes="z_up")
+
+
+def tiff(path: Path, strip: bytes, rows: int, width: int = 100, compression: int = 8) -> Path:
+    """A GeoTIFF of one strip of so many rows, whatever the strip holds."""
+    values: list[tuple[int, str, tuple[float, ...]]] = [
+        (256, "I", (width,)), (257, "I", (rows,)), (258, "H", (64,)), (259, "H", (compression,)), (262, "H", (1,)),
+        (273, "I", (8,)), (277, "H", (1,)), (278, "I", (rows,)), (279, "I", (len(strip),)), (339, "H", (3,)),
+        (33550, "d", (1.0, 1.0, 0.0)), (33922, "d", (0.0,) * 6), (34735, "H", (1, 1, 0, 1, 1024, 0, 1, 1)),
+    ]  # fmt: skip
+    start = 8 + len(strip)
+    entries, more = b"", b""
+    behind = start + 2 + 12 * len(values) + 4
+    for code, kind, held in values:
+        data = struct.pack(f"<{len(held)}{kind}", *held)
+        field = data.ljust(4, b"\0") if len(data) <= 4 else struct.pack("<I", behind + len(more))
+        more += data if len(data) > 4 else b""
+        entries += struct.pack("<HHI", code, {"H": 3, "I": 4, "d": 12}[kind], len(held)) + field
+    head = struct.pack("<2sHI", b"II", 42, start)
+    path.write_bytes(head + strip + struct.pack("<H", len(values)) + entries + b"\0" * 4 + more)
+    return path
+
+
+def test_a_strip_of_a_geotiff_that_unpacks_to_more_than_its_pixels_is_refused(tmp_path):
+    pytest.importorskip("tifffile")
+    good = tiff(tmp_path / "good.tif", zlib.compress(np.full(1000, 7.0).tobytes()), 10)
+    assert np.all(Bottom.from_geotiff(good, positive="down").depth == 7)
+    bomb = tiff(tmp_path / "bomb.tif", zlib.compress(bytes(50_000_000)), 10)
+    with pytest.raises(FileError, match="unpacks to more than its 8,000 bytes"):
+        Bottom.from_geotiff(bomb)
+    wide = tiff(tmp_path / "wide.tif", zlib.compress(bytes(8)), 30_000, 10_000)
+    with pytest.raises(FileError, match=r"300,000,000 pixels, more than 4,000,000"):
+        Bottom.from_geotiff(wide)
+
+
+def archive(parts: dict[str, bytes], packed: int = zipfile.ZIP_STORED) -> bytes:
+    body = io.BytesIO()
+    with zipfile.ZipFile(body, "w", packed) as made:
+        for name, content in parts.items():
+            made.writestr(f"{name}.npy", content)
+    return body.getvalue() + hashlib.sha256(body.getbuffer()).digest()
+
+
+def npy(shape: tuple[int, ...], content: bytes, kind: str = "<f8") -> bytes:
+    """An array that declares a shape, with whatever bytes behind it."""
+    made = io.BytesIO()
+    np.lib.format.write_array_header_1_0(made, {"descr": kind, "fortran_order": False, "shape": shape})
+    return made.getvalue() + content
+
+
+def test_arrays_of_a_checkpoint_are_as_large_as_they_declare(tmp_path):
+    file = tmp_path / "checkpoint.npz"
+    header = npy((2,), b"{}", "|u1")
+    file.write_bytes(archive({"header": header, "array/x": npy((2,), bytes(16))}))
+    assert checkpoint.unpacked(file)[1]["x"].shape == (2,)
+    for parts, packed in (
+        ({"header": header, "array/x": npy((HUGE,), bytes(16))}, zipfile.ZIP_STORED),
+        ({"header": header, "array/x": npy((1_000_000,), bytes(8_000_000))}, zipfile.ZIP_DEFLATED),
+        ({"header": header, "array/x": npy((1,), bytes(8), "|O")}, zipfile.ZIP_STORED),
+        ({"header": header, "array/x": b"no array"}, zipfile.ZIP_STORED),
+        ({"array/x": npy((1,), bytes(8))}, zipfile.ZIP_STORED),
+    ):
+        file.write_bytes(archive(parts, packed))
+        with pytest.raises(FileError, match="is damaged"):
+            checkpoint.unpacked(file)
+
+
+def test_tables_of_more_lines_or_cells_than_fit_in_memory_are_refused(tmp_path, monkeypatch):
+    file = tmp_path / "x.csv"
+    monkeypatch.setattr(csv_tables, "MOST_LINES", 1000)
+    monkeypatch.setattr(csv_tables, "MOST_CELLS", 5000)
+    for content, words in (
+        ("a\n" + "\n" * 1000, "1,001 lines, more than 1,000"),
+        ("a\n" + "\x1c" * 1000, "1,001 lines"),
+        ("a,b\n" + "1," * 6000, "6,002 cells, more than 5,000"),
+    ):
+        file.write_text(content)
+        with pytest.raises(FileError, match=words):
+            csv_tables.read_sheet(file)
+
+
+def test_messages_that_unpack_to_many_times_the_file_are_refused(tmp_path, monkeypatch):
+    zstandard, decompressing = pytest.importorskip("zstandard"), "coadjoint.vehicles.logs.bags.decompressing"
+    pytest.importorskip("mcap")
+    monkeypatch.setattr(f"{decompressing}.LARGEST_CHUNK", 1_000_000)
+
+    def text(value: str) -> bytes:
+        return struct.pack("<I", len(value)) + value.encode()
+
+    def record(kind: int, content: bytes) -> bytes:
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    schema = record(3, struct.pack("<H", 1) + text("a/B") + text("ros2msg") + text("float64 x"))
+    channel = record(4, struct.pack("<HH", 1, 1) + text("/a") + text("cdr") + text(""))
+    plain = record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(3_000_000))
+    packed = zstandard.ZstdCompressor().compress(plain)
+    chunk = record(
+        6, struct.pack("<QQQI", 0, 0, len(plain), 0) + text("zstd") + struct.pack("<Q", len(packed)) + packed
+    )
+    other = record(9, np.random.default_rng(1).bytes(6000))
+    magic, file = b"\x89MCAP0\r\n", tmp_path / "x.mcap"
+    file.write_bytes(magic + other + schema + channel + chunk + record(15, bytes(4)) + magic)
+    assert read_mcap(file, lambda *_: False).topics() == {"/a": ("a/B", 0)}
+    with pytest.raises(FileError, match="more than 50 times the file"):
+        read_mcap(file, lambda *_: True)
+
+
+@pytest.mark.parametrize("table", ["topics", "messages"])
+def test_a_database_with_computed_columns_is_no_bag(tmp_path, table):
+    file = tmp_path / "x.db3"
+    columns = {"topics": "id, name, type, serialization_format", "messages": "id, topic_id, timestamp, data"}
+    columns[table] += ", more BLOB AS (zeroblob(900000000))"
+    base = sqlite3.connect(file)
+    for name, held in columns.items():
+        base.execute(f"CREATE TABLE {name}({held})")
+    base.commit()
+    base.close()
+    with pytest.raises(FileError, match=f"its table `{table}` has columns that are computed"):
+        read_sqlite(file, lambda *_: True)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        ({"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, FileError),
+        ({"nodes": [{"children": [0]}]}, FileError),
+        ({"bufferViews": [{"buffer": 0, "byteStride": 0}]}, FileError),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}] * 4_000}]}, ArgumentError),
+    ],
+    ids=["a node twice", "a circle", "rows that overlap", "a piece again and again"],
+)
+def test_a_mesh_that_repeats_itself_is_refused(tmp_path, monkeypatch, change, kind):
+    monkeypatch.setattr(meshes, "MOST", 100)
+    held = {
+        "buffers": [{"uri": f"data:,{base64.b64encode(np.eye(3, dtype='<f4').tobytes()).decode()}"}],
+        "bufferViews": [{"buffer": 0}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+    file = tmp_path / "x.gltf"
+    file.write_text(json.dumps(held))
+    assert len(read_mesh(file)["faces"]) == 3
+    file.write_text(json.dumps(held | change))
+    with pytest.raises(kind):
+        read_mesh(file)
+
+
+def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path):
+    mesh, folder = tmp_path / "x.stl", tmp_path / "run"
+    folder.mkdir()
+    for file, size in ((mesh, 33_000_000), (folder / "manifest.json", 1 << 27), (folder / "summary.json", 1 << 27)):
+        with file.open("wb") as opened:
+            opened.truncate(size)  # of holes, which take no room on the disk
+    from coadjoint.cli.stored import summary
+    from coadjoint.manifest import Manifest
+
+    for reading in (lambda: read_mesh(mesh), lambda: Manifest.read(folder), lambda: summary(folder)):
+        with pytest.raises(CoadjointError, match=r"larger than|too large"):
+            reading()
