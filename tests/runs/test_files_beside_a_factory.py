@@ -96,3 +96,12 @@ def test_a_factory_outside_of_the_run_files_folder_is_named_before_it_is_run(fol
     assert (sentence in lines) is named and "the factory runs" in lines
     if named:
         assert lines.index(sentence) < lines.index("the factory runs")
+
+
+def test_a_factory_outside_of_the_run_files_folder_is_named_before_a_check_runs_it(folder, tmp_path, capsys):
+    (tmp_path / "elsewhere").mkdir(exist_ok=True)
+    (tmp_path / "elsewhere" / "spring.toml").write_text(RUN.format(factory="../home/spring.py"))
+    assert main(["run", "elsewhere/spring.toml", "--check"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    sentence = f"The run file runs {folder / 'spring.py'}, which is outside of its folder."
+    assert lines.index(sentence) < lines.index("the factory runs")

@@ -71,6 +71,8 @@ class Run:
 
         file = read(self.file, (*self.set, *["output.mcap=true"] * (self.log == "mcap")))
         folder = self.out or file.folder
+        for code in file.code:
+            terminal.complain(f"The run file runs {code}, which is outside of its folder.")
         if self.check:
             warnings = check(file, folder, self.overwrite)
             if self.json:
@@ -80,8 +82,6 @@ class Run:
                 for sentence in warnings:
                     terminal.line(f"Warning: {sentence}")
             return OK
-        for code in file.code:
-            terminal.complain(f"The run file runs {code}, which is outside of its folder.")
         written = execute(file, folder, self.overwrite, False if self.json else None)
         _show_run(written, self.json)
         return FAILED if written.failure else OK

@@ -33,7 +33,7 @@ def read_tlog(path: Path, wanted: Callable[[str, str], bool]) -> Dataflash:
         raise FileError(f"The file {path} is no telemetry of MAVLink: its ninth byte must be fd or fe.")
     mavutil = library("pymavlink.mavutil", "Reading .tlog")
     try:
-        stream = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
+        stream = mavutil.mavlink_connection(str(path.absolute()), dialect="ardupilotmega")
         try:
             rows, strange, count = _messages(stream, wanted)
         finally:
