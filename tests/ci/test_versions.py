@@ -1,7 +1,8 @@
-"""Every dependency has two bounds, and every room of the library is tested with other versions as well."""
+"""Every dependency has two bounds, and every package of the library is tested with other versions as well."""
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -46,20 +47,21 @@ def rooms(folder: Path) -> set[str]:
     return {str(path.parent) for path in own}
 
 
-def test_the_selection_for_other_versions_touches_every_room_of_the_library_and_of_the_tests():
+def test_the_selection_for_other_versions_touches_every_package_of_the_library_and_of_the_tests():
     chosen = {str(Path(line.partition("::")[0]).parent.relative_to("tests")) for line in SELECTION}
     tests = {room for room in rooms(ROOT / "tests") if any((ROOT / "tests" / room).glob("test_*.py"))}
     library = {room for room in rooms(ROOT / "src/coadjoint") if room in tests}
-    left_out = {"benchmarks", "ci", "docs"}
+    left_out = {"benchmarks", "ci", "docs", "mutation"}
     assert sorted(library - chosen) == []
     assert sorted(tests - chosen - left_out) == []
 
 
 @pytest.mark.parametrize("line", SELECTION)
-def test_what_is_selected_is_there(line):
-    file, _, name = line.partition("::")
+def test_what_is_selected_is_there_and_runs_by_default(line):
+    file, _, name = line.partition("[")[0].partition("::")
     path = ROOT / file
     assert path.is_file(), f"{file} has moved: .ci/selection.txt must follow"
-    assert not name or f"def {name}(" in path.read_text("utf-8"), (
-        f"{line} has another name: .ci/selection.txt must follow"
-    )
+    functions = {one.name: one for one in ast.parse(path.read_text("utf-8")).body if isinstance(one, ast.FunctionDef)}
+    assert name in functions, f"{line} has another name: .ci/selection.txt must follow"
+    marks = [ast.unparse(one) for one in functions[name].decorator_list]
+    assert "pytest.mark.long" not in marks, f"{line} is marked long: choose another"

@@ -44,6 +44,7 @@ def test_every_python_block_of_a_page_runs(page: Path, tmp_path: Path, monkeypat
     matplotlib.pyplot.close("all")
 
 
+@pytest.mark.long
 def test_the_page_on_other_libraries_runs_where_they_are_installed(tmp_path: Path) -> None:
     """In a process of its own, because it sets JAX to float64."""
     for name in ("optimistix", "diffrax", "blackjax"):
