@@ -23,7 +23,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from coadjoint import disk
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, shown
 
 MANIFEST = "manifest.json"
 FORMAT = 2
@@ -68,12 +68,19 @@ class Manifest:
         end = len(data) - 64 - len(_END)
         if data[end:] != f"{hashlib.sha256(data[: max(end, 0)]).hexdigest()}{_END}".encode():
             raise FileError(f"The file {path} is damaged: {DAMAGED}.")
-        found = json.loads(data)
-        if found["facts"]["format"] != FORMAT:
+        try:
+            found = json.loads(data)
+            written = found["facts"]["format"]
+            plain = all(map(_is_entry, found["files"].values())) and isinstance(found["facts"]["kind"], str)
+        except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+            raise FileError(f"The file {path} is not a manifest that coadjoint wrote: {DAMAGED}.") from None
+        if written != FORMAT:
             raise FileError(
-                f"The folder {folder} was written in format {found['facts']['format']} of stored runs, but this "
-                f"version of coadjoint reads format {FORMAT}: use the version that wrote it."
+                f"The folder {folder} was written in format {shown(written)} of stored runs, but this version of "
+                f"coadjoint reads format {FORMAT}: use the version that wrote it."
             )
+        if not plain:
+            raise FileError(f"The file {path} is not a manifest that coadjoint wrote: {DAMAGED}.")
         return cls(folder, found["facts"], found["files"])
 
     def enter(self, name: str) -> None:
@@ -100,7 +107,7 @@ class Manifest:
                 raise FileError(f"The file {self.folder / name} cannot be read: {error.strerror}.") from error
         else:
             data = self.path(name).read_bytes() if data is None else data
-            found = digest(data, *entry[2:]) if len(entry) == 2 or _sums_up(data) else None
+            found = digest(data, *entry[2:]) if len(entry) == 2 or sums_up(data) else None
         if found != entry[1]:
             raise FileError(f"The file {self.folder / name} of the run is damaged: {DAMAGED}.")
 
@@ -124,6 +131,16 @@ class Manifest:
                 yield str(error)
 
 
+def _is_entry(found: Any) -> bool:
+    """Whether this is an entry as `entry` makes it."""
+    return (
+        isinstance(found, list)
+        and len(found) in (2, 4)
+        and isinstance(found[1], str)
+        and all(type(n) is int and n >= 0 for n in (found[0], *found[2:]))
+    )
+
+
 def digest(data: bytes | memoryview, blocks: int = 0, used: int = 0) -> str:
     """The SHA-256 of a file, or of the first `used` bytes of each of its blocks."""
     if not blocks:
@@ -141,7 +158,8 @@ def checksum(data: bytes | memoryview) -> bytes:
     return google_crc32c.value(data).to_bytes(_CHECKSUM, "little")
 
 
-def _sums_up(data: bytes) -> bool:
+def sums_up(data: bytes) -> bool:
+    """Whether a chunk ends with its CRC-32C."""
     return checksum(data[:-_CHECKSUM]) == data[-_CHECKSUM:]
 
 

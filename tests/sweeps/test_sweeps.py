@@ -81,11 +81,11 @@ def test_statistics_are_those_of_the_members(swept):
 def test_a_sweep_that_was_killed_computes_what_is_missing_to_the_same_bits(swept, tmp_path, monkeypatch):
     file = written(tmp_path)
     sweep = read_sweep(file)
-    monkeypatch.setattr("coadjoint.sweeps.sweep._enter_members", lambda claim: 1 / 0)  # killed before its end
+    monkeypatch.setattr("coadjoint.sweeps.store.enter_chunks", lambda *_: 1 / 0)  # killed before its end
     with pytest.raises(ZeroDivisionError):
         execute(sweep, tmp_path / "out", workers=1, progress=False)
     monkeypatch.undo()
-    shard = tmp_path / "out" / "unfinished" / "shards" / "000001.npz"
+    shard = tmp_path / "out" / "unfinished" / "shards" / "000001.shard"
     shard.unlink()
     for chunk in (tmp_path / "out" / MEMBERS).rglob("c.1*"):
         chunk.write_bytes(b"half of")

@@ -152,6 +152,9 @@ def held_manifest(folder: Path) -> Manifest | None:
             f"The folder {folder} holds a run that streamed to disk by co.simulate(store=…), not results: choose "
             "another one with --out."
         )
+    inputs = found.facts.get("inputs")
+    if not isinstance(inputs, dict) or not all(isinstance(copy, str) for copy in inputs.values()):
+        raise FileError(f"The manifest of {folder} was not written by coadjoint: it has no list of inputs.")
     return found
 
 
@@ -201,7 +204,7 @@ def claimed(
 def kept_inputs(run_file: Path) -> dict[str, Path]:
     """Where the files are that the run file of an output folder names; none for another run file."""
     found = held_manifest(run_file.parent) if run_file.name == RUN_FILE else None
-    return {} if found is None else {name: found.folder / copy for name, copy in found.facts["inputs"].items()}
+    return {} if found is None else {name: found.path(copy) for name, copy in found.facts["inputs"].items()}
 
 
 @contextmanager

@@ -38,7 +38,7 @@ def verify(folder: Path) -> Verification:
         raise FileError(
             f"The folder {folder} {state}: verify takes a folder that `coadjoint run` or co.simulate(store=…) wrote."
         ) from None
-    found = Verification(bool(manifest.facts["complete"]))
+    found = Verification(bool(manifest.facts.get("complete")))
     _compare(manifest, found)
     if manifest.facts["kind"] == "results" and not found.complete and (folder / UNFINISHED / MANIFEST).exists():
         _compare(Manifest.read(folder / UNFINISHED), found)

@@ -128,7 +128,7 @@ def resume(folder: Path, progress: bool | None = None) -> Written:
 
 def _complete(folder: Path) -> bool:
     held = held_manifest(folder)
-    return held is not None and bool(held.facts["complete"])
+    return held is not None and bool(held.facts.get("complete"))
 
 
 def _carried_on(file: Runnable, claim: Claim, made: Setup | None, progress: bool | None) -> Written:

@@ -10,7 +10,8 @@ import numpy as np
 
 from coadjoint import disk
 from coadjoint.manifest import Manifest, checksum, entry
-from coadjoint.simulation.reading import RECORDS, along_time, chunk_names, opened_arrays
+from coadjoint.simulation.reading import RECORDS, along_time, chunk_names
+from coadjoint.simulation.verified import arrays
 
 
 class Chunks:
@@ -38,7 +39,7 @@ class Chunks:
 
     def open(self) -> None:
         """Find the arrays where the manifest's folder is now."""
-        self._arrays = opened_arrays(self.manifest)
+        self._arrays = arrays(self.manifest, RECORDS)
         self._empty()
 
     def take_up(self, count: int) -> None:

@@ -10,48 +10,20 @@ from typing import Any
 
 import numpy as np
 import xarray
-import zarr
-from zarr.storage import LocalStore
 
 from coadjoint.errors import FileError
 from coadjoint.manifest import DAMAGED, MANIFEST, Manifest
 from coadjoint.simulation import checkpoint
 from coadjoint.simulation.dataset import labelled, member_coordinates
+from coadjoint.simulation.verified import arrays, verified
 
 CONFIGURATION, RECORDS = "configuration.npz", "records.zarr"
-CODECS = ("bytes", "crc32c")
-"""How the chunks of records are written: numbers without compression, and a checksum."""
 CHECKPOINTS = "checkpoint-*.npz"
 OLD_CHECKPOINT = "checkpoint.npz"
 """What a folder of format 1 holds."""
 
 _AGAIN = 20
 """How often a folder is read while a run that goes on there replaces the file that is read."""
-
-
-class Verified(LocalStore):
-    """Files of records as the manifest says that they were written, or FileError says which is not."""
-
-    def __init__(self, root: Path | str, *, manifest: Manifest, **options: Any):
-        super().__init__(root, **options)
-        self.manifest = manifest
-
-    def with_read_only(self, read_only: bool = False) -> Verified:
-        return Verified(self.root, manifest=self.manifest, read_only=read_only)
-
-    async def get(self, key: str, *rest: Any, **options: Any) -> Any:
-        return self._checked(key, await super().get(key, *rest, **options))
-
-    def get_sync(self, key: str, *rest: Any, **options: Any) -> Any:
-        return self._checked(key, super().get_sync(key, *rest, **options))
-
-    def _checked(self, key: str, found: Any) -> Any:
-        name = f"{RECORDS}/{key}"
-        if name in self.manifest.files:
-            self.manifest.require(name, None if found is None else found.to_bytes())
-        elif found is not None or "/c." in key:
-            raise FileError(f"The file {self.root / key} is not among those of the manifest: {DAMAGED}.")
-        return found
 
 
 def stored_dataset(
@@ -61,13 +33,13 @@ def stored_dataset(
 
     `coordinates` are those of an ensemble's members.
     """
-    store = Verified(manifest.folder / RECORDS, manifest=manifest, read_only=True)
+    store = verified(manifest, RECORDS)
     # Opened with the times, xarray would read all of them, and those to come are not there.
     options: Any = {"consolidated": False, "chunks": None, "decode_cf": False, "zarr_format": 3}
     found = xarray.open_zarr(store, drop_variables=["time"], **options)
-    arrays = opened_arrays(manifest)
-    _require_held(manifest, arrays, count)
-    time = arrays["time"]
+    opened = arrays(manifest, RECORDS)
+    _require_held(manifest, opened, count)
+    time = opened["time"]
     order = [name for name in found.attrs["order"] if name != "time"]
     found = found[order].set_coords("step").isel(time=slice(0, count))
     found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
@@ -145,32 +117,12 @@ def _read(manifest: Manifest, name: str) -> tuple[dict[str, Any], dict[str, np.n
         raise FileError(f"The file {manifest.folder / name} cannot be read: {error.strerror or error}.") from error
 
 
-def opened_arrays(manifest: Manifest) -> dict[str, Any]:
-    """The arrays of a folder by their names; what is read of them is checked."""
-    place = Verified(manifest.folder / RECORDS, manifest=manifest, read_only=True)
-    try:
-        group: Any = zarr.open_group(place, mode="r", zarr_format=3)
-        found = {name: group[name] for name in group.attrs["order"]}
-        for array in found.values():
-            _require_plain(array)
-        return found
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"The records in {manifest.folder / RECORDS} cannot be opened ({error}): {DAMAGED}.") from error
-
-
-def _require_plain(array: Any) -> None:
-    """Raise ValueError for an array whose chunks may take more memory than they have bytes."""
-    codecs = [codec.to_dict()["name"] for codec in array.metadata.codecs]
-    if [name for name in codecs if name not in CODECS] or array.dtype.hasobject:
-        raise ValueError(f"{array.basename} is written by {', '.join(codecs)}, but a run only by {', '.join(CODECS)}")
-
-
-def _require_held(manifest: Manifest, arrays: Mapping[str, Any], count: int) -> None:
+def _require_held(manifest: Manifest, opened: Mapping[str, Any], count: int) -> None:
     """Raise FileError where the chunks of an array cannot hold so many records."""
     held: Counter[str] = Counter()
     for name, (size, *_) in manifest.files.items():
         held[name.split("/")[1] if name.startswith(f"{RECORDS}/") else ""] += size
-    for name, array in arrays.items():
+    for name, array in opened.items():
         axis = along_time(array)
         declared = array.dtype.itemsize * math.prod(count if i == axis else n for i, n in enumerate(array.shape))
         if declared > held[array.basename]:

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray
 
-from coadjoint.errors import FileError
+from coadjoint.errors import FileError, told
 from coadjoint.kernels.program import Code
+from coadjoint.manifest import DAMAGED, Manifest
 from coadjoint.report.folder import SUMMARY, held_manifest
+from coadjoint.sealed import readable
+from coadjoint.simulation.verified import require_chunks, verified
 from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics
@@ -30,32 +33,48 @@ CAUSES = {REFUSED: "refused", **{int(code): code.name.lower().replace("_", " ") 
 class SweepResults:
     """A finished sweep: `dataset` of all members, read when used; `statistics` over them; `summary`.
 
-    folder: where it is, a path. summary: that of its file, unless given.
+    manifest: that of its folder, with which all that is read is compared. summary: that of its file, unless given.
     """
 
-    def __init__(self, folder: Path, summary: dict[str, Any] | None = None):
-        self.folder = folder
-        try:
-            self.summary: dict[str, Any] = summary or json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise FileError(f"The folder {folder} holds no finished sweep: there is no {SUMMARY}.") from error
+    def __init__(self, manifest: Manifest, summary: dict[str, Any] | None = None):
+        self.manifest, self.folder = manifest, manifest.folder
+        self.summary: dict[str, Any] = _summary(manifest) if summary is None else summary
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
         """Numbers, results and causes of failure of all members, with a dimension `member`; raises FileError."""
-        path = self.folder / MEMBERS
-        if not path.exists():
+        path, place = self.folder / MEMBERS, f"{MEMBERS}/zarr.json"
+        if place not in self.manifest.files and not path.exists():
             raise FileError(f'The sweep in {self.folder} kept statistics alone: [results] keep = "members" keeps more.')
-        found = xarray.open_zarr(path, consolidated=False, chunks=None)
-        found = found[found.attrs["order"]]
-        numbers = [name for name in found.data_vars if found[name].attrs.get("swept")]
-        found = found.set_coords([*numbers, *(name for name in ("time",) if name in found)])
-        return found.assign_coords(angle=["yaw", "pitch", "roll"]) if "angle" in found.dims else found
+        whole = bool(self.manifest.facts["sweep"].get("whole"))
+        store = verified(self.manifest, MEMBERS, whole)
+        require_chunks(self.manifest, MEMBERS, whole)
+        try:
+            found = xarray.open_zarr(store, consolidated=False, chunks=None, decode_cf=False, zarr_format=3)
+            found = found[found.attrs["order"]]
+            numbers = [name for name in found.data_vars if found[name].attrs.get("swept")]
+            found = found.set_coords([*numbers, *(name for name in ("time",) if name in found)])
+            return found.assign_coords(angle=["yaw", "pitch", "roll"]) if "angle" in found.dims else found
+        except FileError:
+            raise
+        except Exception as error:  # xarray and zarr have errors of all kinds
+            raise FileError(f"The arrays in {path} cannot be opened ({told(error)}): {DAMAGED}.") from error
 
     @cached_property
     def statistics(self) -> xarray.Dataset:
-        """Mean, standard deviation, extremes and quantiles over the members that did not fail."""
-        return xarray.load_dataset(self.folder / STATISTICS, engine="h5netcdf")
+        """Mean, standard deviation, extremes and quantiles over the members that did not fail; raises FileError."""
+        path = self.folder / STATISTICS
+        _require(self.manifest, STATISTICS)
+        try:
+            if readable(path):
+                found = xarray.load_dataset(path, engine="h5netcdf")
+                if all("statistic" in found[name].dims for name in found.data_vars) and "statistic" in found.coords:
+                    return found
+        except FileError:
+            raise
+        except Exception as error:  # h5py and what is above it have errors of all kinds
+            raise FileError(f"The file {path} cannot be read as netCDF ({told(error)}): {DAMAGED}.") from error
+        raise FileError(f"The file {path} does not hold the statistics of a sweep: {DAMAGED}.")
 
     @property
     def failures(self) -> dict[str, int]:
@@ -76,9 +95,41 @@ def load_sweep(folder: Path | str) -> SweepResults:
     if not path.is_dir():
         raise FileError(f"There is no folder {path}.")
     held = held_manifest(path)
-    if held is None or "sweep" not in held.facts:
+    if held is None or not isinstance(held.facts.get("sweep"), dict):
         raise FileError(f"The folder {path} holds no sweep.")
-    return SweepResults(path)
+    if not held.facts.get("complete"):
+        raise FileError(f"The sweep in {path} has not finished: the same `coadjoint sweep` command goes on with it.")
+    return SweepResults(held)
+
+
+def _summary(manifest: Manifest) -> dict[str, Any]:
+    """What summary.json says; raises FileError where it is damaged, or not that of a sweep."""
+    _require(manifest, SUMMARY)
+    path = manifest.folder / SUMMARY
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileError(f"The file {path} cannot be read: {told(error)}.") from error
+    kinds = {str: _WORDS, (int, float): _NUMBERS, dict: ("failures", "warnings", "refusals", "versions")}
+    lists = [found.get(name) for name in ("numbers", "figures")] if isinstance(found, dict) else [None]
+    if not all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in lists) or not all(
+        isinstance(found.get(name), kind) for kind, names in kinds.items() for name in names
+    ):
+        raise FileError(f"The file {path} is not the summary of a sweep: {DAMAGED}.")
+    if not all(type(count) is int for name in ("failures", "warnings") for count in found[name].values()):
+        raise FileError(f"The file {path} is not the summary of a sweep: {DAMAGED}.")
+    return found
+
+
+_WORDS = ("system", "method", "sampling", "card")
+_NUMBERS = ("members", "tasks", "members_of_a_task", "finished", "events", "dt", "steps", "seconds", "task_seconds")
+
+
+def _require(manifest: Manifest, name: str) -> None:
+    """Raise FileError unless a file is what was written."""
+    if name not in manifest.files:
+        raise FileError(f"The file {manifest.folder / name} is not among those of the manifest: {DAMAGED}.")
+    manifest.require(name)
 
 
 def gathered(folder: Path, tasks: int, quantiles: Sequence[float], dims: dict[str, Any]) -> tuple[xarray.Dataset, dict]:

@@ -1,14 +1,15 @@
 """The store of a sweep: a zarr group of all members, laid out first, in which each task writes chunks of its own.
 
 A folder of a sweep holds `run.toml` (the sweep with its run file), `inputs/` (what that names), `members.zarr`,
-`statistics.nc`, figures, `summary.json` and `manifest.json`. While it is at work `unfinished` has `plan.json` and, of
-each task that is done, `shards/NUMBER.npz`: its statistics, and the sign that all its chunks are on the disk. Every
-array has one chunk for each task, so that no two tasks ever write to one file.
+`statistics.nc`, figures, `summary.json` and `manifest.json`, which has the SHA-256 of all others. While it is at work
+`unfinished/shards` has a file of each task that is done: its statistics, the SHA-256 of its chunks, and the sign that
+all of them are on the disk. Every array has one chunk for each task, so that no two tasks ever write to one file.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 import uuid
@@ -20,9 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import zarr
 from zarr.codecs import Crc32cCodec
+from zarr.storage import MemoryStore
 
 from coadjoint import disk
 from coadjoint.errors import FileError
+from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
 from coadjoint.simulation.chunks import unset
 from coadjoint.sweeps.sketch import Sketch
@@ -30,20 +33,19 @@ from coadjoint.sweeps.sketch import Sketch
 if TYPE_CHECKING:
     from coadjoint.sweeps.task import Shard
 
-MEMBERS, STATISTICS, PLAN, SHARDS = "members.zarr", "statistics.nc", "plan.json", "shards"
+MEMBERS, STATISTICS, SHARDS = "members.zarr", "statistics.nc", "shards"
+
+WHOLE = ("code", "steps_done")
+"""The arrays of whole numbers, int64; all others are float64."""
 
 Layout = Mapping[str, tuple[tuple[str, ...], tuple[int, ...], str, Mapping[str, Any]]]
 """Dimensions, shape, kind of number and attributes of each array, by name."""
 
 
-def lay_out(folder: Path, layout: Layout, size: int, attributes: Mapping[str, Any]) -> None:
-    """Make the arrays, empty, with chunks of `size` members; nothing where they are there already."""
-    path = folder / MEMBERS
-    if path.exists():
-        return
-    made = disk.partial(path)
-    disk.remove(made)
-    group = zarr.create_group(made, zarr_format=3, attributes={**attributes, "order": list(layout)})
+def lay_out(manifest: Manifest, layout: Layout, size: int, attributes: Mapping[str, Any]) -> None:
+    """Put the metadata of the arrays into the folder and the manifest; chunks are of `size` members."""
+    made: dict[str, Any] = {}
+    group = zarr.create_group(MemoryStore(made), zarr_format=3, attributes={**attributes, "order": list(layout)})
     for name, (dims, shape, dtype, attrs) in layout.items():
         group.create_array(
             name,
@@ -56,23 +58,27 @@ def lay_out(folder: Path, layout: Layout, size: int, attributes: Mapping[str, An
             dimension_names=dims,
             attributes=dict(attrs),
         )
-    disk.move(made, path)
+    for key, data in made.items():
+        name, content = f"{MEMBERS}/{key}", data.to_bytes()
+        disk.make((manifest.folder / name).parent)
+        disk.write(manifest.folder / name, [content])
+        manifest.files[name] = entry(content)
 
 
-def write(folder: Path, number: int, first: int, shard: Shard, kept: bool) -> None:
-    """Put a shard into the store: its chunks, forced to the disk, then the sign that they are there.
+def write(folder: Path, number: int, size: int, shard: Shard, kept: bool) -> None:
+    """Put a shard into the store: its chunks, of `size` members, forced to the disk, then the sign that they are there.
 
     The same task again writes the same bytes. Raises FileError where this cannot be done.
     """
     place = folder / UNFINISHED / SHARDS
     try:
-        if kept:
-            _write_members(folder / MEMBERS, number, first, {**shard.members, **(shard.nodes or {})})
+        values = {**shard.members, **(shard.nodes or {})} if kept else {}
+        files = dict(_write_chunk(folder, name, number, size, rows) for name, rows in values.items() if rows.size)
         if not place.is_dir():
             raise FileError(
                 f"The folder {place} is gone: the sweep has ended, or was deleted while a task was at work."
             )
-        _put(place / f"{number:06d}.npz", _packed(shard))
+        _put(place / _shard(number), _packed(shard, files))
     except FileError:
         raise
     except OSError as error:
@@ -82,15 +88,16 @@ def write(folder: Path, number: int, first: int, shard: Shard, kept: bool) -> No
         ) from error
 
 
-def _write_members(path: Path, number: int, first: int, values: Mapping[str, np.ndarray]) -> None:
-    group = zarr.open_group(path, mode="r+")
-    for name, rows in values.items():
-        array: Any = group[name]
-        array[first : first + len(rows)] = rows
-        chunk = path / name / ".".join(["c", str(number), *("0" for _ in rows.shape[1:])])
-        if chunk.exists():  # One that holds nothing but its fill value is not written.
-            disk.settle(chunk)
-        disk.settle(path / name)
+def _write_chunk(folder: Path, array: str, number: int, size: int, rows: np.ndarray) -> tuple[str, list[Any]]:
+    """Write the chunk of an array that belongs to a task: its name, and what the manifest is to say of it."""
+    dtype = np.dtype("<i8" if array in WHOLE else "<f8")
+    filled = np.full((size, *rows.shape[1:]), unset(dtype), dtype)
+    filled[: len(rows)] = rows
+    data = filled.tobytes()
+    data += checksum(data)
+    name = f"{MEMBERS}/{array}/{'.'.join(['c', str(number), *('0' for _ in rows.shape[1:])])}"
+    _put(folder / name, data)
+    return name, entry(data)
 
 
 def _put(path: Path, data: bytes) -> None:
@@ -107,9 +114,15 @@ def _put(path: Path, data: bytes) -> None:
             hidden.unlink()
 
 
-def _packed(shard: Shard) -> bytes:
+def _shard(number: int) -> str:
+    return f"{number:06d}.shard"
+
+
+def _packed(shard: Shard, files: Mapping[str, list[Any]]) -> bytes:
+    """A shard as bytes, the SHA-256 of all others in front. files: its chunks, as the manifest is to have them."""
     good, counts = shard.members["code"], np.unique_counts(shard.members["code"])
     header = {
+        "files": files,
         "members": len(good),
         "codes": {str(code): int(n) for code, n in zip(counts.values, counts.counts, strict=True)},
         "refusals": {str(member): sentence for member, sentence in list(shard.refusals.items())[:20]},
@@ -128,25 +141,50 @@ def _packed(shard: Shard) -> bytes:
             arrays |= sketch.numbers(f"{name}@{k}")
     stream = BytesIO()
     np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
-    return stream.getvalue()
+    return hashlib.sha256(stream.getvalue()).digest() + stream.getvalue()
 
 
 def done(folder: Path) -> set[int]:
     """The tasks whose shards are in the store."""
-    return {int(path.stem) for path in (folder / UNFINISHED / SHARDS).glob("[0-9]*.npz")}
+    return {int(path.stem) for path in (folder / UNFINISHED / SHARDS).glob(f"[0-9]*{Path(_shard(0)).suffix}")}
+
+
+def discard_damaged(folder: Path) -> None:
+    """Remove the shards that are not what was written, or whose chunks are not: their tasks are then missing."""
+    for number in done(folder):
+        try:
+            files = Statistics(folder, number).header["files"]
+            if not next(Manifest(folder, {}, files).problems(), None):
+                continue
+        except FileError:
+            pass
+        disk.remove(folder / UNFINISHED / SHARDS / _shard(number))
+
+
+def enter_chunks(manifest: Manifest, tasks: int) -> None:
+    """Take the chunks of all tasks into the manifest, as they were written; raises FileError for one that is not so."""
+    for number in range(tasks):
+        manifest.files |= Statistics(manifest.folder, number).header["files"]
+    names = [name for name in manifest.files if name.startswith(f"{MEMBERS}/")]
+    for place in {(manifest.folder / name).parent for name in names}:
+        disk.sweep(place)
+    for name in names:
+        manifest.require(name)
 
 
 class Statistics:
-    """What a shard left beside the results of its members."""
+    """What a shard left beside the results of its members; raises FileError where it is damaged."""
 
-    def __init__(self, path: Path):
+    def __init__(self, folder: Path, number: int):
+        path = folder / UNFINISHED / SHARDS / _shard(number)
         try:
-            with np.load(path) as found:
-                self._arrays = dict(found)
-        except (OSError, ValueError) as error:
-            raise FileError(
-                f"The file {path} is damaged: delete it, and the same command computes it again."
-            ) from error
+            data = path.read_bytes()
+        except OSError as error:
+            raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
+        if hashlib.sha256(data[32:]).digest() != data[:32]:
+            raise FileError(f"The file {path} is damaged: the same command again computes it anew.")
+        with np.load(BytesIO(data[32:])) as found:
+            self._arrays = dict(found)
         self.header: dict[str, Any] = json.loads(self._arrays["header"].tobytes())
         self.times = self._arrays["times"]
 
@@ -162,22 +200,4 @@ class Statistics:
 
 def statistics(folder: Path, tasks: int) -> Iterable[Statistics]:
     """Those of all shards, in their order."""
-    for number in range(tasks):
-        yield Statistics(folder / UNFINISHED / SHARDS / f"{number:06d}.npz")
-
-
-def plan(folder: Path) -> dict[str, Any] | None:
-    """What a sweep that was interrupted had planned; None where it had not."""
-    path = folder / UNFINISHED / PLAN
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        raise FileError(f"The file {path} is damaged: begin the sweep again with --overwrite.") from error
-
-
-def write_plan(folder: Path, made: Mapping[str, Any]) -> None:
-    """Put the plan into the folder of a sweep, and make room for its shards."""
-    disk.make(folder / UNFINISHED / SHARDS)
-    disk.write(folder / UNFINISHED / PLAN, [json.dumps(made, indent=1).encode()])
+    return (Statistics(folder, number) for number in range(tasks))

@@ -17,16 +17,18 @@ from coadjoint import disk
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.kernels.run.ensemble import cores
 from coadjoint.log import logger
+from coadjoint.manifest import Manifest
 from coadjoint.plotting.whole_file import write_text
-from coadjoint.report.folder import SUMMARY, Claim, claimed
+from coadjoint.report.folder import SUMMARY, UNFINISHED, claimed
 from coadjoint.report.summary import to_json, versions
+from coadjoint.sealed import seal
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
 from coadjoint.sweeps import cluster, local, store
 from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
-from coadjoint.sweeps.results import SweepResults, facts, gathered, meant
+from coadjoint.sweeps.results import SweepResults, facts, gathered, load_sweep, meant
 from coadjoint.sweeps.task import Task, ensemble, perform
 
 _log = logger(__name__)
@@ -59,30 +61,33 @@ def execute(
             claim.tidy()
             if damaged := next(claim.manifest.problems(), None):
                 raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the sweep again.")
-            return SweepResults(folder)
+            return load_sweep(folder)
         if scheduler is not None:
             require_answer(scheduler, cluster.PATIENCE)
-        plan = _planned(sweep, folder)
+        plan = _planned(sweep, claim.manifest)
+        store.discard_damaged(folder)
         began = time.perf_counter()
         busy = _compute(sweep, folder, plan, scheduler, workers, progress)
         spent = time.perf_counter() - began
-        claim.manifest.facts["sweep"] = {"digest": plan["digest"], "members": sweep.members}
-        _enter_members(claim)
-        claim.results(lambda stage: _write(sweep, folder, stage, plan, {"seconds": spent, **busy}))
-    return SweepResults(folder)
+        store.enter_chunks(claim.manifest, sweep.tasks)
+        claim.manifest.facts["sweep"] = {"digest": plan["digest"], "members": sweep.members, "whole": True}
+        claim.results(lambda stage: _write(sweep, claim.manifest, stage, plan, {"seconds": spent, **busy}))
+    return load_sweep(folder)
 
 
-def _planned(sweep: Sweep, folder: Path) -> dict[str, Any]:
-    """What all tasks go by: found out once, kept in the folder, the same when the sweep goes on."""
-    found = store.plan(folder)
+def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
+    """What all tasks go by: found out once, kept in the manifest, the same when the sweep goes on."""
+    folder, found = manifest.folder, manifest.facts.get("sweep")
     if found is None:
-        disk.remove(folder / store.MEMBERS)
         found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size, "versions": versions()}
+        disk.remove(folder / store.MEMBERS)
+        disk.make(folder / UNFINISHED / store.SHARDS)
         if sweep.results.keep != "statistics":
             attributes = {"system": found["system"], "digest": found["digest"]}
             attributes["coordinates"] = " ".join(sweep.design[0])  # in the conventions of CF, which xarray reads
-            store.lay_out(folder, _layout(sweep, found), sweep.size, attributes)
-        store.write_plan(folder, found)
+            store.lay_out(manifest, _layout(sweep, found), sweep.size, attributes)
+        manifest.facts["sweep"] = found
+        manifest.write()
     if found["digest"] != sweep.digest:
         raise FileError(
             f"The numbers that are drawn now are not those with which the sweep in {folder} began, as with another "
@@ -225,20 +230,14 @@ def _compute(
     }
 
 
-def _enter_members(claim: Claim) -> None:
-    """Take the files of the store into the manifest."""
-    for path in sorted((claim.folder / store.MEMBERS).rglob("*")):
-        if path.is_file():
-            claim.manifest.enter(path.relative_to(claim.folder).as_posix())
-
-
-def _write(sweep: Sweep, folder: Path, stage: Path, plan: dict[str, Any], spent: dict[str, Any]) -> None:
+def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], spent: dict[str, Any]) -> None:
     """Statistics, figures and the summary of a sweep whose tasks are all done."""
-    made, told = gathered(folder, sweep.tasks, sweep.results.quantiles, plan["dims"])
+    made, told = gathered(manifest.folder, sweep.tasks, sweep.results.quantiles, plan["dims"])
     for name in map(str, made.data_vars):
         of = name.partition("_")[2] if name.partition("_")[0] in KINDS else name
         made[name].attrs.update(meant(name, plan["meanings"][of]))
     made.to_netcdf(stage / store.STATISTICS, engine="h5netcdf")
+    seal(stage / store.STATISTICS)
     summary: dict[str, Any] = {
         "system": plan["system"], "method": plan["method"], "dt": plan["dt"], "steps": plan["steps"],
         "save_every": plan["save_every"], "members": sweep.members, "tasks": sweep.tasks,
@@ -251,5 +250,5 @@ def _write(sweep: Sweep, folder: Path, stage: Path, plan: dict[str, Any], spent:
     if sweep.results.figures and sweep.results.keep != "statistics":
         from coadjoint.sweeps.figures import save_figures
 
-        summary["figures"] = save_figures(SweepResults(folder, summary), stage)
+        summary["figures"] = save_figures(SweepResults(manifest, summary), stage)
     write_text(stage / SUMMARY, to_json(summary))

@@ -104,9 +104,9 @@ def perform(task: Task, threads: int = 1) -> dict[str, float]:
     """Compute a task and write its shard; what this took, and the number of the process."""
     shard = compute(task, threads)
     began = time.perf_counter()
-    keep = swept(task.folder, task.configuration).results.keep
+    sweep = swept(task.folder, task.configuration)
     shard.members = {**task.rows, **shard.members}
-    write(Path(task.folder), task.number, task.first, shard, keep != "statistics")
+    write(Path(task.folder), task.number, sweep.size, shard, sweep.results.keep != "statistics")
     spent = time.perf_counter() - began
     return {"seconds": shard.seconds + spent, "kernel": shard.kernel, "writing": spent, "process": float(os.getpid())}
 

@@ -1,0 +1,99 @@
+"""Folders of sweeps from strangers and from broken disks: an error in a sentence, or the numbers that were written."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from strange_stores import VALUES, copied, damaged, hostile, made
+
+import coadjoint as co
+from coadjoint.report.verification import verify
+from coadjoint.sweeps.figures import columns
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("made") / "sweep")
+
+
+def read(folder: Path) -> dict[str, np.ndarray]:
+    """All that is read of a sweep; raises what reading raises."""
+    found = co.load_sweep(folder)
+    dataset = found.dataset.load()
+    assert repr(found) and repr(dataset) and isinstance(found.failures, dict) and columns(found)
+    assert found.statistics.sizes["statistic"] >= 0
+    return {str(name): dataset[name].values for name in dataset.variables}
+
+
+def same(found: dict[str, np.ndarray]) -> bool:
+    return found.keys() >= VALUES.keys() and all(np.array_equal(found[name], value) for name, value in VALUES.items())
+
+
+def verified(folder: Path) -> bool:
+    """Whether `coadjoint verify` finds everything right."""
+    try:
+        return verify(folder).passed
+    except co.FileError:
+        return False
+
+
+def test_a_sweep_that_was_written_is_read(whole):
+    assert same(read(whole)) and verified(whole)
+
+
+@pytest.mark.parametrize("seeds", [range(24), pytest.param(range(1000), marks=pytest.mark.long)], ids=["24", "1000"])
+def test_no_hostile_store_raises_a_raw_error_or_runs_code(whole, tmp_path, monkeypatch, seeds):
+    monkeypatch.setattr("numcodecs.registry.get_codec", None)
+    monkeypatch.setattr("pickle.loads", None)
+    mark, refused = tmp_path / "mark", 0
+    for seed in seeds:
+        folder = copied(whole, tmp_path / "out")
+        told = hostile(folder, seed, mark)
+        try:
+            read(folder)
+        except co.FileError as error:
+            refused += 1
+            assert "\n" not in str(error), told
+        except Exception as error:
+            raise AssertionError(f"{seed} {told}") from error
+        assert not mark.exists(), told
+        shutil.rmtree(folder)
+    print(f"{refused} of {len(seeds)} refused")
+    assert refused > 0.7 * len(seeds)
+
+
+@pytest.mark.parametrize("seeds", [range(24), pytest.param(range(1000), marks=pytest.mark.long)], ids=["24", "1000"])
+def test_damage_is_found_by_reading_and_verifying_or_has_no_effect(whole, tmp_path, seeds):
+    for seed in seeds:
+        folder = copied(whole, tmp_path / "out")
+        told = damaged(folder, seed)
+        try:
+            assert same(read(folder)), told
+        except co.FileError as error:
+            assert not verified(folder), f"{told} {error}"
+        except Exception as error:
+            raise AssertionError(f"{seed} {told}") from error
+        else:
+            touched = {path for path in ("run.toml",) if path in told}
+            assert touched or verified(folder), told
+        shutil.rmtree(folder)
+
+
+def test_a_chunk_that_was_deleted_is_no_nan(whole, tmp_path):
+    folder = copied(whole, tmp_path / "out")
+    (folder / "members.zarr" / "final_xi" / "c.1.0").unlink()
+    dataset = co.load_sweep(folder).dataset
+    with pytest.raises(co.FileError, match="missing"):
+        _ = dataset.final_xi.values
+
+
+def test_arrays_of_version_2_are_refused_before_they_are_opened(whole, tmp_path, monkeypatch):
+    folder = copied(whole, tmp_path / "out")
+    hostile(folder, 1, tmp_path / "mark")
+    assert list(folder.rglob(".zarray"))
+    monkeypatch.setattr("zarr.open_group", None)
+    with pytest.raises(co.FileError, match=r"zarr.json|zarr format 3"):
+        _ = co.load_sweep(folder).dataset
