@@ -142,7 +142,7 @@ def samples(
 
 
 def steps_between(log: Log, cut: Samples, between: Between) -> StepsBetween:
-    """StepsBetween of each segment's own grid, the last before the next start shorter; over a gap, no more than GAP_STEPS."""
+    """StepsBetween of each segment's own grid, the last before the next start shorter; at most GAP_STEPS over a gap."""
     starts, last = np.maximum.accumulate(cut.starts), cut.starts + cut.h * cut.steps_away.max(axis=1)
     edges, begins = [starts[:1]], [0]
     for start, end, following, gap in zip(starts, last, starts[1:], cut.after_gap[1:], strict=False):
