@@ -20,8 +20,9 @@ DEADLINE = 80 * 60.0
 """Wall time, s, after which the complete run is ended, and fails."""
 LAST = 45 * 60.0
 """Wall time, s, after which no test marked `long` begins."""
-WITHIN = {"own": 900.0, "importing": 250.0}
-"""Processor time, s, after which no test marked `long` begins: of what changed, and of what imports that."""
+WITHIN = {"own": (150.0, 900.0), "importing": (100.0, 250.0)}
+"""Processor time, s, after which no test marked `long` begins, for each changed package and at most: of the tests of
+what has changed, and of what imports that."""
 LEAST = 2000
 """Tests that README's command runs at least."""
 UNTIMED = ("-m", "pytest", "-n", "2", "--all")
@@ -58,7 +59,9 @@ def long_tests(checks: Checks, python: Path, began: float) -> None:
         if not files:
             checks.note(f"{title}: no file of tests has one")
             continue
-        bounds = ("-p", "bounded", "--within", str(WITHIN[name]), "--before", str(began + LAST))
+        each, most = WITHIN[name]
+        within = min(most, each * max(1, len(choice.packages))) if found.commit else most
+        bounds = ("-p", "bounded", "--within", str(within), "--before", str(began + LAST))
         command = (python, "-m", "pytest", "-n", "2", "-m", "long", *bounds, *by_hash(files, found.commit or ""))
         checks.tests(title, *command, least=0, PYTHONPATH=ROOT / ".ci")  # all may be left out
 

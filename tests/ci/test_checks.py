@@ -94,6 +94,23 @@ def test_every_part_is_there_in_its_order(two_pythons, tmp_path):
     assert recorded.commands["3.12: selection"][-len(checks.selection()) :] == checks.selection()
 
 
+@pytest.mark.parametrize(
+    ("commit", "packages", "within"),
+    [("abc", 0, 150.0), ("abc", 1, 150.0), ("abc", 2, 300.0), ("abc", 9, 900.0), (None, 0, 900.0)],
+)
+def test_the_time_of_long_tests_grows_with_the_changed_packages_to_a_limit(
+    two_pythons, monkeypatch, tmp_path, commit, packages, within
+):
+    recorded, file = Recorded(tmp_path), f"{tmp_path}/test_long.py"
+    monkeypatch.setattr(changes, "base", lambda: changes.Base(commit, "why"))
+    monkeypatch.setattr(changes, "every_test", lambda: [file])
+    monkeypatch.setattr(changes, "chosen", lambda files: changes.Choice(["a"] * packages, [file], []))
+    checks.long_tests(recorded, tmp_path / "python", 5.0)
+    command = recorded.commands["long, changed"]
+    assert command[command.index("--within") + 1] == str(within)
+    assert command[command.index("--before") + 1] == str(5.0 + checks.LAST)
+
+
 @pytest.mark.parametrize("failing", ["tools", "archive and wheel", "tests: install"])
 def test_without_the_library_nothing_else_is_tried(two_pythons, tmp_path, failing):
     recorded = Recorded(tmp_path, (failing,))
