@@ -61,13 +61,7 @@ class FunctionController(Controller):
             _tell(self.function)
             found, read = _from_outside(self.function, arguments, called(self))
         require_read(self.function, read, [part.name for part in vehicle.commanded], called(self))
-        if self.remembers is None:
-            return found, {}
-        if not isinstance(found, tuple) or len(found) != 2:
-            raise ArgumentError(
-                f"A controller that remembers must return (commands, memory), but returned {type(found).__name__}."
-            )
-        return found
+        return found if self.remembers is not None else (found, {})
 
     def failure(self, t: float, h: float) -> str | None:
         """Why it gave no numbers in the step of length h from t, if it did not; for functions called from outside."""
