@@ -25,6 +25,7 @@ STOREYS = (
         "sealed",
         "archives",
         "csv_tables",
+        "clocks",
         "roots",
         "kernels",
         "groups",

@@ -62,8 +62,8 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "m": (1.0, LENGTH), "mm": (1e-3, LENGTH), "µm": (1e-6, LENGTH), "cm": (1e-2, LENGTH), "km": (1e3, LENGTH),
     "nmi": (1852.0, LENGTH), "in": (0.0254, LENGTH), "ft": (0.3048, LENGTH),
     "L": (1e-3, VOLUME), "l": (1e-3, VOLUME), "mL": (1e-6, VOLUME), "ml": (1e-6, VOLUME),
-    "s": (1.0, TIME), "ms": (1e-3, TIME), "µs": (1e-6, TIME), "us": (1e-6, TIME), "min": (60.0, TIME),
-    "h": (3600.0, TIME), "days": (86400.0, TIME), "Hz": (1.0, FREQUENCY),
+    "s": (1.0, TIME), "ms": (1e-3, TIME), "µs": (1e-6, TIME), "us": (1e-6, TIME), "ns": (1e-9, TIME), "min": (60.0,
+    TIME), "h": (3600.0, TIME), "days": (86400.0, TIME), "Hz": (1.0, FREQUENCY),
     "kn": (1852.0 / 3600.0, SPEED), "knots": (1852.0 / 3600.0, SPEED),
     "N": (1.0, FORCE), "kN": (1e3, FORCE), "kgf": (9.80665, FORCE), "lbf": (4.4482216152605, FORCE),
     "J": (1.0, TORQUE), "W": (1.0, POWER), "V": (1.0, VOLTAGE), "A": (1.0, ELECTRIC_CURRENT),
@@ -73,7 +73,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
 """The SI value of each symbol, and what it measures."""
 
 ENDINGS: dict[str, str] = {
-    **{unit: unit for unit in ("s", "ms", "us", "min", "h", "days", "m", "mm", "cm", "km", "ft", "nmi")},
+    **{unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "days", "m", "mm", "cm", "km", "ft", "nmi")},
     **{unit.replace("/", joint): unit for joint in ("_", "_per_") for unit in ("m/s", "cm/s", "rad/s", "deg/s")},
     **{unit: unit for unit in ("rad", "deg", "rpm", "kg", "g", "t", "N", "kN", "W", "V", "A", "kn", "knots")},
     "km_per_h": "km/h", "per_s": "1/s", "1_s": "1/s", "m3": "m^3", "l": "L", "Nm": "N m", "J": "J", "percent": "%",

@@ -32,6 +32,10 @@ class Identify:
     """Of a bag take these topics alone."""
     sensors: Path | None = None
     """A TOML file that declares which field of which topic of a bag is what."""
+    jumps: Literal["refuse", "split"] = "refuse"
+    """Where the clock jumps: an error, or a new stretch of the log."""
+    unsorted: Literal["refuse", "sort"] = "refuse"
+    """Rows that are out of order: an error, or sorted."""
     partial: bool = False
     """Of a bag that was not closed take what is whole."""
     noise: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="NAME=VALUE")] = ()
@@ -74,7 +78,9 @@ class Identify:
         craft = Craft(load_vehicle(self.vehicle))
         given = {"topics": self.topics, "sensors": self.sensors, "partial": self.partial}
         options = {name: value for name, value in given.items() if value}
-        log = read_log(self.log, axes=self.axes, ignore=self.ignore, **options)
+        log = read_log(
+            self.log, axes=self.axes, ignore=self.ignore, jumps=self.jumps, unsorted=self.unsorted, **options
+        )
         begun = {part.name: log.first(part.name) for part in craft.vehicle.commanded}
         actuators = {name: value for name, value in begun.items() if value is not None}
         found = identify(

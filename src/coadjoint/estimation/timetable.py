@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coadjoint.clocks import jumps_ahead
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.estimation.numbers import float64, is_number
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT, SAVE, SET
@@ -58,6 +59,13 @@ def require_readings(name: str, one: Series | None, nodes: np.ndarray, dt: float
         )
     if np.max(held) > GAP * max(dt, float(np.median(held[:-1])) if len(held) > 1 else 0.0):
         k = int(np.argmax(held))
+        if len(jumps_ahead(times)):
+            raise ArgumentError(
+                f"There is no reading of `{name}` from {times[k]:.6g} s to {times[k + 1]:.6g} s, which is a jump "
+                "of the "
+                "clock, or a pause that no filter bridges: run one filter on each stretch, up to there by `until`, and "
+                "from there from a new start."
+            )
         warnings.warn(
             f"There is no reading of `{name}` from {times[k]:.6g} s to {times[k + 1]:.6g} s: the one before is held, "
             "and the deviations do not tell what that costs.",

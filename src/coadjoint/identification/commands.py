@@ -1,4 +1,4 @@
-"""Commands that a log must hold, in the units of what they command."""
+"""What drives a log: commands in the units of what they command, and the current."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ from coadjoint.identification.log import Log
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces.named import Named
+
+STILL = 0.01
+"""m/s, the root mean square of a current that is none, and of a difference that does not count."""
+
+SAME = 0.1
+"""And the part of the current that may be missing in the model."""
 
 
 def require_commands(system: System, start: State, log: Log, still: Sequence[str]) -> None:
@@ -46,3 +52,34 @@ def require_commands(system: System, start: State, log: Log, still: Sequence[str
             f"The log holds no commands of {', '.join(missing)}: add {columns}, or say that it stays where it starts, "
             f"still={missing} or --still {' '.join(missing)}."
         )
+
+
+def require_current(system: System, log: Log, parameters: Sequence[str], process_noise: Sequence[str]) -> None:
+    """Raise ArgumentError where the log holds a current that the model lacks, unless it is sought."""
+    if not log.current or any("water" in name for name in (*parameters, *process_noise)):
+        return
+    names = ("north", "east", "down")
+    logged = np.stack([log.current.get(name, np.zeros(len(log))) for name in names])
+    speed = float(np.sqrt(np.nanmean(np.sum(logged**2, axis=0))))
+    water = getattr(system.parameters, "water", None) if system.parameters and "water" in system.parameters else None
+    velocity = getattr(water, "velocity", None) if isinstance(water, Named) and "velocity" in water else None
+    if speed < STILL or (water is not None and velocity is None):
+        return
+    known = np.zeros(3) if velocity is None else np.resize(np.append(np.asarray(velocity, float), 0.0), 3)
+    off = float(np.sqrt(np.nanmean(np.sum((logged - known[:, None]) ** 2, axis=0))))
+    if off < max(STILL, SAME * speed):
+        return
+    mean = ", ".join(f"{value:.2g}" for value in np.nanmean(logged, axis=1))
+    columns = ", ".join(f'"current_{name}"' for name in log.current)
+    seek = (
+        'seek it, as "water.velocity[0]" and "water.velocity[1]" among `parameters`, or '
+        'process_noise=["water.velocity"] '
+        "of one that is not steady; "
+        if velocity is not None
+        else "the model needs a velocity of the water that can be sought; "
+    )
+    raise ArgumentError(
+        f"The log holds a current of {speed:.2g} m/s (north, east, down: {mean} m/s on average), but the water of the "
+        f"model moves at {', '.join(f'{value:.2g}' for value in known)} m/s, and the parameters would take up the "
+        f"difference: {seek}or leave the columns out when the log is read, ignore=[{columns}]."
+    )

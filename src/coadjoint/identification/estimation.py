@@ -13,9 +13,10 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.identification.arguments import require_arguments, require_named, require_numbers
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
-from coadjoint.identification.commands import require_commands
+from coadjoint.identification.commands import require_commands, require_current
 from coadjoint.identification.findings import Identification, judged
 from coadjoint.identification.fitting import fitted
+from coadjoint.identification.implausible import wild
 from coadjoint.identification.log import Log
 from coadjoint.identification.sampling import Between
 from coadjoint.identification.sensing import GROUPS, Attitude, sensing
@@ -102,6 +103,9 @@ def identify(
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     progress = None if progress is None else truth(progress, "progress")
     require_commands(system, start, log, still)
+    require_current(system, log, parameters, process_noise)
+    if named := wild(log.time, log.columns, log.units):
+        raise ArgumentError(f"Least squares cannot fit a value that no motion explains. {named[0]}")
     system, moved = wandering(system, process_noise)
     sought = unknowns(system, parameters, positive)
     channels = _channels(system, log, measured or {})

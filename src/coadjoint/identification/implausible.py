@@ -1,4 +1,4 @@
-"""Columns of a log that cannot be what they are named: degrees as radians, heights as depths."""
+"""Columns of a log that cannot be what they are named: degrees as radians, heights as depths, values that are wild."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from coadjoint.identification.kinematics import inconsistent
 from coadjoint.units import jumps_by_degrees
 
 STEEPEST, SELDOM = np.pi, 0.01
@@ -14,17 +15,16 @@ STEEPEST, SELDOM = np.pi, 0.01
 HIGHEST = 3.0
 """m above the surface, where the middle of all depths is no error of a sensor."""
 
-TURNS = {"roll": "p", "pitch": "q", "heading": "r"}
-"""Which rate turns which Euler angle, where the others are small."""
+FULL, EDGE, SELDOM_JUMP = 0.9, 0.05, 0.2
+"""The part of a turn that angles must cover and jump by, how far they may be beyond its ends, and how often they may
+jump, to betray radians."""
 
-DEGREES = 180 / np.pi
-"""How many times as fast an angle turns in degrees as in radians."""
+WILD, SPREAD, FEWEST = 50.0, 3.0, 10
+"""How far a single value is off the mean of its neighbours: in such differences that 90 % of the values stay below, in
+ranges of 98 % of the values about their median; and the fewest values of a column from which that is known."""
 
-NEAR, ALIKE, LEAST = 0.25, 0.7, 30
-"""How near to that a slope must be, relatively; the correlation, and the pairs of samples, from which on it tells."""
-
-APART = 2.5
-"""Samples so many intervals apart are not neighbours."""
+FLOORS = {"m": 10.0, "rad": 4 * np.pi, "m/s": 10.0, "rad/s": 50.0}
+"""And at least, by the unit; angles that are wrapped differ by a turn."""
 
 
 def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
@@ -50,36 +50,46 @@ def implausible(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapp
                 "Most of `depth` is above the surface: it is positive down. Name heights `up_m`, read z of ENU by "
                 "`axes`, and declare the `surface_pressure` of a sensor that tells no absolute pressure."
             )
+        elif units.get(name) == "rad" and _wrapped_by_radians(np.degrees(known)):
+            told[name] = (
+                f"`{name}` jumps by 6.28 degrees from one end of its range to the other, as radians do where they are "
+                f"wrapped: name the column `{name}_rad`, or give np.degrees of it."
+            )
     others = {name: values for name, values in columns.items() if name not in told}
-    return [*told.values(), *_against_rates(time, others, units)]
+    return [*told.values(), *inconsistent(time, others, units), *wild(time, columns, units)]
 
 
-def _against_rates(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """Sentences of angles that turn 57 times as fast, or as slowly, as their rates say."""
+def _wrapped_by_radians(degrees: np.ndarray) -> bool:
+    """Whether angles, named degrees, stay within a turn of 2π and cross it from end to end, but else change little."""
+    turn, step = 2 * np.pi, np.abs(np.diff(degrees))
+    low = 0.0 if np.min(degrees, initial=0.0) >= -EDGE else -np.pi
+    inside = bool(np.all((degrees >= low - EDGE) & (degrees <= low + turn + EDGE)))
+    if not inside or np.ptp(degrees) < FULL * turn:
+        return False
+    jumps = step > FULL * turn
+    return bool(jumps.any() and not np.any((step > 0.5 * turn) & ~jumps) and np.mean(jumps) < SELDOM_JUMP)
+
+
+def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
+    """Sentences on single values far off those before and after. time: s, (n,). columns, units: as of a `Log`."""
     found = []
-    for angle, rate in TURNS.items():
-        if units.get(angle) != "rad" or units.get(rate) != "rad/s" or not {angle, rate} <= set(columns):
+    for name, values in columns.items():
+        rows = np.flatnonzero(np.isfinite(values))
+        if len(rows) < FEWEST:
             continue
-        slope = abs(_slope(time, columns[angle], columns[rate]))
-        for factor, way, one, other in ((DEGREES, "fast", angle, rate), (1 / DEGREES, "slowly", rate, angle)):
-            if abs(slope / factor - 1) < NEAR:
-                found.append(
-                    f"`{angle}` turns some 57 times as {way} as `{rate}` says: `{one}` looks like degrees read as "
-                    f"radians, or `{other}` like radians read as degrees; see to the units of both."
-                )
+        known = values[rows]
+        before, after = np.append(known[1], known[:-1]), np.append(known[1:], known[-2])
+        off = np.abs(known - (before + after) / 2)
+        near = np.sort(np.abs(known - np.median(known)))[: -max(1, len(known) // 50)]
+        least = max(WILD * np.quantile(off, 0.9), SPREAD * 2 * near[-1], FLOORS.get(units.get(name, ""), 0.0))
+        # A value beside a wild one is far off their mean, too, but lies between its neighbours, or near one of them.
+        alone = np.minimum(np.abs(known - before), np.abs(known - after)) > least
+        wild = np.flatnonzero(alone & ((known - before) * (known - after) > 0)) if least > 0 else []
+        if len(wild):
+            k, more = int(wild[np.argmax(off[wild])]), len(wild) - 1
+            found.append(
+                f"`{name}` is {known[k]:.6g} in row {rows[k] + 1}, at {time[rows[k]]:.6g} s, between "
+                f"{before[k]:.6g} and "
+                f"{after[k]:.6g}: leave that value out{f', and {more} more like it' if more else ''}."
+            )
     return found
-
-
-def _slope(time: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> float:
-    """b of Δangle = b ∫rate dt by least squares over neighbouring samples without a gap between them and without jumps
-    by a turn; 0 where these are few, or hardly correlated."""
-    step = np.diff(time)
-    turned, moved = np.diff(angle), step * (rate[1:] + rate[:-1]) / 2
-    good = np.isfinite(turned) & np.isfinite(moved) & (step < APART * np.median(step))
-    good &= np.abs(turned) < np.pi
-    turned, moved = turned[good], moved[good]
-    sizes = np.linalg.norm(turned), np.linalg.norm(moved)
-    if len(moved) < LEAST or not min(sizes) > 0:
-        return 0.0
-    b, correlation = turned @ moved / sizes[1] ** 2, turned @ moved / (sizes[0] * sizes[1])
-    return float(b) if abs(correlation) > ALIKE else 0.0

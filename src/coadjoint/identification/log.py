@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from coadjoint.clocks import other_unit
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.identification.channels import POSITION, UNITS, VELOCITY
 from coadjoint.identification.implausible import implausible
+from coadjoint.identification.kinematics import undecided
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,8 @@ class Log:
     `actual`: what actuators did, where that was logged together with their commands; it is not fitted.
     `positions`: where in the body the sensor of a column of place or velocity sits, name → (x, y, z) m; O where none is
     named. `step`: the dt of the simulation that wrote the log, s; None of a log that was measured.
+    `breaks`: samples at which a new stretch begins, because the clock jumped before them. `current`: the velocity of
+    the water, north, east, down → (n,) m/s, where the log has it; it is not fitted.
     `doubts`: the notes on columns that cannot be what they are named.
     Raises ArgumentError for times that do not grow, for other lengths and for numbers that are not finite.
     """
@@ -36,6 +41,8 @@ class Log:
     step: float | None = None
     actual: Mapping[str, np.ndarray] = field(default_factory=dict)
     positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    breaks: tuple[int, ...] = ()
+    current: Mapping[str, np.ndarray] = field(default_factory=dict)
     doubts: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self):
@@ -52,25 +59,33 @@ class Log:
                 f"The time of a log must grow, but sample {at + 1} is at {time[at + 1]:g} s after {time[at]:g} s: "
                 "sort the samples and give each once."
             )
-        for part in ("columns", "inputs", "units", "actual", "positions"):
+        if doubt := other_unit(time):
+            raise ArgumentError(f"Of a log {doubt}")
+        if any(not 0 < k < len(time) for k in self.breaks):
+            raise ArgumentError(f"`breaks` of a log must be samples from 1 to {len(time) - 1}, but are {self.breaks}.")
+        for part in ("columns", "inputs", "units", "actual", "positions", "current"):
             if not isinstance(getattr(self, part), Mapping):
                 raise ArgumentError(f"`{part}` of a log must be by names, but is {shown(getattr(self, part))}.")
         columns = {name: _numbers(values, name) for name, values in self.columns.items()}
         inputs = {name: _numbers(values, name) for name, values in self.inputs.items()}
         actual = {name: _numbers(values, name) for name, values in self.actual.items()}
+        current = {name: _numbers(values, f"current_{name}") for name, values in self.current.items()}
+        if strange := [name for name in self.current if name not in ("north", "east", "down")]:
+            raise ArgumentError(f"`current` of a log has north, east and down, but not `{strange[0]}`.")
         did = {f"actual[{name!r}]": values for name, values in actual.items()}
-        for name, values in {**columns, **inputs, **did}.items():
+        water = {f"current_{name}": values for name, values in current.items()}
+        for name, values in {**columns, **inputs, **did, **water}.items():
             if values.shape[:1] != time.shape or (name in columns and values.ndim != 1):
                 raise ArgumentError(f"`{name}` must have one number for each of {len(time)} times: {values.shape}.")
             if np.any(np.isinf(values)):
                 at = int(np.argmax(np.isinf(values).reshape(len(time), -1).any(axis=1)))
                 remedy = "give NaN where a sensor was silent" if name in columns else "give what was commanded"
                 raise ArgumentError(f"`{name}` is infinite in sample {at}, at {time[at]:g} s: {remedy}.")
-            if name not in columns and np.any(np.isnan(values)):
+            if name not in columns and name not in water and np.any(np.isnan(values)):
                 at = time[np.isnan(values).reshape(len(time), -1).any(axis=1)][0]
                 what = "Input `" if name in inputs else "`"
                 raise ArgumentError(f"{what}{name}` is missing at {at:g} s: what drives a vehicle must have no gaps.")
-            if name in columns and np.all(np.isnan(values)):
+            if (name in columns or name in water) and np.all(np.isnan(values)):
                 raise ArgumentError(f"Column `{name}` holds no number: leave it out.")
         for name in self.positions:
             if name not in columns or name not in (*POSITION, *VELOCITY):
@@ -78,11 +93,13 @@ class Log:
                 raise ArgumentError(f"`positions` names `{name}`, but has a place of a sensor of: {able}.")
         places = {name: _place(value, name) for name, value in self.positions.items()}
         found = {"time": time, "columns": columns, "inputs": inputs, "actual": actual, "positions": places}
+        found |= {"current": current, "breaks": tuple(sorted({int(k) for k in self.breaks}))}
         for key, value in found.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "units", {**{n: UNITS[n] for n in columns if n in UNITS}, **self.units})
         object.__setattr__(self, "doubts", tuple(implausible(time, columns, self.units)))
-        new = [doubt for doubt in self.doubts if doubt not in self.notes]
+        sparse = undecided(time, columns, self.units)
+        new = [note for note in (*self.doubts, *sparse) if note not in self.notes]
         object.__setattr__(self, "notes", (*self.notes, *new))
 
     def __len__(self) -> int:
@@ -100,10 +117,24 @@ class Log:
 
     def between(self, start: float, end: float) -> Log:
         """The samples with start ≤ time ≤ end."""
-        here = (self.time >= start) & (self.time <= end)
-        parts = [{k: v[here] for k, v in part.items()} for part in (self.columns, self.inputs, self.actual)]
-        columns, inputs, actual = parts
-        return Log(self.time[here], columns, inputs, self.units, self.notes, self.step, actual, self.positions)
+        return self._of((self.time >= start) & (self.time <= end))
+
+    def stretches(self) -> tuple[Log, ...]:
+        """The parts between `breaks`, each a log; those of a single sample are left out."""
+        edges = [0, *self.breaks, len(self)]
+        number = np.arange(len(self))
+        parts = [(number >= a) & (number < b) for a, b in pairwise(edges)]
+        return tuple(self._of(part) for part in parts if part.sum() > 1)
+
+    def _of(self, here: np.ndarray) -> Log:
+        """The log of some samples."""
+        groups = self.columns, self.inputs, self.actual, self.current
+        columns, inputs, actual, current = ({k: v[here] for k, v in part.items()} for part in groups)
+        first = np.cumsum(here)[list(self.breaks)] - here[list(self.breaks)]
+        breaks = tuple(int(k) for k in first if 0 < k < here.sum())
+        return Log(
+            self.time[here], columns, inputs, self.units, self.notes, self.step, actual, self.positions, breaks, current
+        )
 
     def first(self, name: str) -> np.ndarray | None:
         """Where an actuator started: what it did, or else its first command; None where neither was logged."""

@@ -142,7 +142,7 @@ def samples(
 
 
 def steps_between(log: Log, cut: Samples, between: Between) -> StepsBetween:
-    """StepsBetween of each segment's own grid, the last before the next start shorter; at most GAP_STEPS over a gap."""
+    """Those of each segment's own grid, the last before the next start shorter; over a gap, no more than GAP_STEPS."""
     starts, last = np.maximum.accumulate(cut.starts), cut.starts + cut.h * cut.steps_away.max(axis=1)
     edges, begins = [starts[:1]], [0]
     for start, end, following, gap in zip(starts, last, starts[1:], cut.after_gap[1:], strict=False):
@@ -170,9 +170,10 @@ def _columns(log: Log) -> np.ndarray:
 
 def _cuts(log: Log, segment: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of every segment: its first sample, its last, and whether it follows upon another without a gap."""
-    if segment is None:
+    if segment is None and not log.breaks:
         return np.array([0]), np.array([len(log) - 1]), np.array([False])
-    gaps = np.flatnonzero(np.diff(log.time) > max(BREAK * segment, FEWEST * log.interval))
+    longest = np.inf if segment is None else max(BREAK * segment, FEWEST * log.interval)
+    gaps = np.union1d(np.flatnonzero(np.diff(log.time) > longest), np.array(log.breaks, int) - 1)
     first: list[int] = []
     last: list[int] = []
     continued: list[bool] = []
@@ -181,22 +182,21 @@ def _cuts(log: Log, segment: float | None) -> tuple[np.ndarray, np.ndarray, np.n
         if end - begin + 1 < FEWEST and len(gaps):
             continue
         length = log.time[end] - log.time[begin]
-        count = max(1, round(length / segment))
+        count = 1 if segment is None else max(1, round(length / segment))
         borders = log.time[begin] + length / count * np.arange(count)
         cut = np.searchsorted(log.time, borders - 1e-9 * log.duration)
         if np.any(np.diff(np.append(cut, end + 1)) < FEWEST):
-            seldom = log.interval * FEWEST > segment
+            seldom = segment is not None and log.interval * FEWEST > segment
             raise ArgumentError(
-                f"Segments of {segment:g} s hold fewer than four samples somewhere: take longer ones than `segment`"
-                + (f"; samples are {log.interval:g} s apart: are times in seconds?" if seldom else ".")
+                f"Segments of {segment or length:g} s hold fewer than four samples somewhere: take longer ones "
+                "than `segment`" + (f"; samples are {log.interval:g} s apart: are times in seconds?" if seldom else ".")
             )
         first += list(cut)
         last += [*(cut[1:] - 1), end]
         continued += [False] + [True] * (count - 1)
     if not first:
-        raise ArgumentError(
-            f"No stretch of the log between gaps of {BREAK * segment:g} s holds four samples: take a longer `segment`."
-        )
+        gap, remedy = ("", "") if segment is None else (f" of {BREAK * segment:g} s", ": take a longer `segment`")
+        raise ArgumentError(f"No stretch of the log between gaps{gap} holds four samples{remedy}.")
     return np.array(first), np.array(last), np.array(continued)
 
 

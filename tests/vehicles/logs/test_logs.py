@@ -130,7 +130,7 @@ def test_units_at_the_end_of_a_column_become_si(tmp_path):
         ("time_s,depth_m\n0,1\n\n1,\n", "line 4, column `depth_m`: there is no number"),
         ("time_s,depth_m\n0,1\n1,nan\n", "line 3, column `depth_m`"),
         ("time_s,depth_m\n0,1\n1\n", "line 3: there are 1 cells for 2 columns"),
-        ("time_s,depth_m\n0,1\n2,1\n2,3\n", "line 4, column `time_s`: times must grow, but 2 s comes after 2 s"),
+        ("time_s,depth_m\n0,1\n2,1\n2,3\n", "line 4, column `time_s`: the time 2 s comes twice"),
     ],
 )
 def test_a_mistake_in_a_table_is_told_with_its_place(tmp_path, text, words):

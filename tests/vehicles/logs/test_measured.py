@@ -120,8 +120,8 @@ GOOD = "time_s,roll_deg,u_m_s,rudder_rad\n0,1,1,0\n1,2,1,0\n2,2,1,0\n"
         (GOOD.replace("2,2,1,0", "2,2,1"), "line 4: there are 3 cells for 4 columns"),
         (GOOD.replace("2,2,1,0", "2,two,1,0"), "line 4, column `roll_deg`: 'two' is no number"),
         (GOOD.replace("2,2,1,0", "2,inf,1,0"), "line 4, column `roll_deg`: 'inf' is not a finite number: leave the"),
-        (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4: time goes from 1 s to 1 s"),
-        (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time`: the time is missing"),
+        (GOOD.replace("2,2,1,0", "1,2,1,0"), "line 4, column `time_s`: the time 1 s comes twice"),
+        (GOOD.replace("2,2,1,0", ",2,1,0"), "line 4, column `time_s`: the time is missing"),
         (GOOD.replace("0,1,1,0", "0,1,1,"), "line 2, column `rudder_rad`: the first value"),
         (GOOD.replace("roll_deg", "qw"), "a quaternion needs qw, qx, qy and qz"),
         ("time_s,qw,qx,qy,qz\n0,1,0,0,0\n1,3,0,0,0\n", "length 1, but one has 3"),
@@ -218,17 +218,19 @@ def test_a_heading_in_degrees_that_is_declared_as_radians_is_told_and_one_in_rad
 
 def test_a_heading_in_degrees_in_a_file_is_told_where_its_header_says_radians(tmp_path):
     rows = "".join(f"{0.1 * k:g},{(300 + 2 * k) % 360},-4\n" for k in range(100))
-    (told,) = read_log(written(tmp_path, f"time_s,heading_rad,w_m_s\n{rows}")).notes
+    with pytest.warns(UserWarning, match="`heading` jumps by 360"):
+        (told,) = read_log(written(tmp_path, f"time_s,heading_rad,w_m_s\n{rows}")).notes
     assert told.startswith("`heading` jumps by 360") and "heading_deg" in told
     assert read_log(written(tmp_path, f"time_s,heading_deg,w_m_s\n{rows}")).notes == ()
 
 
-def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not():
+def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not_taken_for_degrees():
     t, pitch = 0.1 * np.arange(400), 0.3 * np.sin(0.1 * np.arange(400))
     (told,) = Log(t, {"pitch": np.degrees(pitch)}).notes
     assert "`pitch` goes beyond 3.14 rad" in told and Log(t, {"pitch": pitch}).notes == ()
     pitch[::150] = 40.0
-    assert Log(t, {"pitch": pitch}).notes == ()
+    (told,) = Log(t, {"pitch": pitch}).notes
+    assert told.startswith("`pitch` is 40 in row ") and "2 more like it" in told
 
 
 def swaying() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -288,7 +290,8 @@ def test_depths_above_the_surface_are_told_and_a_vehicle_that_floats_is_not(tmp_
     for depth in (dive, 0.4 * np.sin(t), np.where(t < 5, -20.0, dive)):
         assert Log(t, {"depth": depth}).notes == ()
     rows = "".join(f"{a:g},{b:g}\n" for a, b in zip(t, -dive, strict=True))
-    assert len(read_log(written(tmp_path, f"time_s,depth_m\n{rows}")).notes) == 1
+    with pytest.warns(UserWarning, match="Most of `depth` is above the surface"):
+        assert len(read_log(written(tmp_path, f"time_s,depth_m\n{rows}")).notes) == 1
     assert read_log(written(tmp_path, f"time_s,up_m\n{rows}")).notes == ()
     assert read_log(written(tmp_path, f"time_s,z_m\n{rows}"), axes="ENU/FLU").notes == ()
 

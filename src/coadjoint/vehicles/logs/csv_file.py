@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coadjoint.clocks import Unsorted, clock
 from coadjoint.csv_tables import read_sheet
 from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.headers import loose
@@ -23,11 +24,11 @@ class CsvFile:
     columns: dict[str, np.ndarray]
 
 
-def read_csv(path: str | os.PathLike[str]) -> CsvFile:
+def read_csv(path: str | os.PathLike[str], unsorted: Unsorted = "refuse") -> CsvFile:
     """The table in a CSV file: a line of column names that end in their units, `time_s` among them, then numbers.
 
-    Raises FileError with file, line and column for what is no number, is missing, or comes twice, and for times that
-    do not grow.
+    unsorted: whether rows that are out of order are sorted. Raises FileError with file, line and column for what is no
+    number, is missing, or comes twice, and for times that do not increase or are no seconds.
     """
     sheet = read_sheet(path)
     known = [loose(name) for name in sheet.names]
@@ -45,7 +46,7 @@ def read_csv(path: str | os.PathLike[str]) -> CsvFile:
             f"{path}, line {sheet.line}: there must be a column `time_s`, but there are {', '.join(sheet.names)}."
         )
     time = columns.pop(TIME)
-    if len(late := np.flatnonzero(np.diff(time) <= 0)):
-        row = int(late[0]) + 1
-        raise sheet.refuse(row, at, f"times must grow, but {time[row]:g} s comes after {time[row - 1]:g} s.")
-    return CsvFile(str(path), time, columns)
+    where = f"column `{sheet.names[at]}`"
+    # Set points may well be an hour apart: they are held, and no sensor was read in between.
+    read = clock(time, lambda row: f"{path}, line {sheet.lines[row]}, {where}", None, unsorted)
+    return CsvFile(str(path), read.time, {name: values[read.order] for name, values in columns.items()})

@@ -31,17 +31,20 @@ class Column(NamedTuple):
     factor: float
 
 
-def inside(unit: str) -> tuple[str, float]:
-    """The SI unit that numbers in a unit have inside, and the factor to it: ("m³", 0.001) of "L"."""
+def inside(unit: str, name: str = "") -> tuple[str, float]:
+    """The SI unit that numbers in a unit have inside, and the factor to it: ("m³", 0.001) of "L".
+
+    Microseconds are those of the width of a pulse, except of the column `name` "time".
+    """
     if unit == PULSES:
-        return PULSES, 1.0
+        return ("s", 1e-6) if name == "time" else (PULSES, 1.0)
     return dimension_of(unit).si.replace("^2", "²").replace("^3", "³"), unit_of(unit)[0]
 
 
 def loose(header: str) -> Column:
     """The column of a header that may have no unit."""
     name, unit = split_name(header)
-    return Column(header, name, *(inside(unit) if unit else ("", 1.0)))
+    return Column(header, name, *(inside(unit, name) if unit else ("", 1.0)))
 
 
 def column(header: str, where: str) -> Column:
@@ -55,7 +58,7 @@ def column(header: str, where: str) -> Column:
     if not unit and NAMES.get(name, u.NUMBER) == u.NUMBER and (quantity is None or name in NAMES):
         unit = "1"
     try:
-        kind, factor = inside(ENDINGS.get(unit, unit))
+        kind, factor = inside(ENDINGS.get(unit, unit), name)
     except ArgumentError:
         tail = unit or name.removeprefix(f"{quantity}_")
         likely = [end for end, word in ENDINGS.items() if measured in (None, dimension_of(word))]

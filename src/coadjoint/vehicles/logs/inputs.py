@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from coadjoint.clocks import Unsorted
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.signals import Held, Linear
 from coadjoint.vehicles.logs.csv_file import CsvFile, read_csv
@@ -24,6 +25,7 @@ def inputs_from_csv(
     names: Sequence[str] | None = None,
     between: Literal["held", "linear"] = "held",
     every: float = 0.0,
+    unsorted: Unsorted = "refuse",
 ) -> dict[str, Any]:
     """The inputs in a CSV file, for `co.simulate(…, inputs=…)`: co.Held, or co.Linear, of each column over `time_s`.
 
@@ -31,14 +33,15 @@ def inputs_from_csv(
     `command_…`, or else all. `depth` is in the column `set_depth_m`, `command_depth_m` or `depth_m`; columns
     `thrusters[1]_N`, `thrusters[2]_N`, … are one input. Units are those at the end of the name, and become SI and rad.
     `between`: what holds between two rows. Rows that repeat the one before are left out; `every` keeps one row in that
-    many seconds of those that are left. Raises FileError with line and column for a file that cannot be used,
-    ArgumentError for names that it lacks and for an input of more than 100 000 rows.
+    many seconds of those that are left. unsorted: "sort" sorts rows that are out of order by their times. Raises
+    FileError with line and column for a file that cannot be used, ArgumentError for names that it lacks and for an
+    input of more than 100 000 rows.
     """
     if between not in KINDS:
         raise ArgumentError(f'Argument `between` must be "held" or "linear", but is {between!r}.')
     if not (isinstance(every, (int, float)) and every >= 0):
         raise ArgumentError(f"Argument `every` must be a time in s, 0 or more, but is {every!r}.")
-    table = read_csv(path)
+    table = read_csv(path, unsorted)
     whole = _gathered(table)
     chosen = {name: _column(table, whole, name) for name in names} if names is not None else _default(whole)
     return {name: _signal(table, name, values, between, every) for name, values in chosen.items()}

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection
+import warnings
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from coadjoint.csv_tables import csv_text, read_sheet
+from coadjoint.clocks import Jumps, Unsorted, clock, require_choices
+from coadjoint.csv_tables import Sheet, csv_text, read_sheet
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.log import Log
 from coadjoint.plotting.whole_file import whole_file, write_text
@@ -24,7 +26,8 @@ _EMPTY = ("", "nan", "none", "null", "na", "n/a", "-")
 _COMPONENT = re.compile(r"^(.+?)(?:_(\d+)|\[(\d+)\])$")
 _BRACKETS = re.compile(r"^(.+)\[(\d+)\]$")
 _STEP = "# simulated with dt_s = "
-_LEFT_OUT = ("set_", "current_", "u_water", "v_water", "w_water")
+_CURRENT = "current_"
+_LEFT_OUT = ("set_", _CURRENT, "u_water", "v_water", "w_water")
 
 BAGS = (".mcap", ".db3", ".bag", ".bin", ".tlog")
 """The ends of names of what robots record."""
@@ -34,28 +37,52 @@ IRREGULAR = 1.2
 
 
 def read_log(
-    path: str | os.PathLike[str], *, axes: Axes | None = None, ignore: Collection[str] = (), **options: Any
+    path: str | os.PathLike[str],
+    *,
+    axes: Axes | None = None,
+    ignore: Collection[str] = (),
+    jumps: Jumps = "refuse",
+    unsorted: Unsorted = "refuse",
+    **options: Any,
 ) -> Log:
     """The log in a file: a table as CSV, or what a robot recorded, a bag of ROS, by the end of its name.
 
     axes: of the log, "NED/FRD" or "ENU/FLU"; by default the first for a table, and the second of ROS for a bag.
-    ignore: columns to leave out. options: those of `co.vehicles.logs.read_bag`, for what a robot recorded.
+    ignore: columns to leave out. jumps: what happens where the clock is set back, or leaves out more than an hour and
+    100 usual intervals: "refuse" raises, "split" begins a new stretch of the log there, `log.breaks`. unsorted: what
+    happens to rows that are out of order: "refuse" raises, "sort" sorts them by their times. options: those of
+    `co.vehicles.logs.read_bag`, for what a robot recorded.
 
     The headers of a table are names with units: `time_s, roll_deg, u_m_s, p_deg_s, rudder_rad, …`.
     Names: time; north, east, depth, or x, y, z in the `axes`; roll, pitch, heading (or yaw), Euler angles ZYX, or a
     quaternion qw, qx, qy, qz; u, v, w; p, q, r. `heading` is that of a compass in any axes, `yaw` that of the `axes`.
     Every other column is an input; name[1], name[2], … are one of several
     numbers. `command_rudder_deg` is the input `rudder`, rather than `rudder_deg`, which then is what the actuator did;
-    `set_…`, `current_…` and `u_water`, … are left out. `[deg]` or `(deg)` at the end of a header count as `_deg`.
-    Lines that begin with # and columns named in `ignore`, with their unit or without, are skipped. Attitude, velocity
-    and rates are of body axes, turned from `axes`.
+    `current_north`, `current_east` and `current_down` become `log.current`; `set_…` and `u_water`, … are left out.
+    `[deg]` or `(deg)` at the end of a header count as `_deg`. Lines that begin with # and columns named in `ignore`,
+    with their unit or without, are skipped. Attitude, velocity and rates are of body axes, turned from `axes`.
     Empty cells and nan are missing; a missing input keeps its last value. What was unusual stands in `log.notes`.
-    Raises FileError naming file, line and column.
+    Warns of columns that cannot be what they are named, `log.doubts`. Raises FileError naming file, line and column.
     """
+    require_choices(jumps, unsorted)
+    log = _read(path, axes, ignore, jumps, unsorted, options)
+    for doubt in log.doubts:
+        warnings.warn(f"{path}: {doubt}", stacklevel=2)
+    return log
+
+
+def _read(
+    path: str | os.PathLike[str],
+    axes: Axes | None,
+    ignore: Collection[str],
+    jumps: Jumps,
+    unsorted: Unsorted,
+    options: dict[str, Any],
+) -> Log:
     if Path(path).suffix.lower() in BAGS or Path(path).is_dir():
         from coadjoint.vehicles.logs.bags.reading import read_bag
 
-        return read_bag(path, axes=axes, ignore=ignore, **options)
+        return read_bag(path, axes=axes, ignore=ignore, jumps=jumps, unsorted=unsorted, **options)
     if Path(path).suffix.lower() == ".nc":
         raise FileError(
             f"The file {path} is a dataset, not a log: of a run `co.load` reads it, whose `save` writes a log that "
@@ -65,10 +92,16 @@ def read_log(
         raise ArgumentError(
             f"A table has no option `{next(iter(options))}`; it is of files that end in {', '.join(BAGS)}."
         )
-    return read_table(path, "NED/FRD" if axes is None else axes, ignore)
+    return read_table(path, "NED/FRD" if axes is None else axes, ignore, jumps, unsorted)
 
 
-def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]) -> Log:
+def read_table(
+    path: str | os.PathLike[str],
+    axes: Axes,
+    ignore: Collection[str],
+    jumps: Jumps = "refuse",
+    unsorted: Unsorted = "refuse",
+) -> Log:
     """The log of a CSV file, as `read_log` tells; raises FileError naming file, line and column."""
     space_axes(axes)
     file = str(path)
@@ -88,11 +121,15 @@ def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]
         found[made.name] = made, sheet.numbers(place, _EMPTY) * made.factor
     if "time" not in found:
         raise FileError(f"{file}, line {header_line}: there is no column `time_s`; there is: {', '.join(headers)}.")
-    time = _time(file, sheet.lines, found.pop("time")[1])
+    made, time = found.pop("time")
+    read = clock(time, _places(sheet, made, time), jumps, unsorted)
+    time, lines = read.time, [sheet.lines[row] for row in read.order]
+    found = {name: (column, values[read.order]) for name, (column, values) in found.items()}
     columns = turned(file, {name: values for name, (_, values) in found.items() if name in NAMES}, axes)
     driving, did = _driving(file, found)
-    inputs, units, notes = _inputs(file, sheet.lines, driving)
-    actual, *_ = _inputs(file, sheet.lines, did)
+    inputs, units, notes = _inputs(file, lines, driving)
+    actual, *_ = _inputs(file, lines, did)
+    notes = [*read.notes, *notes]
     notes += [
         f"{int(gaps)} of {len(time)} values of {name} are missing."
         for name, values in columns.items()
@@ -102,7 +139,17 @@ def read_table(path: str | os.PathLike[str], axes: Axes, ignore: Collection[str]
     if len(gaps) and gaps.max() > IRREGULAR * np.median(gaps):
         notes.append(f"Samples are irregular: {gaps.min():g} to {gaps.max():g} s apart.")
     try:
-        return Log(time, columns, inputs, units, tuple(notes), _step(path, sheet.comments), actual)
+        return Log(
+            time,
+            columns,
+            inputs,
+            units,
+            tuple(notes),
+            _step(path, sheet.comments),
+            actual,
+            breaks=read.breaks,
+            current=_current(found),
+        )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
 
@@ -143,18 +190,16 @@ def _step(path: Any, comments: list[str]) -> float | None:
     raise FileError(f"{path}: the line `{_STEP}{told[0]}` must tell a positive number, in s.")
 
 
-def _time(file: str, lines: list[int], time: np.ndarray) -> np.ndarray:
+def _places(sheet: Sheet, column: Column, time: np.ndarray) -> Callable[[int], str]:
+    """Where rows are, by their lines; raises FileError for one without a time."""
+
+    def place(row: int) -> str:
+        return f"{sheet.path}, line {sheet.lines[row]}, column `{column.header}`"
+
     bad = np.flatnonzero(np.isnan(time))
     if len(bad):
-        raise FileError(f"{file}, line {lines[bad[0]]}, column `time`: the time is missing.")
-    bad = np.flatnonzero(np.diff(time) <= 0)
-    if len(bad):
-        line = lines[bad[0] + 1]
-        raise FileError(
-            f"{file}, line {line}: time goes from {time[bad[0]]:g} s to {time[bad[0] + 1]:g} s, but must grow: sort "
-            "the lines and give each time once."
-        )
-    return time
+        raise FileError(f"{place(int(bad[0]))}: the time is missing.")
+    return place
 
 
 _Found = dict[str, tuple[Column, np.ndarray]]
@@ -170,6 +215,12 @@ def _require_whole(file: str, found: _Found, prefix: str) -> None:
         gaps = sorted(set(range(min(1, *there), max(there))) - set(there))
         if gaps:
             raise FileError(f"{file}: the column `{prefix}{name}[{gaps[0]}]` is missing among those of {name}.")
+
+
+def _current(found: _Found) -> dict[str, np.ndarray]:
+    """The velocity of the water, m/s, by north, east and down, as far as it is given."""
+    names = {f"{_CURRENT}{name}": name for name in ("north", "east", "down")}
+    return {names[key]: values for key, (made, values) in found.items() if key in names and made.unit == "m/s"}
 
 
 def _driving(file: str, found: _Found) -> tuple[_Found, _Found]:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from coadjoint.clocks import HOUR, Jumps
+from coadjoint.clocks import clock as counted
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.identification.log import Log
 
 PAUSE, LEAST_PAUSE = 10.0, 1e9
 """How many usual intervals, and how many ns, a command is silent before a note tells."""
-HOUR = 3600.0
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,12 @@ def merged(
     notes: Sequence[str],
     step: float | None = None,
     telling: bool = True,
+    jumps: Jumps = "refuse",
 ) -> Log:
     """One log at all times of all sensors and commands, NaN where a sensor was silent, from the first one on.
 
     Of the sensors that measure a column the one of the lowest rank is taken. Commands are held until the next one.
-    telling: whether notes tell which sensor was taken where several measure a column.
+    telling: whether notes tell which sensor was taken where several measure a column. jumps: as of `coadjoint.clocks`.
     Raises FileError where two of one rank measure a column, and where nothing is left.
     """
     chosen = _chosen(file, sensors)
@@ -74,15 +76,16 @@ def merged(
         raise FileError(f"{file} holds fewer than two samples of what was asked for.")
     columns = {name: _placed(clock, chosen[name].times, chosen[name].columns[name]) for name in chosen}
     columns = {name: values for name, values in columns.items() if np.any(np.isfinite(values))}
-    time = (clock - clock[0]) / 1e9
+    read = counted((clock - clock[0]) / 1e9, lambda row: f"{file}, row {row + 1} of its log", jumps)
     units = {name: one.unit for name, one in inputs.items()}
+    told += read.notes
     told += _choices(chosen, sensors) if telling else []
     told += [note for one in inputs.values() for note in _pauses(clock, one)]
     late = [one for one in actual.values() if one.times[0] > clock[0]]
     told += [f"{one.topic} begins after the first sample, and is left out." for one in late]
     try:
         return Log(
-            time,
+            read.time,
             columns,
             {name: _held(clock, one) for name, one in inputs.items()},
             units,
@@ -90,6 +93,7 @@ def merged(
             step,
             {name: _held(clock, one) for name, one in actual.items() if one.times[0] <= clock[0]},
             {name: chosen[name].positions[name] for name in columns if name in chosen[name].positions},
+            read.breaks,
         )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from coadjoint.clocks import Jumps, Unsorted, require_choices
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.identification.log import Log
@@ -53,6 +54,8 @@ def read_bag(
     sensors: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     ignore: Collection[str] = (),
     partial: bool = False,
+    jumps: Jumps = "refuse",
+    unsorted: Unsorted = "refuse",
 ) -> Log:
     """The log that a robot recorded, what its sensors measured and what drove it.
 
@@ -67,10 +70,13 @@ def read_bag(
     topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
     (docs/logs.md); what it declares takes the place of what is known by types. ignore: columns to leave out.
     partial: of a file that was not closed take what is whole.
+    jumps: where nothing was measured for more than an hour and 100 usual intervals, "refuse" raises, "split" begins a
+    new stretch of the log. unsorted: messages whose stamps go back are refused, or sorted, "sort".
     `log.notes` tells what was unusual, and what was taken where several topics measure it.
     Raises FileError for damaged files, topics that are not there, and two that measure the same.
     """
     file = Path(path)
+    require_choices(jumps, unsorted)
     if axes is not None:
         space_axes(axes)
     native = "NED/FRD" if file.suffix.lower() in ARDUPILOT_FILES else "ENU/FLU"
@@ -92,7 +98,7 @@ def read_bag(
         native = cast(Axes, told)
         space_axes(native)
         wanted = declared(sensors, axes, native)
-    found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore)
+    found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore, unsorted)
     if not found and chosen:
         taken = ", ".join(f"{name} ({there[name][0]}, {there[name][1]})" for name in sorted(chosen))
         raise FileError(
@@ -104,7 +110,7 @@ def read_bag(
         known = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in sorted(there.items()))
         raise FileError(f"{file} holds no message that measures a vehicle; it holds {known or 'none'}.")
     notes = [*(note for bag in bags for note in bag.notes), *notes]
-    return merged(str(file), found, commands, notes, _step(file, own), telling=not own)
+    return merged(str(file), found, commands, notes, _step(file, own), not own, jumps)
 
 
 def _parts(file: Path) -> list[Path]:
@@ -148,6 +154,7 @@ def _taken(
     axes: Axes,
     own: Mapping[str, str],
     ignore: Collection[str],
+    unsorted: Unsorted,
 ) -> tuple[list[Samples], list[Actuation], list[str]]:
     """What sensors measured, what actuators were told, and notes."""
     sensors: list[Samples] = []
@@ -170,12 +177,12 @@ def _taken(
         for one in own_sensors:
             if sensor and one.columns == sensor.columns:
                 _require_frame(topic, one)
-            found, told = samples(topic, one, ignore)
+            found, told = samples(topic, one, ignore, unsorted)
             sensors.append(found)
             notes += [*told, *(_mounted(topic, one) if chosen is not None and one.columns else [])]
         for command in own_commands:
             if command.name not in ignore:
-                drove, told = driving(topic, command)
+                drove, told = driving(topic, command, unsorted)
                 commands.append(drove)
                 notes += told
     return sensors, commands, notes

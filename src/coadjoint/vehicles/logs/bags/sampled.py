@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from coadjoint.clocks import Unsorted
 from coadjoint.errors import FileError
 from coadjoint.vehicles.logs.bags.converted import along_body, converted
 from coadjoint.vehicles.logs.bags.merged import Actuation, Samples
@@ -17,12 +18,14 @@ from coadjoint.vehicles.logs.turned import turned
 SECONDS, NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
 
 
-def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> tuple[Samples, list[str]]:
-    """The samples of a sensor, and notes; raises FileError for messages that do not fit and times that decrease."""
+def samples(
+    topic: Topic, sensor: SensorTopic, ignore: Collection[str] = (), unsorted: Unsorted = "refuse"
+) -> tuple[Samples, list[str]]:
+    """The samples of a sensor, and notes; raises FileError for messages that do not fit and stamps that decrease."""
     own = {name: number for name, number in sensor.columns.items() if name not in ignore}
     unless = {sensor.unless[name] for name in own if name in sensor.unless}
     found = topic.numbers([*{number.path for number in own.values()}, *unless, *_stamped(topic, sensor.stamp)])
-    times, kept, notes = _times(topic, sensor.stamp, sensor.offset, found)
+    times, kept, notes = _times(topic, sensor.stamp, sensor.offset, found, unsorted)
     if sensor.every > 0 and len(kept):
         bins = np.floor((times - times[0]) / (sensor.every * 1e9))
         first = np.unique(bins, return_index=True)[1]
@@ -44,11 +47,11 @@ def samples(topic: Topic, sensor: SensorTopic, ignore: Collection[str] = ()) -> 
     return Samples(topic.name, times, kept_columns, sensor.rank, _lag(topic, found), places), [*notes, *more]
 
 
-def driving(topic: Topic, command: CommandTopic) -> tuple[Actuation, list[str]]:
+def driving(topic: Topic, command: CommandTopic, unsorted: Unsorted = "refuse") -> tuple[Actuation, list[str]]:
     """What an actuator was told or did, and notes; raises FileError as `samples`, and for values that are missing."""
     paths = [number.path for number in command.numbers]
     found = topic.numbers([*paths, *_stamped(topic, command.stamp)])
-    times, kept, notes = _times(topic, command.stamp, command.offset, found)
+    times, kept, notes = _times(topic, command.stamp, command.offset, found, unsorted)
     values = np.stack([found[number.path][kept] * number.factor for number in command.numbers], axis=-1)
     if bad := np.count_nonzero(~np.isfinite(values).all(axis=1)):
         raise FileError(f"{topic.where}: {bad} of {len(values)} messages of {topic.name} lack numbers of a command.")
@@ -76,17 +79,15 @@ def _stamped(topic: Topic, stamp: Stamp | None) -> tuple[str, ...]:
 
 
 def _times(
-    topic: Topic, stamp: Stamp | None, offset: float, found: dict[str, np.ndarray]
+    topic: Topic, stamp: Stamp | None, offset: float, found: dict[str, np.ndarray], unsorted: Unsorted
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Times, ns, which messages are kept, in their order, and notes."""
-    by_log = SECONDS not in found
-    if by_log:
+    if SECONDS not in found:
         times = topic.times
-        order = np.argsort(times, kind="stable")
     else:
         times = found[SECONDS].astype(np.int64) * 1_000_000_000 + found[NANOSECONDS].astype(np.int64)
-        order = np.arange(len(times))
-        _require_growing(topic, times)
+        _require_stamps(topic, times, unsorted)
+    order = np.argsort(times, kind="stable")
     sorted_times = times[order] + round(offset * 1e9)
     again = np.zeros(len(order), bool)
     again[1:] = np.diff(sorted_times) == 0
@@ -94,14 +95,16 @@ def _times(
     return sorted_times[~again], order[~again], notes if again.any() else []
 
 
-def _require_growing(topic: Topic, times: np.ndarray) -> None:
+def _require_stamps(topic: Topic, times: np.ndarray, unsorted: Unsorted) -> None:
     where = f"{topic.where}: messages of {topic.name}"
     if len(times) > 1 and not np.any(times):
         raise FileError(f'{where} have no stamps, but 0 in all heads: stamp="log" takes when they were logged.')
     late = np.flatnonzero(np.diff(times) < 0)
-    if len(late):
+    if len(late) and unsorted == "refuse":
         at = int(late[0])
         raise FileError(
             f"{where} go back in time: message {at + 2} is stamped {(times[at] - times[at + 1]) * 1e-9:.9g} s before "
-            'the one ahead of it: correct the stamps, or take when they were logged by stamp="log".'
+            'the one ahead of it: correct the stamps, sort them by unsorted="sort" or --unsorted sort, or take '
+            "when they "
+            'were logged by stamp="log".'
         )

@@ -1,0 +1,104 @@
+"""Logs that a model cannot explain: a current that it lacks, a value that is wild, a pause of an hour."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.torpedo import NOISE
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.identification import Log, identify, synthetic_log
+from coadjoint.identification.commands import require_current
+from coadjoint.vehicles import Craft, load
+from coadjoint.vehicles.logs import read_log
+from coadjoint.vehicles.water import UniformWater
+
+CURRENT = np.array([0.15, -0.1, 0.0])
+
+
+@pytest.fixture(scope="module")
+def drift() -> tuple[Any, Any, Any]:
+    """A REMUS 100 in still water as a model; its start, and a run of 12 s in a current."""
+    craft = Craft(load("remus_100"), water=UniformWater(CURRENT))
+    t = np.arange(0.0, 12.0, 0.1)
+    commands = {"rudder": 0.15 * np.sign(np.sin(1.3 * t) + 1e-9), "stern_planes": 0.1 * np.sin(0.9 * t)}
+    commands["propeller"] = 18 + 4 * np.sign(np.sin(2 * t) + 1e-9)
+    start = craft.start(position=(0, 0, 20), speed=1.5, actuators={"propeller": 18.0})
+    inputs = {name: co.Held(t, values) for name, values in commands.items()}
+    run = co.simulate(
+        craft.system, start, dt=0.05, duration=11.9, inputs=inputs, save_every=2, monitors=False, progress=False
+    )
+    return Craft(load("remus_100")), start, run
+
+
+@pytest.fixture
+def table(drift, tmp_path):
+    drift[2].save(tmp_path / "drift.csv")
+    return tmp_path / "drift.csv"
+
+
+def test_a_current_that_the_model_lacks_is_an_error_which_says_how_to_seek_it(drift, table):
+    craft, start, _ = drift
+    log = read_log(table)
+    np.testing.assert_allclose(np.stack(list(log.current.values())).T, np.tile(CURRENT, (len(log), 1)))
+    with pytest.raises(
+        ArgumentError, match=r"a current of 0\.18 m/s .*water\.velocity\[0\].*ignore=\[\"current_north\""
+    ):
+        identify(craft.system, log, start=start, parameters=["hull.axial_drag"], dt=0.05)
+
+
+@pytest.mark.long
+def test_a_current_that_is_sought_is_found(drift, table):
+    craft, start, _ = drift
+    sought = ["hull.axial_drag", "water.velocity[0]", "water.velocity[1]"]
+    found = identify(craft.system, read_log(table), start=start, parameters=sought, dt=0.05)
+    for name, value in zip(sought, (0.42, *CURRENT[:2]), strict=True):
+        assert abs(found[name].value - value) < 1e-4
+
+
+def test_a_current_that_the_model_has_or_that_is_left_out_is_no_error(drift, table):
+    craft, _, _ = drift
+    log, still = read_log(table), craft.system
+    same = still.replace(water={"velocity": CURRENT})
+    calm = replace(log, current={name: 0 * values for name, values in log.current.items()})
+    with pytest.raises(ArgumentError, match="the water of the model moves at 0, 0, 0 m/s"):
+        require_current(still, log, ["hull"], [])
+    require_current(same, log, ["hull"], [])
+    require_current(still, calm, ["hull"], [])
+    require_current(still, log, ["water.velocity[0]"], [])
+    require_current(still, log, ["hull"], ["water.velocity"])
+    assert not read_log(table, ignore=["current_north", "current_east", "current_down"]).current
+
+
+@pytest.mark.parametrize("current", [{"north": [np.nan] * 120}, {"up": [0.1] * 120}])
+def test_a_current_without_numbers_or_of_another_name_is_refused(drift, current):
+    with pytest.raises(ArgumentError, match="current"):
+        Log(0.1 * np.arange(120), {"u": np.zeros(120)}, current=current)
+
+
+def test_a_log_with_a_wild_value_is_refused_by_row_and_column(drift):
+    craft, start, run = drift
+    log = synthetic_log(run, noise=NOISE, seed=1)
+    north = log.columns["north"].copy()
+    north[30] = 1e6
+    wild = replace(log, columns={**log.columns, "north": north})
+    with pytest.raises(ArgumentError, match=r"`north` is 1e\+06 in row 31, at 3 s, between .* leave that value out"):
+        identify(craft.system, wild, start=start, parameters=["hull.axial_drag"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("segment", [None, 10.0])
+def test_stretches_of_a_log_are_fitted_together_over_a_jump_of_the_clock(drift, segment):
+    """Also as one run, which would else go through the pause."""
+    craft, start, run = drift
+    log = synthetic_log(run, noise=NOISE, seed=2)
+    time = log.time + np.where(np.arange(len(log)) >= 60, 3600.0, 0.0)
+    split = replace(log, time=time, breaks=(60,))
+    same = craft.system.replace(water={"velocity": CURRENT})
+    found = identify(same, split, start=start, parameters=["hull.axial_drag"], segment=segment, dt=0.05)
+    assert found.segments == 2
+    assert abs(found["hull.axial_drag"].value - 0.42) < 4 * found["hull.axial_drag"].standard_error < 0.02
