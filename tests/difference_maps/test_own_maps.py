@@ -25,6 +25,8 @@ ERRORS = {
     "dtau_inverse_dual": (scaled,),
     "dtau_dual": (scaled, lambda right, self, group, xi, mu: self.dtau(group, xi, mu)),
     "dtau_inverse": (scaled, flipped),
+    "inverse": (result_scaled,),
+    "_inverse": (result_scaled, lambda right, self, group, g: -right(self, group, g)),
     "_tangent": (result_scaled,),
     "_tangent_matrix": (result_scaled,),
     "chart": (lambda right, self, group, xi: jnp.nan, lambda right, self, group, xi: xi, broken),
@@ -93,6 +95,7 @@ def test_a_form_that_ships_does_not_fit_a_subclass_of_its_group():
         basis = property(lambda self: 0.5 * co.Translation(self.size).basis)
         tangent = exp = staticmethod(lambda xi: 0.5 * xi)
         vee = staticmethod(lambda matrix: 2 * matrix[:-1, -1])
+        _log = staticmethod(lambda g: 2 * g)
 
     group = Halved(2)
     co.System(group, lambda xi: 0.5 * xi @ xi)

@@ -46,6 +46,8 @@ ERRORS = {
     "ad": (scaled, flipped, text),
     "ad_dual": (scaled, lambda right, self, xi, mu: self.ad(xi, mu)),
     "exp": (scaled, flipped, short),
+    "log": (scaled, flipped),
+    "_log": (scaled, short),
     "angle_squared": (scaled, lambda right, self, xi: right(self, xi) * 4),
     "rotation_angle": (
         lambda right, self, xi: -right(self, xi),
@@ -223,6 +225,9 @@ def test_a_basis_in_small_units_hides_nothing():
 
         def exp(self, xi):
             return co.SO3().exp(1e-9 * xi)
+
+        def _log(self, g):
+            return 1e9 * co.SO3().log(g)
 
         def angle_squared(self, xi):
             return 1e-18 * (xi @ xi)

@@ -94,9 +94,20 @@ def right_trivialised():
 
 @row(
     "[Definition 5](theorems/difference-maps.md), (P34)–(P35)",
-    "inverse right-trivialised tangent dτ⁻¹",
-    (TAU + "dtau_inverse", TAU + "dtau_inverse_dual", "groups.group.LieGroup.Ad", "groups.group.LieGroup.Ad_dual"),
-    (TESTS + "test_inverse_tangent_inverts_the_tangent", TESTS + "test_inverse_tangent_intertwines"),
+    "inverse map τ⁻¹ and its right-trivialised tangent dτ⁻¹",
+    (
+        TAU + "inverse",
+        TAU + "dtau_inverse",
+        TAU + "dtau_inverse_dual",
+        "groups.group.LieGroup.Ad",
+        "groups.group.LieGroup.Ad_dual",
+    ),
+    (
+        "difference_maps/test_inverse_maps.py::test_it_undoes_the_map",
+        "difference_maps/test_inverse_maps.py::test_its_derivative_is_the_inverse_tangent",
+        TESTS + "test_inverse_tangent_inverts_the_tangent",
+        TESTS + "test_inverse_tangent_intertwines",
+    ),
 )
 def inverse_tangent():
     for group, tau, xi, chi, mu in maps():
@@ -107,7 +118,9 @@ def inverse_tangent():
             turned = tau.dtau_inverse(group, -xi, group.Ad(tau.tau(group, -xi), chi))
             dual = group.Ad_dual(F, tau.dtau_inverse_dual(group, xi, mu))
             found = tau.dtau_inverse(group, xi, chi), turned, dual, tau.dtau_inverse_dual(group, xi, mu)
+            moved = jax.jvp(lambda t: tau.inverse(group, group.compose(group.exp(t * chi), F)), (0.0,), (1.0,))
             back, covector = jnp.linalg.solve(slope, chi), jnp.linalg.solve(slope.T, mu)
-            return found, (back, back, explicit.Ad_dual(group, group.matrix(F), covector), covector)
+            expected = back, back, explicit.Ad_dual(group, group.matrix(F), covector), covector, xi, back
+            return (*found, *moved), expected
 
         yield off_each(*evaluate(sides, xi, chi, mu))

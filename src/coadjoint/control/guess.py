@@ -7,15 +7,15 @@ from typing import Any
 
 import jax
 import numpy as np
-import scipy.linalg
 
 from coadjoint.control.ends import end_state
 from coadjoint.control.inputs_between import guesses
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.statement import End
 from coadjoint.control.transcription import Split, Transcription
-from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.errors import ArgumentError, GroupError, StepError, shown
 from coadjoint.groups import LieGroup
+from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.each import each
 from coadjoint.mechanics.state import State
@@ -23,8 +23,8 @@ from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
-TINY, ASIDE = 1e-6, -1e-3
-"""The imaginary part of a logarithm that counts as none, and how far beside half a turn a guess ends, in 𝔤."""
+ASIDE = -1e-3
+"""How far from half a turn a guess ends, in 𝔤."""
 
 
 def guessed(transcription: Transcription, guess: Run | str | None) -> np.ndarray:
@@ -136,7 +136,7 @@ def _interpolated(transcription: Transcription) -> State:
     group, Q, V = problem.system.places
     tau = np.linspace(0.0, 1.0, problem.count + 1)
     s, speed = tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) / problem.length
-    between = evaluate(lambda a, b: group.matrix(group.compose(group.inverse(a), b)), start.g, target.g)
+    between = evaluate(lambda a, b: group.compose(group.inverse(a), b), start.g, target.g)
     whole = _logarithm(group, between)
 
     def element(s: Any) -> Any:
@@ -160,10 +160,10 @@ def _interpolated(transcription: Transcription) -> State:
     return states.replace(t=float(start.t) + problem.length * tau)
 
 
-def _logarithm(group: LieGroup, F: np.ndarray) -> np.ndarray:
-    """ξ with exp(ξ) = F, (dim G,); of half a turn, which has no real logarithm, that of an element near to it."""
-    log: Any = scipy.linalg.logm(F)
-    if np.max(np.abs(np.imag(log))) > TINY:
-        aside = evaluate(lambda xi: group.matrix(group.exp(xi)), np.full(group.dim, ASIDE))
-        log = scipy.linalg.logm(F @ aside)
-    return np.asarray(evaluate(group.vee, np.real(log)))
+def _logarithm(group: LieGroup, F: Element) -> np.ndarray:
+    """ξ with exp(ξ) = F, (dim G,); of half a turn that has no logarithm, that of an element near to it."""
+    try:
+        return group.log(F)
+    except GroupError:
+        aside = evaluate(lambda F, xi: group.compose(F, group.exp(xi)), F, np.full(group.dim, ASIDE))
+        return group.log(aside)

@@ -124,6 +124,10 @@ def _identities(tau: DifferenceMap, group: LieGroup, xi: Array, chi: Array, mu: 
             lambda: vector(tau.dtau_inverse(group, xi, chi)),
             lambda: vector(jnp.linalg.solve(D, chi)),
         ),
+        *(
+            Identity(name, "τ⁻¹(τ(ξ)) = ξ", lambda: vector(tau.inverse(group, tau.tau(group, xi))), lambda: vector(xi))
+            for name in ("inverse", "_inverse")
+        ),
         Identity("_tangent_matrix", "the matrix of dτ_ξ", lambda: tau._tangent_matrix(group, xi), lambda: D),
         Identity(
             "_tangent",

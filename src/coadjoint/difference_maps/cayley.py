@@ -22,6 +22,7 @@ from coadjoint.groups import (
     UnitQuaternion,
 )
 from coadjoint.groups.group import Array, Element, transpose
+from coadjoint.groups.rotation_vector import quaternion
 from coadjoint.groups.rotations import skew
 from coadjoint.kernels.trace.evaluate import evaluate
 
@@ -40,6 +41,9 @@ class Cayley(DifferenceMap):
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         return _tau(group, xi)
 
+    def _inverse(self, group: LieGroup, g: Element) -> Array:
+        return _inverse(group, g)
+
     def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         return _dtau(group, xi, chi)
 
@@ -52,6 +56,13 @@ def _tau(group: LieGroup, xi: Array) -> Element:
     half = 0.5 * group.hat(xi)
     one = jnp.eye(group.matrix_size)
     return group.from_matrix(jnp.linalg.solve(one - half, one + half))
+
+
+@singledispatch
+def _inverse(group: LieGroup, g: Element) -> Array:
+    """2 ((g + 1)⁻¹(g − 1))ᵛ."""
+    matrix, one = group.matrix(g), jnp.eye(group.matrix_size)
+    return 2 * group.vee(jnp.linalg.solve(matrix + one, matrix - one))
 
 
 @singledispatch
@@ -220,3 +231,54 @@ def _transforms(S: SemidirectProduct) -> bool:
 
     xi, v = xi[: group.dim], v[: V.ambient(group)]
     return bool(np.max(np.abs(evaluate(back, xi, v))) <= 1e-12)
+
+
+@_inverse.register
+def _(group: Translation, g: Element) -> Array:
+    return g
+
+
+@_inverse.register
+def _(group: SO2, g: Element) -> Array:
+    """2 tan(θ/2)."""
+    return 2 * jnp.tan(0.5 * group.log(g))
+
+
+@_inverse.register
+def _(group: SO3, g: Element) -> Array:
+    """2v/w of the unit quaternion (w, v), w ≥ 0."""
+    q = quaternion(g)
+    return 2 * q[1:] / q[0]
+
+
+@_inverse.register
+def _(group: SE2, g: Element) -> Array:
+    """(θ, x − ½θJx) with θ that of SO(2)."""
+    theta = _inverse(SO2(), g[0])
+    return jnp.concatenate([theta, g[1] - 0.5 * theta * jnp.stack([-g[1][1], g[1][0]])])
+
+
+@_inverse.register
+def _(group: SE3, g: Element) -> Array:
+    """(ω, x − ½ω×x) with ω that of SO(3)."""
+    omega = _inverse(SO3(), g[0])
+    return jnp.concatenate([omega, g[1] - 0.5 * jnp.cross(omega, g[1])])
+
+
+@_inverse.register
+def _(group: UnitQuaternion, g: Element) -> Array:
+    """4v/(1 + w) of g = (w, v)."""
+    return 4 * g[1:] / (1 + g[0])
+
+
+@_inverse.register
+def _(group: Heisenberg, g: Element) -> Array:
+    return group.log(g)
+
+
+@_inverse.register
+def _(group: SemidirectProduct, g: Element) -> Array:
+    """(τ⁻¹(F), u) with ½(1 + F)u = v."""
+    F, v = g
+    half = jax.vmap(lambda u: 0.5 * (u + group.representation.act(group.group, F, u)), out_axes=1)
+    return jnp.concatenate([Cayley().inverse(group.group, F), jnp.linalg.solve(half(jnp.eye(v.shape[0])), v)])

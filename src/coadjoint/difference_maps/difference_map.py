@@ -12,14 +12,18 @@ from functools import lru_cache
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.direct_product import DirectProduct
-from coadjoint.groups.group import Array, Element, LieGroup, transpose
+from coadjoint.groups.group import Array, Element, LieGroup, require_solution, transpose
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.power import Power
 from coadjoint.kernels.run import kept
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import evaluate, traced
+
+_NEWTON_STEPS = 12
+"""Of τ(ξ) = g from log g, which quadratic convergence needs anywhere in a chart."""
 
 
 class DifferenceMap:
@@ -39,6 +43,38 @@ class DifferenceMap:
 
     def _dtau_inverse_dual(self, group: LieGroup, xi: Array, mu: Array) -> Array:
         return jnp.linalg.solve(self._tangent_matrix(group, xi).T, mu)
+
+    def _inverse(self, group: LieGroup, g: Element) -> Array:
+        """By Newton's iteration from log g: ξ ↦ ξ + dτ⁻¹_ξ ½(M − M⁻¹)ᵛ with M = g τ(ξ)⁻¹.
+
+        Two further steps, from a ξ that counts as a constant, have the derivatives of the solution.
+        """
+
+        def step(xi: Array) -> Array:
+            there, back = self.tau(group, xi), self.tau(group, -xi)
+            M = group.matrix(group.compose(g, back)) - group.matrix(group.compose(there, group.inverse(g)))
+            return xi + self.dtau_inverse(group, xi, group.vee(0.5 * M))
+
+        found = lax.fori_loop(0, _NEWTON_STEPS, lambda _, xi: step(xi), group.log(g))
+        return step(step(lax.stop_gradient(found)))
+
+    def inverse(self, group: LieGroup, g: Element) -> Array:
+        """ξ = τ⁻¹(g), (dim,), of an element g: τ(ξ) = g on the branch of ξ = 0 (P38, Definition 5).
+
+        Of numbers it returns NumPy's float64, and raises GroupError where g is not on the group or outside the image of
+        τ on that branch. Under jit, vmap and grad it is not finite there, or no solution.
+        """
+        if not traced(g):
+            xi = evaluate(lambda g: self.inverse(group, g), g)
+            require_solution(group, repr(self), xi, lambda xi: self.tau(group, xi), g)
+            return xi
+        if isinstance(group, Opposite):
+            return self.inverse(group.group, g)
+        if isinstance(group, DirectProduct):
+            return jnp.concatenate([self.inverse(factor, part) for factor, part in zip(group.factors, g, strict=True)])
+        if isinstance(group, Power):
+            return jnp.reshape(jax.vmap(lambda one: self.inverse(group.factor, one))(g), -1)
+        return self._inverse(group, g)
 
     def tau(self, group: LieGroup, xi: Array) -> Element:
         """τ(ξ), an element, of ξ (dim,)."""

@@ -37,6 +37,9 @@ class Exponential(DifferenceMap):
     def _tau(self, group: LieGroup, xi: Array) -> Element:
         return group.exp(xi)
 
+    def _inverse(self, group: LieGroup, g: Element) -> Array:
+        return group.log(g)
+
     def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         if not isinstance(group, SO3):
             return super()._dtau(group, xi, chi)

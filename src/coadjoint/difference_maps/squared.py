@@ -33,6 +33,10 @@ class Squared(DifferenceMap):
         root = self.half.tau(group, 0.5 * xi)
         return group.compose(root, root)
 
+    def _inverse(self, group: LieGroup, g: Element) -> Array:
+        """2σ⁻¹(√g) with √g = exp(½ log g)."""
+        return 2 * self.half.inverse(group, group.exp(0.5 * group.log(g)))
+
     def _dtau(self, group: LieGroup, xi: Array, chi: Array) -> Array:
         moved = 0.5 * self.half.dtau(group, 0.5 * xi, chi)
         return moved + group.Ad(self.half.tau(group, 0.5 * xi), moved)

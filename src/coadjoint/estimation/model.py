@@ -10,15 +10,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.errors import ArgumentError, GroupError, StepError, shown
 from coadjoint.estimation.drifting import DriftingParameters
 from coadjoint.estimation.drifts import Drift
 from coadjoint.estimation.functions import RowFunction
-from coadjoint.estimation.logarithm import logarithms
 from coadjoint.estimation.model_arguments import require_fit, roots_of_noise, sizes_of
 from coadjoint.estimation.process import Process, spread
 from coadjoint.estimation.stepping import ModelSteps
 from coadjoint.estimation.truth import states_at
+from coadjoint.groups.measured import logarithms
 from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
@@ -251,8 +251,19 @@ class ModelProcess(Process):
         both = np.concatenate([rows, others], axis=-1).reshape(-1, 2 * rows.shape[-1])
         turns, _ = self._turning(np.zeros((len(both), 0)), both)
         size = group.matrix_size
-        e[..., : group.dim] = logarithms(group, turns.reshape(-1, size, size)).reshape(*e.shape[:-1], group.dim)
+        e[..., : group.dim] = self._apart(turns.reshape(-1, size, size)).reshape(*e.shape[:-1], group.dim)
         return e
+
+    def _apart(self, turns: np.ndarray) -> np.ndarray:
+        """η, (count, dim G), with exp(η) = turns, matrices (count, k, k); raises ArgumentError where there is none."""
+        group = self._system.group
+        try:
+            return logarithms(group, evaluate(jax.vmap(group.from_matrix), turns))
+        except GroupError as error:
+            raise ArgumentError(
+                "An estimate and the truth differ by an element of the group that is no exponential, such as half a "
+                f"turn, so that their error has no coordinates. {error}"
+            ) from error
 
     @cached_property
     def _turning(self) -> RowFunction:

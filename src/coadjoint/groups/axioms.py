@@ -112,6 +112,10 @@ def _closed_forms(group: LieGroup, xi: Array, eta: Array, mu: Array, M: Array, g
     derived = LieGroup
     every = [
         Identity("exp", "matrix(exp ξ) = e^ξ̂", lambda: group.matrix(group.exp(xi)), lambda: M),
+        *(
+            Identity(name, "log(exp ξ) = ξ", lambda: vector(group.log(group.exp(xi))), lambda: vector(xi))
+            for name in ("log", "_log")
+        ),
         Identity(
             "Ad", "Ad_g ξ = (g ξ̂ g⁻¹)ᵛ", lambda: vector(group.Ad(g, xi)), lambda: vector(derived.Ad(group, g, xi))
         ),

@@ -11,6 +11,7 @@ import numpy as np
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates, require_room, require_size, unit
 from coadjoint.groups.matrix_elements import MatrixElements, singular
+from coadjoint.groups.matrix_logarithm import logarithm
 
 
 class _Quadratic(MatrixElements):
@@ -87,6 +88,9 @@ class SOn(MatrixCoordinates, _Quadratic):
     @property
     def form(self) -> np.ndarray:
         return np.eye(self.size)
+
+    def _log(self, g: Array) -> Array:
+        return self.vee(logarithm(g, orthogonal=True))
 
     def outside(self, g: Array) -> Array:
         return jnp.maximum(self.defect(g), jnp.abs(jnp.linalg.det(g) - 1))

@@ -98,6 +98,9 @@ class DirectProduct(LieGroup):
     def exp(self, xi: Array) -> Element:
         return tuple(f.exp(part) for f, part in zip(self.factors, self.split(xi), strict=True))
 
+    def _log(self, g: Element) -> Array:
+        return jnp.concatenate([f.log(a) for f, a in zip(self.factors, g, strict=True)])
+
     def rotation_angle(self, xi: Array) -> Array | float:
         angles = [f.rotation_angle(part) for f, part in zip(self.factors, self.split(xi), strict=True)]
         return reduce(jnp.maximum, angles)

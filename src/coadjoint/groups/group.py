@@ -6,6 +6,7 @@ An element is a PyTree of arrays (SO3: R; SE3: (R, x); products: tuples); ξ, η
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -15,6 +16,8 @@ import numpy as np
 
 from coadjoint.errors import GroupError
 from coadjoint.groups.matrix_exponential import exponential
+from coadjoint.groups.matrix_logarithm import logarithm
+from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 Element = Any
 """A group element: a PyTree of arrays."""
@@ -110,6 +113,26 @@ class LieGroup:
         """e^ξ̂ of ξ (dim,), an element; NaN where |ξ̂| is over 19, the reach of `matrix_exponential`."""
         return self.from_matrix(exponential(self.hat(xi)))
 
+    def log(self, g: Element) -> Array:
+        """ξ (dim,) with exp(ξ) = g, of an element g: the inverse of `exp` near e, on its principal branch.
+
+        Rotations have |ω| ≤ π. At half a turn, where ω and −ω agree, the component of ω that is largest in size is
+        positive, the first among equals. −1 of the unit quaternions has ξ = (2π, 0, 0). Groups without a closed form
+        take the principal logarithm of the matrix, whose eigenvalues have imaginary parts in (−π, π).
+
+        Of numbers it returns NumPy's float64, and raises GroupError where g is not on the group or has no such
+        logarithm in 𝔤. Under jit, vmap and grad it is NaN there.
+        """
+        if traced(g):
+            return self._log(g)
+        xi = evaluate(self._log, g)
+        require_solution(self, "exp", xi, self.exp, g)
+        return xi
+
+    def _log(self, g: Element) -> Array:
+        """That of the matrix; what a group can do better overrides it."""
+        return self.vee(logarithm(self.matrix(g), orthogonal=_is_orthogonal(self)))
+
     def angle_squared(self, xi: Array) -> Array | None:
         """θ², one number, where ad_ξ has no eigenvalues but 0 and ±iθ, in Jordan blocks of size ≤ 2; else None.
 
@@ -152,6 +175,31 @@ class LieGroup:
         return None
 
 
+_ON_GROUP = 1e-6
+"""How far an element may be from the group, and from that of its coordinates: drift and single precision."""
+
+
+def require_solution(group: LieGroup, name: str, xi: Array, map_: Callable[[Array], Element], g: Element) -> None:
+    """Raise GroupError unless `map_`, called `name`, takes ξ (dim,) to the element g, to 1e-6 of its largest entry."""
+
+    def misfit(xi: Array, g: Element) -> tuple[Array, Array]:
+        found, given = group.matrix(map_(xi)), group.matrix(g)
+        return jnp.max(jnp.abs(found - given), initial=0.0), jnp.max(jnp.abs(given), initial=1.0)
+
+    off, size = map(float, evaluate(misfit, xi, g))
+    if off <= _ON_GROUP * size:
+        return
+    outside = float(evaluate(group.outside, g))
+    if not outside <= _ON_GROUP * size:
+        raise GroupError(
+            f"The argument must be an element of {group!r}, but is off it by {outside:.1e}: take `group.project` of it."
+        )
+    raise GroupError(
+        f"The element of {group!r} is outside the image of {name} on its principal branch: {name}(ξ) = g has no "
+        "solution ξ there; take an element nearer to the identity."
+    )
+
+
 def transpose(linear, size: int, covector: Array) -> Array:
     """The dual of a linear map of ℝ^size, applied to a covector, an array like the map's result. Returns (size,)."""
     _, pull = jax.vjp(linear, jnp.zeros(size))
@@ -169,6 +217,12 @@ def _projection(group: LieGroup) -> np.ndarray:
     """The matrix (dim, N²) that takes the entries of ξ̂ to its coordinates."""
     sizes = group.basis_sizes()[:, None]
     return _tidy(np.linalg.pinv((group.basis / sizes[..., None]).reshape(group.dim, -1).T)) / sizes
+
+
+@lru_cache(maxsize=256)
+def _is_orthogonal(group: LieGroup) -> bool:
+    """Whether all elements are orthogonal matrices, those of the basis skew."""
+    return bool(np.all(group.basis == -np.swapaxes(group.basis, 1, 2)))
 
 
 @lru_cache(maxsize=256)

@@ -77,6 +77,9 @@ class Heisenberg(LieGroup):
     def exp(self, xi: Array) -> Array:
         return xi + 0.5 * self._area(xi, xi)
 
+    def _log(self, g: Array) -> Array:
+        return g - 0.5 * self._area(g, g)
+
     def angle_squared(self, xi: Array) -> Array:
         return jnp.zeros(())
 

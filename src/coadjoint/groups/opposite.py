@@ -86,6 +86,9 @@ class Opposite(LieGroup):
     def exp(self, xi: Array) -> Element:
         return self.group.exp(xi)
 
+    def _log(self, g: Element) -> Array:
+        return self.group.log(g)
+
     def angle_squared(self, xi: Array) -> Array | None:
         return self.group.angle_squared(xi)
 

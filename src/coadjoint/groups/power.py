@@ -146,6 +146,9 @@ class Power(LieGroup):
     def exp(self, xi: Array) -> Element:
         return self.each(self.factor.exp, xi)
 
+    def _log(self, g: Element) -> Array:
+        return jnp.reshape(jax.vmap(self.factor.log)(g), -1)
+
     def rotation_angle(self, xi: Array) -> Array | float:
         return jnp.max(jnp.asarray(self.each(lambda one: jnp.asarray(self.factor.rotation_angle(one)), xi)))
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array, LieGroup
+from coadjoint.groups.rotation_vector import of_quaternion
 from coadjoint.groups.rotations import skew
 from coadjoint.groups.small_angle import sine_ratio
 
@@ -71,6 +72,9 @@ class UnitQuaternion(LieGroup):
         t = xi @ xi
         cosine = 1 - t / 8 * sine_ratio(t / 16) ** 2
         return jnp.concatenate([cosine[None], 0.5 * sine_ratio(t / 4) * xi])
+
+    def _log(self, g: Array) -> Array:
+        return of_quaternion(g)
 
     def angle_squared(self, xi: Array) -> Array:
         return xi @ xi

@@ -8,8 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.groups.group import Array, Element, LieGroup
-from coadjoint.groups.rotations import SO3, orthogonal_defect, orthogonal_projection, reflection, skew, turn
-from coadjoint.groups.small_angle import cubic_ratio, sine_ratio, versine_ratio
+from coadjoint.groups.rotations import (
+    SO3,
+    orthogonal_defect,
+    orthogonal_projection,
+    plane_angle,
+    reflection,
+    skew,
+    turn,
+)
+from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, sine_ratio, versine_ratio
 
 _QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -73,6 +81,12 @@ class SE2(_RigidMotions):
         side = xi[0] * versine_ratio(t) * (_QUARTER @ xi[1:])
         return turn(xi[0]), sine_ratio(t) * xi[1:] + side
 
+    def _log(self, g: Element) -> Array:
+        """(θ, ½θ cot(½θ) x − ½θ Jx) with J the quarter turn."""
+        theta = plane_angle(g[0])
+        along = (1 - theta * theta * cotangent_ratio(theta * theta)) * g[1]
+        return jnp.concatenate([theta[None], along - 0.5 * theta * (_QUARTER @ g[1])])
+
     def angle_squared(self, xi: Array) -> Array:
         return xi[0] * xi[0]
 
@@ -118,6 +132,13 @@ class SE3(_RigidMotions):
         turned = jnp.cross(omega, v)
         x = v + versine_ratio(t) * turned + cubic_ratio(t) * jnp.cross(omega, turned)
         return SO3().exp(omega), x
+
+    def _log(self, g: Element) -> Array:
+        """(ω, x − ½ ω×x + β ω×(ω×x)) with β = (1 − ½θ cot(½θ))/θ²."""
+        omega = SO3().log(g[0])
+        turned = jnp.cross(omega, g[1])
+        v = g[1] - 0.5 * turned + cotangent_ratio(omega @ omega) * jnp.cross(omega, turned)
+        return jnp.concatenate([omega, v])
 
     def angle_squared(self, xi: Array) -> Array:
         return xi[:3] @ xi[:3]

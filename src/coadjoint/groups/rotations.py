@@ -9,6 +9,7 @@ import numpy as np
 
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_elements import MatrixElements
+from coadjoint.groups.rotation_vector import of_quaternion, quaternion
 from coadjoint.groups.small_angle import sine_ratio, versine_ratio
 
 
@@ -23,6 +24,11 @@ def turn(theta: Array) -> Array:
     """The plane rotation by θ, (2, 2)."""
     c, s = jnp.cos(theta), jnp.sin(theta)
     return jnp.stack([jnp.stack([c, -s]), jnp.stack([s, c])])
+
+
+def plane_angle(R: Array) -> Array:
+    """The angle in (−π, π] of a plane rotation R (2, 2)."""
+    return jnp.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
 
 
 def orthogonal_defect(R: Array) -> Array:
@@ -93,6 +99,9 @@ class SO2(_Rotations):
     def exp(self, xi: Array) -> Array:
         return turn(xi[0])
 
+    def _log(self, g: Array) -> Array:
+        return plane_angle(g)[None]
+
     def angle_squared(self, xi: Array) -> Array:
         return jnp.zeros(())
 
@@ -134,6 +143,9 @@ class SO3(_Rotations):
         """Rodrigues' formula (P91)."""
         t, omega = xi @ xi, skew(xi)
         return jnp.eye(3) + sine_ratio(t) * omega + versine_ratio(t) * (omega @ omega)
+
+    def _log(self, g: Array) -> Array:
+        return of_quaternion(quaternion(g))
 
     def angle_squared(self, xi: Array) -> Array:
         return xi @ xi

@@ -14,7 +14,7 @@ from coadjoint.errors import GroupError, shown
 from coadjoint.groups.group import Array, Element, LieGroup, transpose
 from coadjoint.groups.matrix_exponential import exponential_minus_one
 from coadjoint.groups.power import require_one_matrix
-from coadjoint.groups.small_angle import cubic_ratio, versine_ratio
+from coadjoint.groups.small_angle import cotangent_ratio, cubic_ratio, versine_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
 
 
@@ -165,9 +165,16 @@ class SemidirectProduct(LieGroup):
             once = self.representation.infinitesimal(self.group, x, u)
             twice = self.representation.infinitesimal(self.group, x, once)
             return self.group.exp(x), u + versine_ratio(t) * once + cubic_ratio(t) * twice
-        size = u.shape[0]
-        slope = jnp.zeros((size + 1, size + 1)).at[:size, :size].set(_matrix_of_algebra(self, x)).at[:size, size].set(u)
-        return self.group.exp(x), exponential_minus_one(slope)[:size, size]
+        return self.group.exp(x), _mean(self, x, u[:, None])[:, 0]
+
+    def _log(self, g: Element) -> Array:
+        """(log g, φ(log g)⁻¹ v)."""
+        x, v = self.group.log(g[0]), g[1]
+        if _turns(self):
+            once = self.representation.infinitesimal(self.group, x, v)
+            twice = self.representation.infinitesimal(self.group, x, once)
+            return jnp.concatenate([x, v - 0.5 * once + cotangent_ratio(self.group.angle_squared(x)) * twice])
+        return jnp.concatenate([x, jnp.linalg.solve(_mean(self, x), v)])
 
     def angle_squared(self, xi: Array) -> Array | None:
         return self.group.angle_squared(self.split(xi)[0]) if _has_one_angle(self) else None
@@ -202,6 +209,15 @@ def _matrix_of_algebra(S: SemidirectProduct, xi: Array) -> Array:
     """v ↦ ξ·v as a matrix."""
     size = S.representation.ambient(S.group)
     return jax.vmap(lambda v: S.representation.infinitesimal(S.group, xi, v), out_axes=1)(jnp.eye(size))
+
+
+def _mean(S: SemidirectProduct, xi: Array, columns: Array | None = None) -> Array:
+    """φ(ξ) U with φ(ξ) = ∫₀¹ exp(sξ) ds on V, of columns U (dim V, m), by default 1."""
+    X = _matrix_of_algebra(S, xi)
+    U = jnp.eye(len(X)) if columns is None else columns
+    size = len(X) + U.shape[1]
+    slope = jnp.zeros((size, size)).at[: len(X), : len(X)].set(X).at[: len(X), len(X) :].set(U)
+    return exponential_minus_one(slope)[: len(X), len(X) :]
 
 
 def _random(S: SemidirectProduct) -> np.ndarray:

@@ -75,6 +75,9 @@ class Translation(LieGroup):
     def exp(self, xi: Array) -> Array:
         return xi
 
+    def _log(self, g: Array) -> Array:
+        return g
+
     def angle_squared(self, xi: Array) -> Array:
         return jnp.zeros(())
 

@@ -13,6 +13,7 @@ from jax import lax
 from coadjoint.groups.complex_form import real_form
 from coadjoint.groups.group import Array
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates, diagonal, require_size
+from coadjoint.groups.matrix_logarithm import logarithm
 
 _HALF = 0.5**0.5
 """√½, a number of Python's, with which single precision stays what it is."""
@@ -124,6 +125,9 @@ class _Unitary(MatrixCoordinates):
 
     def tangent(self, xi: Array) -> ComplexMatrix:
         return self.from_matrix(self.hat(xi)) if self.dense else self.parts(xi)
+
+    def _log(self, g: ComplexMatrix) -> Array:
+        return self.vee(logarithm(self.matrix(g), orthogonal=True))
 
     def _hat(self, xi: Array) -> Array:
         return self.matrix(self.parts(xi))

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.groups.small_angle import arctangent_ratio
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.models.rods.strains import _arctangent_ratio, logarithm, rotation_vector
+from coadjoint.models.rods.strains import logarithm, rotation_vector
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
 U = 0.5 * (NODES + 1)
@@ -22,7 +23,7 @@ def integral(k: int, n: int, t: float) -> float:
 @pytest.mark.parametrize("k", [0, 1])
 def test_ratios_of_the_arctangent_and_two_derivatives_are_their_integrals(k: int, t: float):
     def ratio(t):
-        return _arctangent_ratio(k, t)
+        return arctangent_ratio(k, t)
 
     for n, function in enumerate([ratio, jax.grad(ratio), jax.grad(jax.grad(ratio))]):
         found = float(evaluate(function, np.float64(t)))

@@ -95,21 +95,23 @@ def _polynomial(p: Any, x: Array, *coefficients: Array) -> Array:
 
 
 def _lu(p: Any, a: Array) -> list[Array]:
-    """P a = L U with partial pivoting, as LAPACK's getrf: L and U in one, pivots, P. SciPy takes long to load."""
-    if a.ndim > 2:
-        parts = [_lu(p, b) for b in a]
-        return [np.stack(part) for part in zip(*parts, strict=True)]
-    factors, order = np.array(a), np.arange(a.shape[0])
-    pivots = np.zeros(min(a.shape), dtype=np.int32)
-    for k in range(pivots.size):
-        pivots[k] = chosen = k + int(np.argmax(np.abs(factors[k:, k])))
-        if factors[chosen, k] == 0:  # a singular matrix, which here, as by XLA, gives infinities
-            continue
-        swapped = [k, chosen], [chosen, k]
-        factors[swapped[0]], order[swapped[0]] = factors[swapped[1]], order[swapped[1]]
-        below = factors[k + 1 :, k] = factors[k + 1 :, k] / factors[k, k]
-        factors[k + 1 :, k + 1 :] -= np.outer(below, factors[k, k + 1 :])
-    return [factors, pivots, order]
+    """P a = L U with partial pivoting, as LAPACK's getrf: L and U in one, pivots, P. SciPy takes long to load.
+
+    Column after column, over all leading axes together.
+    """
+    *leading, rows, columns = a.shape
+    factors = np.array(a).reshape(int(np.prod(leading)), rows, columns)
+    each, order = np.arange(len(factors)), np.tile(np.arange(rows), (len(factors), 1))
+    pivots = np.zeros((len(factors), min(rows, columns)), dtype=np.int32)
+    for k in range(pivots.shape[1]):
+        pivots[:, k] = chosen = k + np.argmax(np.abs(factors[:, k:, k]), axis=1)
+        for table in (factors, order):
+            table[each, k], table[each, chosen] = table[each, chosen], table[each, k]
+        # A singular matrix has zeros below, too, and gives infinities, as by XLA.
+        pivot = np.where(factors[:, k, k] == 0, 1.0, factors[:, k, k])
+        factors[:, k + 1 :, k] /= pivot[:, None]
+        factors[:, k + 1 :, k + 1 :] -= factors[:, k + 1 :, k, None] * factors[:, k, None, k + 1 :]
+    return [factors.reshape(a.shape), pivots.reshape(*leading, pivots.shape[1]), order.reshape(*leading, rows)]
 
 
 def _triangular(p: Any, a: Array, b: Array) -> Array:
