@@ -66,6 +66,7 @@ class Run:
     """Repeat a run that the folder holds already."""
 
     def __call__(self) -> int:
+        from coadjoint.runs.identity import NOT_COMPARED
         from coadjoint.runs.run_file import read
         from coadjoint.runs.running import check, execute
 
@@ -84,6 +85,8 @@ class Run:
             return OK
         written = execute(file, folder, self.overwrite, False if self.json else None)
         _show_run(written, self.json)
+        if written.before and not written.compared and not self.json:
+            terminal.line(NOT_COMPARED)
         return FAILED if written.failure else OK
 
 

@@ -91,10 +91,12 @@ def _require_no_sweep(source: Path) -> None:
             f"The folder {folder} holds a sweep that has not finished: the same `coadjoint sweep` command goes on with "
             "it."
         )
-    pictures = [str(folder / name) for name in summary(folder).get("figures", [])]
+    told = summary(folder)
+    named = told.get("figures")
+    pictures = [str(folder / name) for name in named if isinstance(name, str)] if isinstance(named, list) else []
     drawn = f"what it found is drawn in {' and '.join(pictures)}, and " if pictures else ""
     raise FileError(
-        f"The folder {folder} holds a sweep of {held.facts['sweep']['members']} members, and no single run: {drawn}"
+        f"The folder {folder} holds a sweep of {told.get('members')} members, and no single run: {drawn}"
         f"co.load_sweep({str(folder)!r}) opens it in Python; `coadjoint info {folder}` tells its numbers."
     )
 

@@ -89,6 +89,7 @@ def _warned() -> Iterator[None]:
 
 def show(made: SweepResults) -> None:
     """The summary, and the statistics of where members ended."""
+    from coadjoint.runs.identity import NOT_COMPARED
     from coadjoint.sweeps.results import facts
 
     told = made.summary
@@ -102,6 +103,8 @@ def show(made: SweepResults) -> None:
     for member, sentence in list(told["refusals"].items())[:3]:
         terminal.line(f"Member {member} was refused: {sentence}")
     terminal.line(f"Results: {made.folder}/")
+    if not made.compared:
+        terminal.line(NOT_COMPARED)
 
 
 def _rows(values: Any) -> list[tuple[str, ...]]:

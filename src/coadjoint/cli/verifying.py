@@ -25,6 +25,13 @@ class Verify:
         from coadjoint.report.verification import verify
 
         found = verify(self.folder)
+        if found.unfinished_sweep:
+            from coadjoint.sweeps.store import MEMBERS, done, problems
+
+            found.problems += [
+                sentence for number in sorted(done(self.folder)) for sentence in problems(self.folder, number)
+            ]
+            found.unknown = [name for name in found.unknown if not Path(name).is_relative_to(self.folder / MEMBERS)]
         if self.json:
             told = {"complete": found.complete, "files": found.files, "problems": found.problems}
             terminal.json({**told, "unknown": found.unknown})

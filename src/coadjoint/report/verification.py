@@ -15,6 +15,7 @@ class Verification:
     """What was found in a folder: how many files were compared, what is wrong, and files of which nothing is known."""
 
     complete: bool
+    unfinished_sweep: bool = False
     files: int = 0
     problems: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
@@ -38,7 +39,8 @@ def verify(folder: Path) -> Verification:
         raise FileError(
             f"The folder {folder} {state}: verify takes a folder that `coadjoint run` or co.simulate(store=…) wrote."
         ) from None
-    found = Verification(bool(manifest.facts.get("complete")))
+    complete = bool(manifest.facts.get("complete"))
+    found = Verification(complete, not complete and "sweep" in manifest.facts)
     _compare(manifest, found)
     if manifest.facts["kind"] == "results" and not found.complete and (folder / UNFINISHED / MANIFEST).exists():
         _compare(Manifest.read(folder / UNFINISHED), found)

@@ -45,6 +45,10 @@ class RunFile(Runnable):
         return [self.system.factory.rsplit(":", 1)[0]] if self.system.factory else []
 
     @property
+    def written_in_python(self) -> bool:
+        return bool(self.system.factory)
+
+    @property
     def code(self) -> list[Path]:
         home = self.path.parent.resolve()
         found = [path.resolve() for name, path in self.inputs.items() if name not in self.places]

@@ -69,6 +69,11 @@ class Runnable(ABC):
         """The files that it names; they are kept with the results."""
 
     @property
+    def written_in_python(self) -> bool:
+        """Whether a file of Python says what is run."""
+        return False
+
+    @property
     def inputs(self) -> dict[str, Path]:
         """Where the files are that it names; raises FileError where one is not there."""
         return {name: self.located(name) for name in self.names}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from coadjoint.report.folder import (
     require_writable,
 )
 from coadjoint.report.summary import run_summary, to_json, versions
+from coadjoint.runs.identity import IDENTITY, identity, require_same
 from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
@@ -41,6 +42,7 @@ class Written:
     """A run, the folder that holds it, and its summary; `failure` tells why it stopped early.
 
     `before`: whether the folder held it already; `run` is then what co.load reads, None where no step was saved.
+    `compared`: whether it is known that its model is the one of now.
     """
 
     run: Any
@@ -48,6 +50,7 @@ class Written:
     summary: dict[str, Any]
     failure: str | None = None
     before: bool = False
+    compared: bool = False
 
 
 def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
@@ -106,14 +109,16 @@ def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: boo
     where the folder holds another run or cannot be written, ArgumentError and LagrangianError before the run.
     """
     require_free(folder, file.text, file.inputs)
-    if overwrite or not _complete(folder):
+    there, made = held_manifest(folder), None
+    complete = there is not None and bool(there.facts.get("complete")) and not overwrite
+    if not complete or file.written_in_python:
         made = file.set_up()
         if file.output.asked:
             prepared(file, made)
-    else:
-        made = None
+    now = identity(file, made)
+    compared = complete and there is not None and require_same(folder, there.facts, now)
     with claimed(folder, file.text, overwrite, file.inputs) as claim:
-        return _carried_on(file, claim, made, progress)
+        return replace(_carried_on(file, claim, made, progress, now), compared=compared)
 
 
 def resume(folder: Path, progress: bool | None = None) -> Written:
@@ -126,17 +131,15 @@ def resume(folder: Path, progress: bool | None = None) -> Written:
         return _carried_on(file, claim, None, progress)
 
 
-def _complete(folder: Path) -> bool:
-    held = held_manifest(folder)
-    return held is not None and bool(held.facts.get("complete"))
-
-
-def _carried_on(file: Runnable, claim: Claim, made: Setup | None, progress: bool | None) -> Written:
-    """The run of a claimed folder from where it stands to its results."""
+def _carried_on(
+    file: Runnable, claim: Claim, made: Setup | None, progress: bool | None, now: dict[str, str] | None = None
+) -> Written:
+    """The run of a claimed folder from where it stands to its results. now: what it is known by, if that is found."""
     if claim.complete:
         claim.tidy()
         return finished(claim)
     made = file.set_up() if made is None else made
+    claim.manifest.facts[IDENTITY] = identity(file, made) if now is None else now
     run, failure = _ended(lambda: simulate(file, made, progress, claim.folder / UNFINISHED), claim.folder)
     return claim.results(lambda stage: write(file, claim.folder, stage, made, run, failure))
 

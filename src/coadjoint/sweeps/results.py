@@ -34,10 +34,11 @@ class SweepResults:
     """A finished sweep: `dataset` of all members, read when used; `statistics` over them; `summary`.
 
     manifest: that of its folder, with which all that is read is compared. summary: that of its file, unless given.
+    `compared`: False where the same sweep was asked for again, and its folder keeps no identity to compare it by.
     """
 
     def __init__(self, manifest: Manifest, summary: dict[str, Any] | None = None):
-        self.manifest, self.folder = manifest, manifest.folder
+        self.manifest, self.folder, self.compared = manifest, manifest.folder, True
         self.summary: dict[str, Any] = _summary(manifest) if summary is None else summary
 
     @cached_property

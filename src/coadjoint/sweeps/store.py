@@ -149,16 +149,19 @@ def done(folder: Path) -> set[int]:
     return {int(path.stem) for path in (folder / UNFINISHED / SHARDS).glob(f"[0-9]*{Path(_shard(0)).suffix}")}
 
 
+def problems(folder: Path, number: int) -> list[str]:
+    """What is wrong with the shard of a task and with its chunks, a sentence each."""
+    try:
+        return [*Manifest(folder, {}, Statistics(folder, number).header["files"]).problems()]
+    except FileError as error:
+        return [str(error)]
+
+
 def discard_damaged(folder: Path) -> None:
     """Remove the shards that are not what was written, or whose chunks are not: their tasks are then missing."""
     for number in done(folder):
-        try:
-            files = Statistics(folder, number).header["files"]
-            if not next(Manifest(folder, {}, files).problems(), None):
-                continue
-        except FileError:
-            pass
-        disk.remove(folder / UNFINISHED / SHARDS / _shard(number))
+        if problems(folder, number):
+            disk.remove(folder / UNFINISHED / SHARDS / _shard(number))
 
 
 def enter_chunks(manifest: Manifest, tasks: int) -> None:

@@ -21,6 +21,7 @@ from coadjoint.manifest import Manifest
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import SUMMARY, UNFINISHED, claimed
 from coadjoint.report.summary import to_json, versions
+from coadjoint.runs.identity import IDENTITY, require_same
 from coadjoint.sealed import seal
 from coadjoint.simulation.dataset import meanings
 from coadjoint.simulation.progress import Progress
@@ -29,12 +30,9 @@ from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, load_sweep, meant
-from coadjoint.sweeps.task import Task, ensemble, perform
+from coadjoint.sweeps.task import TRIED, Task, ensemble, identity, perform
 
 _log = logger(__name__)
-
-TRIED = 16
-"""Of so many members one at least must be possible."""
 
 
 def execute(
@@ -56,18 +54,23 @@ def execute(
         cluster.require()
         require_address(scheduler)
     _ = sweep.size
+    known = identity(sweep)  # before the folder is claimed: what a factory imports is then known, and copied
     with claimed(folder, sweep.text, overwrite, sweep.places) as claim:
+        compared = "sweep" in claim.manifest.facts and require_same(folder, claim.manifest.facts, known)
         if claim.complete:
             claim.tidy()
             if damaged := next(claim.manifest.problems(), None):
                 raise FileError(f"{damaged.removesuffix('.')}; --overwrite begins the sweep again.")
-            return load_sweep(folder)
+            made = load_sweep(folder)
+            made.compared = compared
+            return made
         if scheduler is not None:
             require_answer(scheduler, cluster.PATIENCE)
+        claim.manifest.facts[IDENTITY] = known
         plan = _planned(sweep, claim.manifest)
         store.discard_damaged(folder)
         began = time.perf_counter()
-        busy = _compute(sweep, folder, plan, scheduler, workers, progress)
+        busy = _compute(sweep, folder, plan, known, scheduler, workers, progress)
         spent = time.perf_counter() - began
         store.enter_chunks(claim.manifest, sweep.tasks)
         claim.manifest.facts["sweep"] = {"digest": plan["digest"], "members": sweep.members, "whole": True}
@@ -79,7 +82,7 @@ def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
     """What all tasks go by: found out once, kept in the manifest, the same when the sweep goes on."""
     folder, found = manifest.folder, manifest.facts.get("sweep")
     if found is None:
-        found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size, "versions": versions()}
+        found = {**probed(sweep), "digest": sweep.digest, "size": sweep.size}
         disk.remove(folder / store.MEMBERS)
         disk.make(folder / UNFINISHED / store.SHARDS)
         if sweep.results.keep != "statistics":
@@ -92,12 +95,6 @@ def _planned(sweep: Sweep, manifest: Manifest) -> dict[str, Any]:
         raise FileError(
             f"The numbers that are drawn now are not those with which the sweep in {folder} began, as with another "
             "version of SciPy: go on with that, or begin again with --overwrite."
-        )
-    if found["versions"] != versions():
-        differing = [f"{key} {value}" for key, value in found["versions"].items() if versions().get(key) != value]
-        raise FileError(
-            f"The sweep in {folder} began with {', '.join(differing)}: go on with that, for the same bits, or begin "
-            "again with --overwrite."
         )
     return found
 
@@ -188,6 +185,7 @@ def _compute(
     sweep: Sweep,
     folder: Path,
     plan: Mapping[str, Any],
+    known: Mapping[str, str],
     scheduler: str | None,
     workers: int | None,
     progress: bool | None,
@@ -200,7 +198,7 @@ def _compute(
         span = sweep.span(number)
         return Task(
             place, configuration, number, span.start, sweep.rows(span), span.stop - span.start, plan["save_every"],
-            tuple(plan["chosen"]), plan["quick"], plan["versions"],
+            tuple(plan["chosen"]), plan["quick"], known,
         )  # fmt: skip
 
     def missing() -> list[int]:
@@ -243,7 +241,7 @@ def _write(sweep: Sweep, manifest: Manifest, stage: Path, plan: dict[str, Any], 
         "save_every": plan["save_every"], "members": sweep.members, "tasks": sweep.tasks,
         "members_of_a_task": sweep.size,
         "sampling": sweep.sweep.sampling, "seed": sweep.sweep.seed, "numbers": list(sweep.design[0]), **told, **spent,
-        "versions": plan["versions"],
+        "versions": versions(),
     }  # fmt: skip
     summary["card"] = "\n".join(f"{name:8} {text}" for name, text in facts(summary))
     summary["figures"] = []

@@ -21,7 +21,8 @@ from coadjoint.kernels.run.ensemble import at_most
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.each import count_members
 from coadjoint.report.folder import RUN_FILE, kept_inputs
-from coadjoint.report.summary import versions
+from coadjoint.runs import identity as runs
+from coadjoint.runs.identity import difference
 from coadjoint.runs.methods import method
 from coadjoint.runs.setup import Setup
 from coadjoint.simulation.arguments import grid, require_kinds
@@ -36,6 +37,8 @@ from coadjoint.texts import read_table
 if TYPE_CHECKING:
     from coadjoint.simulation.ensemble import Ensemble
 
+TRIED = 16
+"""Of so many members one at least must be possible."""
 REFUSED = -2
 """The code of a member that cannot be set up, such as one of a negative mass."""
 
@@ -50,7 +53,7 @@ class Task:
     """Some members of the sweep in a folder: all that a worker is told.
 
     configuration: the SHA-256 of the sweep's text; rows: the numbers of these members; quick: whether parameters and
-    starts may stand for all members at once.
+    starts may stand for all members at once; identity: what the run of the first member is known by.
     """
 
     folder: str
@@ -62,7 +65,7 @@ class Task:
     save_every: int
     chosen: tuple[str, ...]
     quick: bool
-    versions: Mapping[str, str]
+    identity: Mapping[str, str]
 
 
 @dataclass
@@ -114,12 +117,12 @@ def perform(task: Task, threads: int = 1) -> dict[str, float]:
 def compute(task: Task, threads: int = 1) -> Shard:
     """The shard of a task; tasks of one process run one after another, each on so many threads."""
     began = time.perf_counter()
-    if dict(task.versions) != versions():
-        raise ArgumentError(
-            f"A worker has {_listed(versions())}, but the sweep began with {_listed(task.versions)}: results are the "
-            "same to the bit with the same versions only."
-        )
     sweep = swept(task.folder, task.configuration)
+    if differing := difference(task.identity, known(task.folder, task.configuration)):
+        raise ArgumentError(
+            f"On a worker the model is another than where the sweep began: {differing}; all workers need the same "
+            "files and versions."
+        )
     with _ONE, at_most(threads), collector_off():
         parts = [_part(sweep, task, places) for places in _groups(sweep, task)]
         found = _joined(task, [piece for part in parts for piece in part])
@@ -127,8 +130,24 @@ def compute(task: Task, threads: int = 1) -> Shard:
     return found
 
 
-def _listed(found: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} {number}" for name, number in found.items())
+@lru_cache(maxsize=4)
+def known(folder: str, configuration: str) -> dict[str, str]:
+    """What the sweep in a folder is known by in this process."""
+    return identity(swept(folder, configuration))
+
+
+def identity(sweep: Sweep) -> dict[str, str]:
+    """What a sweep is known by: the run of the first member that can be set up."""
+    refused: CoadjointError | None = None
+    for member in range(min(sweep.members, TRIED)):
+        try:
+            return runs.identity(sweep.run(sweep.rows(slice(member, member + 1)), False))
+        except FileError:
+            raise
+        except CoadjointError as error:
+            refused = refused or error
+    assert refused is not None
+    raise refused
 
 
 def _groups(sweep: Sweep, task: Task) -> Iterator[np.ndarray]:

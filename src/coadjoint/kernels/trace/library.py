@@ -18,8 +18,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import jax
-
 NAME = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "llvmlite")
@@ -41,17 +39,22 @@ def library() -> str | None:
 
 @lru_cache(maxsize=1)
 def _files() -> str | None:
-    """The digest of all files of the library, read once."""
-    hasher = hashlib.sha256()
+    """The digest of all files of the library, read once; None where one is younger than this process."""
     try:
-        for path in _paths():
-            with open(path, "rb") as file:
-                if os.fstat(file.fileno()).st_mtime >= _BEGAN:
-                    return None
-                content = file.read()
-            hasher.update(f"{os.path.relpath(path, ROOT)} {len(content)} ".encode() + content)
+        found = digest_of_files()
     except OSError:
         return None
+    return None if edited() else found
+
+
+@lru_cache(maxsize=2)
+def digest_of_files(part: str = "") -> str:
+    """The SHA-256 of all files of the library, or of a folder in it, read once."""
+    hasher = hashlib.sha256()
+    for path in _paths(part):
+        with open(path, "rb") as file:
+            content = file.read()
+        hasher.update(f"{os.path.relpath(path, ROOT)} {len(content)} ".encode() + content)
     return hasher.hexdigest()
 
 
@@ -63,10 +66,10 @@ def edited() -> bool:
         return True
 
 
-def _paths() -> list[str]:
-    """All files of the library, but not those that Python writes there."""
+def _paths(part: str = "") -> list[str]:
+    """All files of the library, or of a folder in it, but not those that Python writes there."""
     found = []
-    for folder, folders, names in os.walk(ROOT):
+    for folder, folders, names in os.walk(ROOT / part):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         found += [os.path.join(folder, name) for name in sorted(names)]
     return found
@@ -79,6 +82,8 @@ def _versions() -> str:
 
 def _settings() -> str:
     """JAX's settings, some of which change what is traced."""
+    import jax
+
     return repr(sorted((str(name), repr(value)) for name, value in jax.config.values.items()))
 
 

@@ -1,0 +1,90 @@
+"""Sweeps of systems that a file of Python makes: one model, whatever it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+import coadjoint as co
+from coadjoint.sweeps import store
+from coadjoint.sweeps.file import Sweep, read_sweep
+from coadjoint.sweeps.sweep import execute
+from coadjoint.sweeps.task import Task, compute
+
+FACTORY = """
+import coadjoint as co
+import spring_of_sweep_test as spring
+
+def make(c=1.0, k=2.0):
+    stiff = spring.K * k if c > 1.0 else k
+    s = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ xi + 0.5 * p.c * xi[0] ** 2 + p.k * xi[1] ** 2,
+                  parameters={"c": 2 * c, "k": stiff})
+    return s, s.state(xi=[0.3, 0.2 * c, 1.0])
+"""
+SWEEP = """
+[sweep]
+run = "r.toml"
+sampling = "list"
+task = 2
+[vary.parameters]
+c = { values = [0.9, 1.0, 1.1, 1.2] }
+k = { values = [2.0, 2.5, 3.0, 3.5] }
+[results]
+variables = ["mu"]
+figures = false
+"""
+
+
+@pytest.fixture
+def sweep(tmp_path, monkeypatch) -> Sweep:
+    (tmp_path / "spring_of_sweep_test.py").write_text("K = 2.0\n")
+    (tmp_path / "f.py").write_text(FACTORY)
+    (tmp_path / "r.toml").write_text('[system]\nfactory = "f.py:make"\n[run]\ndt = 0.01\nsteps = 5\n')
+    (tmp_path / "s.toml").write_text(SWEEP)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.delitem(sys.modules, "spring_of_sweep_test", raising=False)
+    return read_sweep(tmp_path / "s.toml")
+
+
+def edited(folder: Path, text: str) -> None:
+    """Change the module, as for a new process."""
+    (folder / "spring_of_sweep_test.py").write_text(text)
+    sys.modules.pop("spring_of_sweep_test", None)
+    importlib.invalidate_caches()
+
+
+@pytest.fixture
+def begun(sweep, tmp_path, monkeypatch) -> Path:
+    """A sweep that was killed before its end."""
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "enter_chunks", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            execute(sweep, tmp_path / "out", workers=1, progress=False)
+    return tmp_path / "out"
+
+
+def test_a_sweep_goes_on_with_the_same_model_alone(sweep, begun, tmp_path):
+    assert (begun / "inputs" / "1" / "spring_of_sweep_test.py").exists()
+    edited(tmp_path, "K = 4.0\n")
+    with pytest.raises(co.FileError, match=r"spring_of_sweep_test\.py has other contents there"):
+        execute(sweep, begun, workers=1, progress=False)
+    edited(tmp_path, "K = 2.0\n")
+    made = execute(sweep, begun, workers=1, progress=False)
+    assert made.summary["computed_tasks"] == 0 and made.failures == {}
+
+
+def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeypatch):
+    monkeypatch.setattr("coadjoint.sweeps.task.runs.identity", lambda file: {"equations": "others"})
+    with pytest.raises(co.FileError, match="its equations are others"):
+        execute(sweep, begun, workers=1, progress=False)
+
+
+def test_a_worker_with_another_model_refuses_its_task(sweep, begun):
+    text = hashlib.sha256((begun / "run.toml").read_bytes()).hexdigest()
+    task = Task(str(begun), text, 0, 0, sweep.rows(slice(0, 2)), 2, 1, ("mu",), True, {"equations": "others"})
+    with pytest.raises(co.ArgumentError, match="On a worker the model is another"):
+        compute(task)
