@@ -1,0 +1,116 @@
+"""What `identify` and logs are given: times that grow, numbers without gaps where they drive, and their limits."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint.errors import ArgumentError
+from coadjoint.identification import Log, identify
+from coadjoint.identification.arguments import require_named, require_numbers
+
+T = np.arange(5.0)
+NAN, INF = np.nan, np.inf
+
+
+def log(**changes: Any) -> Log:
+    return Log(
+        **{"time": T, "columns": {"depth": [1.0, NAN, 3.0, 4.0, 5.0], "yaw": T}, "inputs": {"rudder": T}} | changes
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"time": [0.0]}, r"at least two samples, but `time` has shape \(1,\)"),
+        ({"time": np.zeros((5, 1))}, r"at least two samples, but `time` has shape \(5, 1\)"),
+        ({"time": [0.0, 1.0, INF, 3.0, 4.0]}, "must be finite, but sample 2 is at inf s"),
+        ({"time": [0.0, 1.0, 1.0, 2.0, 3.0]}, "must grow, but sample 2 is at 1 s after 1 s"),
+        ({"time": [0.0, 1.0, 3.0, 2.0, 4.0]}, "must grow, but sample 3 is at 2 s after 3 s"),
+        ({"time": ["a"] * 5}, "`time` of a log must hold numbers"),
+        ({"columns": [1.0]}, "`columns` of a log must be by names"),
+        ({"columns": {"yaw": T[1:]}}, r"`yaw` must have one number for each of 5 times: \(4,\)"),
+        ({"columns": {"yaw": np.zeros((5, 2))}}, r"`yaw` must have one number for each of 5 times: \(5, 2\)"),
+        ({"inputs": {"rudder": T[1:]}}, r"`rudder` must have one number for each of 5 times"),
+        ({"columns": {"yaw": [0.0, 1.0, 2.0, -INF, 4.0]}}, "`yaw` is infinite in sample 3, at 3 s: give NaN where"),
+        (
+            {"inputs": {"fins": [[0.0, 1.0]] * 4 + [[0.0, INF]]}},
+            "`fins` is infinite in sample 4, at 4 s: give what",
+        ),
+        ({"inputs": {"fins": [[0.0, 1.0], [NAN, 0.0]] + [[0.0, 0.0]] * 3}}, "Input `fins` is missing at 1 s"),
+        ({"actual": {"rudder": [0.0, 1.0, NAN, NAN, 4.0]}}, r"`actual\['rudder'\]` is missing at 2 s"),
+        ({"columns": {"yaw": [NAN] * 5}}, "Column `yaw` holds no number"),
+        ({"positions": {"u": (0.0, 0.0, 0.0)}}, "`positions` names `u`, but has a place of a sensor of: depth"),
+        ({"positions": {"yaw": (0.0, 0.0, 0.0)}}, "`positions` names `yaw`"),
+        ({"positions": {"depth": (0.0, 0.0)}}, "`positions` of `depth` must be three finite numbers"),
+        ({"positions": {"depth": (0.0, 0.0, NAN)}}, "`positions` of `depth` must be three finite numbers"),
+    ],
+)
+def test_another_log_raises_what_is_wrong_with_it_and_where(changes, sentence):
+    with pytest.raises(ArgumentError, match=sentence):
+        log(**changes)
+
+
+def test_a_part_of_a_log_has_the_samples_between_two_times_and_these():
+    whole = log(inputs={"fins": np.arange(10.0).reshape(5, 2)}, actual={"fins": np.ones((5, 2))}, step=0.1)
+    part = whole.between(1.0, 3.0)
+    assert part.time.tolist() == [1.0, 2.0, 3.0] and part.columns["yaw"].tolist() == [1.0, 2.0, 3.0]
+    assert part.inputs["fins"].tolist() == [[2.0, 3.0], [4.0, 5.0], [6.0, 7.0]] and part.step == 0.1
+    assert (len(part), part.duration, part.interval) == (3, 2.0, 1.0)
+    assert part.actual["fins"].shape == (3, 2)
+
+
+def test_an_actuator_started_where_it_was_or_else_where_it_was_first_told():
+    found = log(inputs={"a": T + 2, "b": T + 3}, actual={"a": T + 7})
+    assert (found.first("a"), found.first("b"), found.first("c")) == (7.0, 3.0, None)
+
+
+def test_a_log_in_words_names_what_was_measured_and_what_drove_it():
+    assert repr(log()) == "<Log of 5 samples over 4 s: depth, yaw, driven by rudder>"
+    assert repr(log(inputs={})) == "<Log of 5 samples over 4 s: depth, yaw>"
+
+
+def top() -> tuple[co.System, co.State]:
+    system = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters={"inertia": [1.0, 2.0, 3.0]})
+    return system, system.state(xi=[0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"level": 0.0}, "`level` must lie between 0 and 1, but is 0"),
+        ({"level": 1.0}, "`level` must lie between 0 and 1, but is 1"),
+        ({"level": True}, "`level` must be a number"),
+        ({"segment": 0.0}, "`segment` must be a positive time in s, or None, but is 0"),
+        ({"segment": INF}, "`segment` must be a positive time"),
+        ({"between": "cubic"}, '`between` must be "held" or "linear", but is \'cubic\''),
+        ({"dt": "a"}, "`dt` must be a number"),
+        ({"noise": [1.0]}, "`noise` must be name → value"),
+        ({"measured": [1.0]}, "`measured` must be name → value"),
+        ({"log": T}, "`log` must be a Log"),
+    ],
+)
+def test_another_argument_raises_what_it_must_be(changes, sentence):
+    system, start = top()
+    with pytest.raises(ArgumentError, match=sentence):
+        identify(system, **{"log": log(), "start": start, "parameters": ["inertia"]} | changes)
+
+
+def test_what_holds_a_system_is_no_system():
+    system, start = top()
+    with pytest.raises(
+        ArgumentError, match=r"`system` must be a co\.System, but is SimpleNamespace: give its `system`"
+    ):
+        identify(SimpleNamespace(system=system), log(), start=start, parameters=["inertia"])  # pyright: ignore
+
+
+@pytest.mark.parametrize("value", [True, np.True_, "1", None, [1.0]])
+def test_numbers_are_numbers_and_no_truth_values(value):
+    require_numbers(level=1, settle=np.float64(0.5), dt=np.int64(2))
+    with pytest.raises(ArgumentError, match="Argument `level` must be a number"):
+        require_numbers(level=value)
+    require_named(noise={})
