@@ -23,6 +23,16 @@ EARLIEST, LATEST = 5e8, 1e11
 where between the two they are."""
 
 
+class Choices(NamedTuple):
+    """What happens where a clock jumps, and to rows that are out of order."""
+
+    jumps: Jumps = "refuse"
+    unsorted: Unsorted = "refuse"
+
+
+REFUSED = Choices()
+
+
 class Counted(NamedTuple):
     """`order`: which rows there are, in order, (n,). `time`: their times, (n,) s. `breaks`: rows at which a new stretch
     begins. `notes`: what was done, a sentence each."""

@@ -138,6 +138,13 @@ def test_a_gap_between_readings_is_told(hole: slice, told: str):
         again.predict(0.02)
 
 
+def test_a_pause_of_an_hour_between_readings_is_refused():
+    with pytest.raises(
+        co.ArgumentError, match=r"no reading of `imu` from 0\.58 s to 3600\.6 s.*one filter on each stretch"
+    ):
+        run((TIMES + np.where(np.arange(len(TIMES)) >= 30, 3600.0, 0.0), REST), until=3601.0)
+
+
 def test_what_is_printed_tells_of_readings_in_other_units():
     right = run((TIMES, REST))
     with pytest.warns(UserWarning, match="see to its unit"):

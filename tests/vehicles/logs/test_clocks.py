@@ -115,6 +115,40 @@ def test_a_bag_is_refused_or_split(tmp_path):
     assert read_log(tmp_path / "log.mcap", jumps="split").breaks == (20,)
 
 
+def test_all_topics_of_a_bag_are_moved_alike_where_the_clock_goes_back(tmp_path):
+    """By stamps and by times of logging; the topics keep how they lie to each other."""
+    pytest.importorskip("mcap")
+    from tests.vehicles.logs.bags.test_doubtful_bags import PLAIN, SECONDS, TWIST, bag
+
+    back = np.where(SECONDS < 12, SECONDS, SECONDS - 7)
+    u, rudder = {"twist.twist.linear.x": 0.1 * SECONDS}, {"data": 0.01 * SECONDS}
+    path = bag(tmp_path / "x.mcap", [("/twist", TWIST, u, back), ("/command/rudder", PLAIN, rudder, back)])
+    with pytest.raises(FileError, match=r"/twist go back in time: message 13 is stamped 6 s before .*jumps=\"split\""):
+        read_log(path)
+    log = read_log(path, jumps="split")
+    np.testing.assert_array_equal(log.time, SECONDS)
+    np.testing.assert_allclose(log.columns["u"], 0.1 * SECONDS)
+    np.testing.assert_allclose(log.inputs["rudder"], 0.01 * SECONDS)
+    assert log.breaks == (12,) and any("goes back by 6 s" in note for note in log.notes)
+    once = bag(tmp_path / "y.mcap", [("/twist", TWIST, u, back), ("/command/rudder", PLAIN, rudder, SECONDS)])
+    with pytest.raises(FileError, match=r"clock of /twist goes back 1 times, that of /command/rudder 0 times"):
+        read_log(once, jumps="split")
+
+
+def test_messages_of_a_bag_out_of_order_are_sorted_on_request(tmp_path):
+    pytest.importorskip("mcap")
+    from tests.vehicles.logs.bags.test_doubtful_bags import PLAIN, SECONDS, TWIST, bag
+
+    order = np.random.default_rng(4).permutation(len(SECONDS))
+    u, rudder = {"twist.twist.linear.x": 0.1 * order}, {"data": 0.01 * order}
+    path = bag(tmp_path / "x.mcap", [("/twist", TWIST, u, order), ("/command/rudder", PLAIN, rudder, order)])
+    with pytest.raises(FileError, match=r"/command/rudder go back in time: .* is logged|/twist go back in time"):
+        read_log(path)
+    log = read_log(path, unsorted="sort")
+    np.testing.assert_allclose(log.columns["u"], 0.1 * SECONDS)
+    np.testing.assert_allclose(log.inputs["rudder"], 0.01 * SECONDS)
+
+
 def test_sparse_logs_and_pauses_below_an_hour_are_no_jumps():
     for times in ([7200.0 * k for k in range(12)], [0.0, 1.0, 3500.0, 3501.0], [0, 1800.0, 9000.0, 9000.5]):
         assert clock(np.array(times), str).breaks == ()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +24,7 @@ class Samples:
 
     positions: where in the body the sensor sits, m, by those columns for which it is not O.
     lag: by how much its messages were logged after their stamps, the median, s; None where times are those of logging.
+    pieces: how often the clock went back before each sample, (samples,): times increase within a piece.
     """
 
     topic: str
@@ -31,11 +33,13 @@ class Samples:
     rank: Mapping[str, int]
     lag: float | None = None
     positions: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    pieces: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k); `lag` as of `Samples`."""
+    """What an actuator was told, or did: times, ns, and values, (samples,) or (samples, k); `lag`, `pieces` as of
+    `Samples`."""
 
     topic: str
     name: str
@@ -44,6 +48,7 @@ class Actuation:
     unit: str
     did: bool
     lag: float | None = None
+    pieces: np.ndarray | None = None
 
 
 def merged(
@@ -61,11 +66,12 @@ def merged(
     telling: whether notes tell which sensor was taken where several measure a column. jumps: as of `coadjoint.clocks`.
     Raises FileError where two of one rank measure a column, and where nothing is left.
     """
+    sensors, driven, again, said = _pieced(file, sensors, driven)
     chosen = _chosen(file, sensors)
     inputs = _one_each(file, [one for one in driven if not one.did])
     actual = {name: one for name, one in _one_each(file, [one for one in driven if one.did]).items() if name in inputs}
     clock = _clock([*(_heard(one, chosen) for one in sensors), *(one.times for one in inputs.values())])
-    told = [*notes, *(clocks(file, [*sensors, *driven]) if telling else [])]
+    told = [*notes, *said, *(clocks(file, [*sensors, *driven]) if telling else [])]
     begin = max((int(one.times[0]) for one in inputs.values()), default=None)
     if begin is not None and len(clock) and begin > clock[0]:
         told.append(
@@ -93,10 +99,56 @@ def merged(
             step,
             {name: _held(clock, one) for name, one in actual.items() if one.times[0] <= clock[0]},
             {name: chosen[name].positions[name] for name in columns if name in chosen[name].positions},
-            read.breaks,
+            tuple(sorted({*read.breaks, *(k for k in np.searchsorted(clock, again).tolist() if 0 < k < len(clock))})),
         )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
+
+
+Topic = TypeVar("Topic", Samples, Actuation)
+
+
+def _pieced(
+    file: str, sensors: Sequence[Samples], driven: Sequence[Actuation]
+) -> tuple[list[Samples], list[Actuation], np.ndarray, list[str]]:
+    """Topics whose times increase, the pieces of all moved one behind the other; when each piece but the first begins,
+    ns, and notes. Raises FileError where the clock of one topic goes back more often than that of another."""
+    topics = [one for one in (*sensors, *driven) if len(one.times)]
+    counts = {one.topic: 1 + int(0 if one.pieces is None else one.pieces[-1]) for one in topics}
+    most = max(counts.values(), default=1)
+    if most == 1:
+        return list(sensors), list(driven), np.zeros(0, np.int64), []
+    least = min(counts, key=counts.__getitem__)
+    if counts[least] < most:
+        often = max(counts, key=counts.__getitem__)
+        raise FileError(
+            f"{file}: the clock of {often} goes back {most - 1} times, that of {least} {counts[least] - 1} times, "
+            "and what "
+            "is before and after in both is not known: leave out one of them by `topics`, or correct their times."
+        )
+    usual = min(int(np.median(np.diff(one.times[_piece(one, 0)]))) for one in topics if _piece(one, 0).sum() > 1)
+    shifts, notes = [0], []
+    for k in range(1, most):
+        end = max(int(one.times[_piece(one, k - 1)][-1]) for one in topics) + shifts[-1]
+        begin = min(int(one.times[_piece(one, k)][0]) for one in topics)
+        shifts.append(end + usual - begin)
+        notes.append(
+            f"The clock goes back by {(end - shifts[-2] - begin) * 1e-9:.6g} s: what follows is a stretch of its own, "
+            f"whose times count {shifts[-1] * 1e-9:.6g} s later than logged."
+        )
+    first = [min(int(one.times[_piece(one, k)][0]) for one in topics) + shifts[k] for k in range(1, most)]
+
+    def moved(one: Topic) -> Topic:
+        if one.pieces is None or not len(one.times):
+            return one
+        return replace(one, times=one.times + np.array(shifts)[one.pieces])
+
+    return [moved(one) for one in sensors], [moved(one) for one in driven], np.array(first), notes
+
+
+def _piece(one: Samples | Actuation, k: int) -> np.ndarray:
+    """The samples of a piece."""
+    return np.ones(len(one.times), bool) if one.pieces is None else one.pieces == k
 
 
 def _clock(times: Sequence[np.ndarray]) -> np.ndarray:

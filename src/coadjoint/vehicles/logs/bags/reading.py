@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
-from coadjoint.clocks import Jumps, Unsorted, require_choices
+from coadjoint.clocks import Choices, Jumps, Unsorted, require_choices
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification.channels import VEHICLE
 from coadjoint.identification.log import Log
@@ -70,8 +70,8 @@ def read_bag(
     topics: take these alone. sensors: a declaration of which field of which topic is what, a TOML file or its table
     (docs/logs.md); what it declares takes the place of what is known by types. ignore: columns to leave out.
     partial: of a file that was not closed take what is whole.
-    jumps: where nothing was measured for more than an hour and 100 usual intervals, "refuse" raises, "split" begins a
-    new stretch of the log. unsorted: messages whose stamps go back are refused, or sorted, "sort".
+    jumps: where the clock goes back, or nothing was measured for more than an hour and 100 usual intervals, "refuse"
+    raises, "split" begins a new stretch of the log. unsorted: messages that go back are refused, or sorted, "sort".
     `log.notes` tells what was unusual, and what was taken where several topics measure it.
     Raises FileError for damaged files, topics that are not there, and two that measure the same.
     """
@@ -98,7 +98,8 @@ def read_bag(
         native = cast(Axes, told)
         space_axes(native)
         wanted = declared(sensors, axes, native)
-    found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore, unsorted)
+    choices = Choices(jumps, unsorted)
+    found, commands, notes = _taken(bags, wanted, chosen, axes or native, own, ignore, choices)
     if not found and chosen:
         taken = ", ".join(f"{name} ({there[name][0]}, {there[name][1]})" for name in sorted(chosen))
         raise FileError(
@@ -154,7 +155,7 @@ def _taken(
     axes: Axes,
     own: Mapping[str, str],
     ignore: Collection[str],
-    unsorted: Unsorted,
+    choices: Choices,
 ) -> tuple[list[Samples], list[Actuation], list[str]]:
     """What sensors measured, what actuators were told, and notes."""
     sensors: list[Samples] = []
@@ -177,12 +178,12 @@ def _taken(
         for one in own_sensors:
             if sensor and one.columns == sensor.columns:
                 _require_frame(topic, one)
-            found, told = samples(topic, one, ignore, unsorted)
+            found, told = samples(topic, one, ignore, choices)
             sensors.append(found)
             notes += [*told, *(_mounted(topic, one) if chosen is not None and one.columns else [])]
         for command in own_commands:
             if command.name not in ignore:
-                drove, told = driving(topic, command, unsorted)
+                drove, told = driving(topic, command, choices)
                 commands.append(drove)
                 notes += told
     return sensors, commands, notes

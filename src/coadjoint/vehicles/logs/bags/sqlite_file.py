@@ -79,7 +79,7 @@ def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
 
 def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
     rows, parts, at = [], [], 0
-    asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id"
+    asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id"
     for time, data in base.execute(asked, (number,)):
         if not isinstance(time, int) or not isinstance(data, bytes):
             raise FileError(f"{found.path}: a message of {found.channels[number].topic} has no time or no bytes.")
