@@ -14,7 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify, synthetic_log
 from coadjoint.identification.commands import require_current
 from coadjoint.vehicles import Craft, load
-from coadjoint.vehicles.logs import read_log
+from coadjoint.vehicles.logs import read_log, write_log
 from coadjoint.vehicles.water import UniformWater
 
 CURRENT = np.array([0.15, -0.1, 0.0])
@@ -58,6 +58,20 @@ def test_a_current_that_is_sought_is_found(drift, table):
     found = identify(craft.system, read_log(table), start=start, parameters=sought, dt=0.05)
     for name, value in zip(sought, (0.42, *CURRENT[:2]), strict=True):
         assert abs(found[name].value - value) < 1e-4
+
+
+@pytest.mark.parametrize("end", ["csv", "mcap"])
+def test_the_current_of_a_run_is_in_its_log_whatever_the_format(drift, tmp_path, end):
+    if end == "mcap":
+        pytest.importorskip("mcap")
+    drift[2].save(tmp_path / f"drift.{end}")
+    log = read_log(tmp_path / f"drift.{end}")
+    assert list(log.current) == ["north", "east", "down"]
+    np.testing.assert_allclose(np.stack(list(log.current.values())).T, np.tile(CURRENT, (len(log), 1)), atol=1e-12)
+    write_log(log, tmp_path / f"again.{end}")
+    again = read_log(tmp_path / f"again.{end}").current
+    np.testing.assert_allclose(again["east"], log.current["east"], atol=1e-12)
+    assert not read_log(tmp_path / f"drift.{end}", ignore=[f"current_{name}" for name in log.current]).current
 
 
 def test_a_current_that_the_model_has_or_that_is_left_out_is_no_error(drift, table):

@@ -175,6 +175,8 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     for prefix, part in (("", log.columns), ("", log.actual), ("command_", log.inputs)):
         for name, values in part.items():
             columns |= written(f"{prefix}{name}", values, log.units.get(name, "1"))
+    for name, values in log.current.items():
+        columns |= written(f"{_CURRENT}{name}", values, "m/s")
     text = csv_text(columns)
     write_text(path, text if log.step is None else f"{_STEP}{log.step:.12g}\n{text}")
 

@@ -99,11 +99,17 @@ def merged(
             step,
             {name: _held(clock, one) for name, one in actual.items() if one.times[0] <= clock[0]},
             {name: chosen[name].positions[name] for name in columns if name in chosen[name].positions},
-            tuple(sorted({*read.breaks, *(k for k in np.searchsorted(clock, again).tolist() if 0 < k < len(clock))})),
+            breaks=tuple(
+                sorted({*read.breaks, *set(range(1, len(clock))).intersection(np.searchsorted(clock, again))})
+            ),
+            current=_current(clock, sensors),
         )
     except ArgumentError as error:
         raise FileError(f"{file}: {error}") from error
 
+
+CURRENT = "current_"
+"""How columns begin that are of the water."""
 
 Topic = TypeVar("Topic", Samples, Actuation)
 
@@ -203,6 +209,12 @@ def _placed(clock: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndar
 
 def _held(clock: np.ndarray, one: Actuation) -> np.ndarray:
     return one.values[np.searchsorted(one.times, clock, side="right") - 1]
+
+
+def _current(clock: np.ndarray, sensors: Sequence[Samples]) -> dict[str, np.ndarray]:
+    """The velocity of the water at the times of the log, linear between those at which it is known."""
+    found = [(name, one.times, v) for one in sensors for name, v in one.columns.items() if name.startswith(CURRENT)]
+    return {name.removeprefix(CURRENT): np.interp(clock, times, values) for name, times, values in found if len(times)}
 
 
 def _pauses(clock: np.ndarray, one: Actuation) -> list[str]:

@@ -30,6 +30,7 @@ from coadjoint.vehicles.logs.bags.sampled import driving, samples
 from coadjoint.vehicles.logs.bags.sensor_messages import FOLDER
 from coadjoint.vehicles.logs.bags.sensors import (
     ARDUPILOT,
+    CURRENT,
     TYPES,
     CommandTopic,
     Number,
@@ -37,6 +38,7 @@ from coadjoint.vehicles.logs.bags.sensors import (
     driven,
     strange_frame,
     usual,
+    water,
 )
 from coadjoint.vehicles.logs.bags.sqlite_file import read_sqlite
 from coadjoint.vehicles.logs.bags.tlog_file import read_tlog
@@ -134,7 +136,7 @@ def _opened(file: Path, chosen: Collection[str] | None, partial: bool) -> Bag | 
     def wanted(topic: str, kind: str) -> bool:
         if chosen is not None:
             return topic in chosen
-        return kind in TYPES or kind in ARDUPILOT or driven(topic, kind) is not None
+        return kind in TYPES or kind in ARDUPILOT or driven(topic, kind) is not None or (topic, kind) == CURRENT
 
     try:
         if file.suffix.lower() == ".bag":
@@ -165,6 +167,12 @@ def _taken(
         if not len(topic) or (chosen is not None and topic.name not in chosen):
             continue
         kind = topic.definition.name
+        if (topic.name, kind) == CURRENT and own and "current" not in ignore:
+            found, _ = samples(topic, water(axes), (), choices)
+            named = {"north": "current_north", "east": "current_east", "depth": "current_down"}
+            kept = {named[name]: values for name, values in found.columns.items() if named[name] not in ignore}
+            sensors.append(replace(found, columns=kept, positions={}))
+            continue
         sensor = _ours(topic, usual(topic.name, kind, axes, chosen is not None), own)
         own_sensors = [
             _filled(given, whole, sensor, topic) for given, whole in wanted.sensors if given.topic == topic.name

@@ -171,6 +171,15 @@ def usual(topic: str, kind: str, axes: Axes, asked: bool = False) -> SensorTopic
     return SensorTopic(topic, columns, axes, rank=RANKS[kind], unless=UNKNOWN.get(kind, {}))
 
 
+CURRENT = "/current", "geometry_msgs/Vector3Stamped"
+"""The topic and type by which bags of this library say how the water moves."""
+
+
+def water(axes: Axes) -> SensorTopic:
+    """The velocity of the water as a bag of this library has it, by the names of positions."""
+    return SensorTopic(CURRENT[0], {name: Number(f"vector.{name}") for name in "xyz"}, axes)
+
+
 def driven(topic: str, kind: str) -> tuple[str, bool] | None:
     """The actuator of a topic `…/command/NAME` or `…/actuator/NAME` of plain numbers, and whether it is the latter."""
     match = _DRIVEN.search(topic)

@@ -20,6 +20,7 @@ from coadjoint.vehicles.logs.bags.converted import GRAVITY, WaterAbove, fixes
 from coadjoint.vehicles.logs.bags.optional import library
 from coadjoint.vehicles.logs.bags.schemas import known, schema
 from coadjoint.vehicles.logs.bags.sensor_messages import mounts, sensor_rows
+from coadjoint.vehicles.logs.bags.sensors import CURRENT
 from coadjoint.vehicles.logs.bags.serializing import serialized
 from coadjoint.vehicles.logs.bags.written import Written, quaternion, quaternions, signed, vector
 from coadjoint.vehicles.logs.records import VehicleRecords
@@ -76,8 +77,7 @@ def mcap_bytes(
     water = WaterAbove(not_negative(surface_pressure, "surface_pressure"), positive(density, "density"))
     rows = [*_motion(*body, known_axes, water), *_actuators(records)]
     if records.current is not None:
-        current = vector("vector", border.space_vector(records.current, known_axes))
-        rows.append(Written("/current", "geometry_msgs/Vector3Stamped", {"header.frame_id": MAP} | current))
+        rows.append(_current(records.current, known_axes))
     if origin is not None:
         latitude, longitude = fixes(records.position, origin)
         fix = {"header.frame_id": BODY, "latitude": latitude, "longitude": longitude, "altitude": -records.depth}
@@ -104,9 +104,17 @@ def log_bytes(log: Log, axes: Axes = "ENU/FLU") -> bytes:
     rows = _motion(position, directions, velocity, rates, axes)[:1]
     both = [*(("command", *pair) for pair in log.inputs.items()), *(("actuator", *pair) for pair in log.actual.items())]
     rows += [_number(f"/{what}/{name}", values) for what, name, values in both]
+    if log.current:
+        water = np.stack([log.current.get(name, silent) for name in ("north", "east", "down")], axis=1)
+        rows.append(_current(water, axes))
     facts = {"axes": axes} | ({} if log.step is None else {"dt_s": repr(log.step)})
     facts |= {f"unit.{name}": log.units.get(name, "1") for name in log.inputs}
     return _content(rows, log.time, facts)
+
+
+def _current(velocity: np.ndarray, axes: Axes) -> Written:
+    """The velocity of the water, (nodes, 3) m/s along north, east and down."""
+    return Written(*CURRENT, {"header.frame_id": MAP} | vector("vector", border.space_vector(velocity, axes)))
 
 
 def _content(rows: list[Written], time: np.ndarray, facts: dict[str, str]) -> bytes:
