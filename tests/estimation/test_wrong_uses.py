@@ -197,12 +197,13 @@ def test_a_compass_in_degrees_is_told_and_one_in_radians_that_is_wrapped_or_coun
     t = np.arange(1.0, 60.0)
     heading = np.radians(6.0 * turns * t + 100)
     known = {"yaw": Measurement(lambda m: m.q, 0.1, angles=True), "place": Measurement(lambda m: m.q, 0.1)}
-    filter = Filter(process(), start(), measurements=known, deviations={"q": 1.0, "nu": 0.1}, members=2)
+    more = {"measurements": known, "deviations": {"q": 1.0, "nu": 0.1}, "accuracy": False}
+    filter = Filter(process(), start(), **more, members=2)
     both = np.stack([np.degrees(heading) % 360] * 2, axis=1)[..., None]
     with pytest.warns(UserWarning, match="`yaw` of `measured` jumps by 360 .* as degrees do"):
         filter.run({"yaw": (t, both)}, dt=0.5)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for values in (heading % (2 * np.pi), (heading + np.pi) % (2 * np.pi) - np.pi, heading):
-            run_of_one = Filter(process(), start(), measurements=known, deviations={"q": 1.0, "nu": 0.1})
+            run_of_one = Filter(process(), start(), **more)
             run_of_one.run({"yaw": (t, values), "place": (t, both[:, 0])}, dt=0.5)

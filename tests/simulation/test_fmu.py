@@ -40,7 +40,7 @@ def saved(tmp_path_factory):
 class Slave:
     """The unit as a master has it, by FMI's own functions; `told` is its log."""
 
-    def __init__(self, path, folder):
+    def __init__(self, path, folder, begin=7 * DT):
         self.described = fmpy.read_model_description(str(path))
         self.references = {v.name: v.valueReference for v in self.described.modelVariables}
         self.told = []
@@ -54,10 +54,10 @@ class Slave:
             modelIdentifier=self.described.coSimulation.modelIdentifier,
         )
         self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
-        self.fmu.setupExperiment(startTime=7 * DT)
+        self.fmu.setupExperiment(startTime=begin)
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
-        self.t = 7 * DT
+        self.t = begin
 
     def step(self, length, **inputs):
         for name, value in inputs.items():
@@ -176,3 +176,15 @@ def test_what_cannot_be_a_unit_is_refused_in_a_sentence(tmp_path, saved, monkeyp
     monkeypatch.setitem(sys.modules, "pythonfmu.builder", None)
     with pytest.raises(ArgumentError, match=r"coadjoint\[fmu\]"):
         co.save_fmu(saved[0], path)
+
+
+def test_a_unit_of_long_steps_says_so_in_the_log(tmp_path):
+    """A spin of 8 rad/s in steps of 0.3 s is found when the unit is loaded."""
+    body = co.System(co.SO3(), lambda xi: 0.5 * xi @ INERTIA @ xi)
+    with pytest.warns(UserWarning, match="does not resolve this motion"):
+        fast = co.Stepper(body, body.state(xi=[0.3, 8.0, 0.3]), dt=0.3, observe={"rate": lambda s: s.xi})
+    slave = Slave(co.save_fmu(fast, tmp_path / "fast.fmu"), tmp_path, 0.0)
+    for k in range(3):
+        slave.fmu.doStep(currentCommunicationPoint=0.3 * k, communicationStepSize=0.3)
+    slave.close()
+    assert sum("dt = 0.3 does not resolve this motion" in line for line in slave.told) == 1

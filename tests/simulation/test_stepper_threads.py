@@ -154,10 +154,11 @@ def test_a_fork_steps_with_threads_of_its_own(many):
     assert os.waitstatus_to_exitcode(status) == 0
 
 
-def test_after_an_interrupt_no_thread_is_left_in_the_memory(many, monkeypatch):
-    body = many.clone()
-    body.reset()
-    body.threads = 2
+def test_after_an_interrupt_no_thread_is_left_in_the_memory(monkeypatch):
+    start = BODY.state(
+        xi=co.each(np.random.default_rng(SEED).normal(size=(67, 3))), inputs=REST, internal={"brake": 0.1}
+    )
+    body = co.Stepper(BODY, start, dt=H, inputs=REST, observe=OBSERVE, threads=2, accuracy=False)
     engine, inside, calls = body._engine, [], []
     function = engine._function
 

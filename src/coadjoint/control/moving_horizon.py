@@ -21,6 +21,7 @@ from coadjoint.control.estimable import prior_directions, require_convex, requir
 from coadjoint.control.horizon_limits import HorizonLimits
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.numbers import number
+from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.control.window import HorizonMotion, Seen, Window
@@ -101,6 +102,7 @@ class Estimator:
         require_convex(self._window)
         self._limits = HorizonLimits(self._window)
         self._simulated = Simulated(transcription)
+        self._judged = JudgedMotions(transcription, self._simulated) if problem.accuracy else None
         tangents = self._window.tangents
         self.directions = (
             *(f"eta[{i}]" for i in range(tangents.dim)),
@@ -148,6 +150,8 @@ class Estimator:
                 f"The equations of a step have no slope about the estimate at {self._t:g} s: `reset` forgets it."
             ) from None
         w, motion = self._window, self._motion
+        if self._judged is not None:
+            self._judged.judge(self._t - motion.steps * self.problem.dt, *motion, w.p)
         named = self._transcription.commands(motion.u) if motion.steps else {}
         return StateEstimate(
             self._t, motion.x.copy(), named, count, time.perf_counter() - began, self.directions,

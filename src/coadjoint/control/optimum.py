@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from coadjoint.control.within_steps import WorstWithin, lines, worst_within
 from coadjoint.errors import OptimumError, StepError
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.simulation.accuracy.judgement import accuracy_warnings
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.simulate import simulate
 
@@ -131,12 +133,14 @@ def flight(transcription: Transcription, parts: Split, start: State | None = Non
     try:
         run = simulate(
             system, start, dt=parts.h, steps=problem.count, method=problem.method, inputs=inputs,
-            progress=False,
+            progress=False, accuracy=problem.accuracy,
         )  # fmt: skip
     except StepError as error:
         raise OptimumError(
             f"The optimum cannot be flown: {error.sentence} Take a smaller dt, so that the steps stay in their chart."
         ) from error
+    for told in accuracy_warnings(run):
+        warnings.warn(told, stacklevel=5)
     return Flight(run, commands, chosen)
 
 

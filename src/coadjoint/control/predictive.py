@@ -19,6 +19,7 @@ from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
+from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.stage import numbers_of
 from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
@@ -75,6 +76,7 @@ class Controller:
         self.names = tuple(transcription.graph.names()[i] for i in transcription.live)
         self._expanding = expanding = Expanding(transcription)
         self._simulated, self._measured = Simulated(transcription), MeasuredState(transcription)
+        self._judged = JudgedMotions(transcription, self._simulated) if problem.accuracy else None
         self._guess = limits_of(transcription, "guess")
         nx = expanding.width + len(expanding.rated)
         self._layout = StageLayout(problem.count, nx, expanding.nu, expanding.patterns())
@@ -140,6 +142,8 @@ class Controller:
         preparation = time.perf_counter() - preparing
         clock = self._now(t, passed or 0)
         reason = self._iterate(measured, clock)
+        if self._judged is not None and self._plan is not None and not reason:
+            self._judged.judge(t + self.delay * self.problem.dt, *self._plan, self._p)
         answer = self._answer(state, clock, reason, began, preparation)
         self.record.note(answer)
         return answer

@@ -48,6 +48,8 @@ class Problem(Statement):
         path: name → `co.control.Bounds`, at every node; by default none.
         path_points: at how many points inside each step `path` holds as well, evenly spaced, by default 0. Each adds
             the equations of a part of the step, so that the constrained path is that of `optimum.run.at(times)`.
+        accuracy: whether it is judged if dt resolves the motion, by default True, with one warning and a dt that would:
+            of the run of an optimum, of plans of a controller and of motions of an estimator, at a sample of calls.
         end: a `co.control.End`, or a function (motion [, p]) that is zero at the last node; by default free.
         free_duration: (shortest, longest) duration, s: then h is chosen too, N stays. By default fixed.
         parameters: names of parameters of the system that are chosen too → (lower, upper).

@@ -18,7 +18,7 @@ from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
-from coadjoint.simulation.arguments import grid, require_kinds
+from coadjoint.simulation.arguments import grid, require_kinds, truth
 
 MOST_POINTS = 100
 """The most points inside a step at which constraints of the path are imposed."""
@@ -122,6 +122,7 @@ class Statement:
     free_start: Mapping[str, Any] = field(default_factory=dict)
     measured: Mapping[str, Measured] = field(default_factory=dict)
     path_points: int = 0
+    accuracy: bool = True
 
     def __post_init__(self):
         require_kinds(self.system, self.start, self.method)
@@ -131,6 +132,7 @@ class Statement:
         object.__setattr__(self, "dt", h)
         object.__setattr__(self, "steps", count)
         object.__setattr__(self, "duration", h * count)
+        truth(self.accuracy, "accuracy")
         self._require_functions()
         self._require_path_points()
         self._require_inputs()

@@ -15,6 +15,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.doubling import Doubling
+from coadjoint.simulation.accuracy.ruler import packed
 from coadjoint.simulation.run import Run
 
 POINTS, POINTS_BY_XLA = 9, 3
@@ -81,7 +82,7 @@ def worst_within(problem: Statement, run: Run) -> dict[str, WorstWithin]:
     if not problem.path:
         return {}
     doubling, records = Doubling(run.plan, run.one[1]), run.records
-    rows, h = doubling.packed(records)[:-1], run.plan.h
+    rows, h = packed(records)[:-1], run.plan.h
     count = POINTS if run.plan.backend == "native" else POINTS_BY_XLA
     steps, parts = np.repeat(np.arange(len(rows)), count), np.tile(points(count), len(rows))
     found = _excess(problem, run, doubling, rows[steps], parts)

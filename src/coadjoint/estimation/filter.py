@@ -21,9 +21,19 @@ from coadjoint.estimation.measurements import Measurement, semidefinite
 from coadjoint.estimation.numbers import float64, is_number, numbers
 from coadjoint.estimation.past import Past
 from coadjoint.estimation.process import Process
-from coadjoint.estimation.timetable import SAME, Timetable, require_radians, require_readings, require_times, series
+from coadjoint.estimation.resolution import FilterSample, judged_log, judged_members
+from coadjoint.estimation.timetable import (
+    SAME,
+    Orders,
+    Timetable,
+    require_radians,
+    require_readings,
+    require_times,
+    series,
+)
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.reading import in_words
+from coadjoint.simulation.arguments import truth
 
 
 class Innovation(NamedTuple):
@@ -57,6 +67,10 @@ class Filter:
         memory: how many seconds back a measurement may be late for `update`, by default 0.
         members: how many filters are run at once, as for many seeds, by default None: one, whose arrays have no axis
             of members.
+        accuracy: whether a sample of the predictions of a `ModelProcess` is judged, the first three and those after 4,
+            8, … up to 4096, and of a log those at 16 nodes, each against steps of parts of it; by default True. It
+            warns once where dt does not resolve the motion, or where the errors of the steps add up to more than the
+            deviations that the filter claims, with a dt that would do.
 
     Raises ArgumentError for names and shapes that are not those of the process.
     """
@@ -71,6 +85,7 @@ class Filter:
         covariance: Any = None,
         memory: float = 0.0,
         members: int | None = None,
+        accuracy: bool = True,
     ):
         if not isinstance(process, Process):
             raise ArgumentError(f"Argument `process` must be one such as ModelProcess, but is {shown(process)}.")
@@ -91,6 +106,8 @@ class Filter:
         self._past = Past(memory)
         self._awaited = set(process.awaited)
         self._engine = FilterEngine(process, list(self._prepared.values()))
+        judging = truth(accuracy, "accuracy") and process.parts is not None
+        self._sample = FilterSample(process, process.parts) if judging and process.parts else None
 
     @property
     def rows(self) -> np.ndarray:
@@ -169,7 +186,23 @@ class Filter:
             self.rows = before[1]
             raise
         self._awaited -= set(given)
+        if self._sample is not None:
+            self._judge(self._sample, before[1], before[2], float(dt), given)
         self._past.predicted(*before, float(dt), given)
+
+    def _judge(self, sample: FilterSample, rows: np.ndarray, P: np.ndarray, dt: float, given: dict[str, Any]) -> None:
+        """Judge the prediction that was made from rows and P, if it belongs to the sample."""
+        steps = sample.steps
+        due, steps.count = steps.due(), steps.count + 1
+        if due:
+            some = judged_members(len(rows))
+            before, after = (np.diagonal(one[some], axis1=1, axis2=2) for one in (P, self.P))
+            rows = self.process.with_inputs(rows, given)[some]
+            if sentence := sample.judge(rows, before, after, dt, steps.count - 1):
+                self._sample = None
+                warnings.warn(sentence, stacklevel=3)
+        if steps.over:
+            self._sample = None
 
     def update(self, measured: Mapping[str, Any], *, t: float | None = None) -> dict[str, Innovation]:
         """Take what was measured, name → value, at the time t, s, by default that of the estimate.
@@ -276,7 +309,22 @@ class Filter:
         output = self._follow(plan.orders, plan.data, plan.size)
         self._past.forget()
         self._awaited -= set(told)
+        if self._sample is not None:
+            self._judge_log(self._sample, table.times, plan, output[0], save_every, covariances)
         return filtered(self.process, plan, output, covariances, self.members is None, save_every, self._sizes)
+
+    def _judge_log(
+        self, sample: FilterSample, times: np.ndarray, plan: Orders, output: np.ndarray, every: int, whole: bool
+    ) -> None:
+        """Judge steps of a log that was filtered, from what was saved of it."""
+        size, n, nodes = len(self.process.example), self.process.width, np.arange(0, len(times), every)
+        rows = output[plan.rows : plan.rows + len(nodes) * size].reshape(len(nodes), size)
+        width = n * n if whole else n
+        P = output[plan.P : plan.P + len(nodes) * width].reshape(len(nodes), width)
+        P = np.diagonal(P.reshape(len(nodes), n, n), axis1=1, axis2=2) if whole else P
+        if sentence := judged_log(sample, times, nodes, rows, P):
+            self._sample = None
+            warnings.warn(sentence, stacklevel=3)
 
     def _series(self, given: Any, argument: str, sizes: Mapping[str, int]) -> dict[str, Any]:
         if given is not None and not isinstance(given, Mapping):

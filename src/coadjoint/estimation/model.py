@@ -31,6 +31,8 @@ from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.simulation.accuracy.parts import PartsOfSteps, recorded
+from coadjoint.simulation.accuracy.ruler import course_of, ruler_of
 from coadjoint.simulation.arguments import require_kinds
 from coadjoint.simulation.inputs import with_inputs
 from coadjoint.simulation.steppers.commands import commands_from, places_of
@@ -287,6 +289,24 @@ class ModelProcess(Process):
             raise StepError(f"The model has no step of {h:g} s from the estimate at t = {t:g} s: {code}.")
         theta = self._drifts.moved(rows[:, size:], h)
         return np.concatenate([after, theta], axis=1)
+
+    @property
+    def parts(self) -> PartsOfSteps:
+        return self._parts
+
+    @cached_property
+    def _parts(self) -> PartsOfSteps:
+        course = course_of(self._layout, self._system.internal)
+
+        def probe(rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None):
+            after, theta, failed = rows[:, : self._layout.size], rows[:, self._layout.size :], ""
+            for _ in range(steps):
+                after, reason = self._steps(np.concatenate([after, theta], axis=1), float(h[0]))
+                failed = failed or reason
+            after = np.concatenate([after, theta], axis=1)
+            return after, recorded(rows, after, course), np.full(len(rows), 1 if failed else 0)
+
+        return PartsOfSteps(probe, ruler_of(self._layout, self._system.places), course, self.method.order)
 
     def unknowns_of(self, after: np.ndarray) -> np.ndarray:
         return self._steps.unknowns(after)

@@ -16,6 +16,7 @@ from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.kernels.run.kalman import Model
+from coadjoint.simulation.accuracy.parts import PartsOfSteps
 
 
 def arguments_of(function: Callable[..., Any]) -> int | None:
@@ -178,6 +179,11 @@ class Process(ABC):
 
         R: the residual. e after: the error behind it. θ, q: the numbers that drift, and the variances that they gain.
         """
+
+    @property
+    def parts(self) -> PartsOfSteps | None:
+        """What judges the steps from rows (k, size), None where they are not those of a model."""
+        return None
 
     @abstractmethod
     def native(self) -> Model | None:

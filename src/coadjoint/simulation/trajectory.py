@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -34,8 +35,10 @@ from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import ensemble
-from coadjoint.simulation.arguments import require_kinds, step_size, whole
+from coadjoint.simulation.accuracy.judgement import unresolved_records
+from coadjoint.simulation.arguments import require_kinds, step_size, truth, whole
 from coadjoint.simulation.backwards import require_forward, require_reversible
+from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import require_one_time
 from coadjoint.simulation.inputs import inputs_held, with_inputs
 from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
@@ -76,6 +79,7 @@ def trajectory(
     inputs: Given | None = None,
     backend: Backend = "auto",
     keep: Keep | None = None,
+    accuracy: bool = True,
 ) -> Trajectory:
     """`steps` steps of length dt from `start`, as a pure function of parameters, start and dt that JAX differentiates.
 
@@ -94,6 +98,9 @@ def trajectory(
         dt: h, s; one number, traced or not, not 0; a negative one goes back in time.
         steps: the number of steps, at least 1.
         save_every: every how many steps a record is kept, by default 1; it must divide `steps`.
+        accuracy: whether a sample of the steps is judged, each against steps of parts of it, by default True: it warns
+            where dt does not resolve the motion, with one that would. Inside jit, grad or vmap nothing is judged: call
+            it with plain numbers first.
         backend: "native", with reverse mode in machine code and forward mode by XLA; "xla", for derivatives of any
             order; "auto" (the default), native on processors where the step can be traced.
 
@@ -124,7 +131,13 @@ def trajectory(
     begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)
-    return computed(program, constants, begun, h, (steps // save_every, save_every), backend)
+    found = computed(program, constants, begun, h, (steps // save_every, save_every), backend)
+    if truth(accuracy, "accuracy") and not traced(constants, begun, h):
+        chosen = _choose(program, constants, begun, backend, False)
+        plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
+        if sentence := unresolved_records(plan, found.records):
+            warnings.warn(sentence, stacklevel=3)
+    return found
 
 
 def computed(

@@ -52,7 +52,7 @@ def _varies(doubling: Doubling, rows: np.ndarray, h: np.ndarray, members: Any) -
 
 def _commands_vary(doubling: Doubling, rows: np.ndarray, given: np.ndarray, short: np.ndarray, whose: Any) -> bool:
     """Whether what an internal state follows, such as a command of an actuator, varies within a step."""
-    at_node, _, at_end = doubling.courses
+    at_node, at_end = (list(numbers) for numbers in (doubling.course.begin, doubling.course.end))
     if not at_node:
         return False
     begun = given.copy()

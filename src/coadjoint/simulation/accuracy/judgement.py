@@ -9,32 +9,21 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from coadjoint.groups import Power
-from coadjoint.groups.matrix_coordinates import MatrixCoordinates
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.explicit_time import unresolved_time
 from coadjoint.simulation.accuracy.pulses import unseen_pulses
 from coadjoint.simulation.accuracy.rates import fastest_rate
-from coadjoint.simulation.accuracy.sample import Kept, Sampler
+from coadjoint.simulation.accuracy.ruler import packed
+from coadjoint.simulation.accuracy.sample import FIRST, Kept, Sampler
 from coadjoint.simulation.accuracy.signals import unresolved_inputs
 from coadjoint.simulation.accuracy.stretches import with_steps_between
+from coadjoint.simulation.accuracy.verdict import sentence, verdict, whose
+from coadjoint.simulation.driver import Plan
 
 if TYPE_CHECKING:
     from coadjoint.simulation.ensemble import Ensemble
     from coadjoint.simulation.run import Run
-
-TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
-"""The local error, relative to the motion over a step, from which on a motion is not resolved."""
-
-ENVELOPE = 1.0
-"""The angle, rad, by which a step may turn a body (the supported envelope), unless its local error is small."""
-
-EXACT = 0.02
-"""The local error, relative to the limit, below which a step may turn further: about a fixed axis, or of high order."""
-
-HALVINGS = 24
-"""How often dt is halved at most in search of one that would do."""
 
 STEPS, STEPS_BY_XLA, NODES_OF_MEMBERS, MEMBERS = 20, 6, 5, 8
 """How many steps are judged: of a run in native code, by XLA, of each member of an ensemble, and of how many."""
@@ -114,10 +103,7 @@ def accuracy_warnings(run: Run | Ensemble) -> list[str]:
     found = run.accuracy
     if found is None or found.resolved:
         return []
-    return [
-        f"dt = {run.plan.h:g} does not resolve this motion: {'; '.join(found.reasons)}. Take dt = "
-        f"{found.resolving:.2g} or less. What is conserved does not tell."
-    ]
+    return [sentence(run.plan.h, found.reasons, found.resolving)]
 
 
 def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
@@ -135,11 +121,27 @@ def judged(run: Run | Ensemble, sampler: Sampler) -> Accuracy | None:
         return None
     records = doubling.probe.layout.unpack(rows)
     paced, h = run.method.over_fixed_steps(records, run.plan.h)
-    rows = rows if paced is records else doubling.packed(paced)
+    rows = rows if paced is records else packed(paced)
     errors, sizes = doubling.errors(rows, h, members)
     if not errors.good.any():
         return None
     return _judgement(run, doubling, paced, rows, h, members, steps, errors, sizes)
+
+
+def unresolved_records(plan: Plan, records: State) -> str | None:
+    """What is to be warned of the steps of a plan from some of its records, evenly chosen; None where nothing is."""
+    count = len(records.t)
+    most = STEPS if plan.backend == "native" else STEPS_BY_XLA
+    chosen = np.unique(np.concatenate([np.arange(min(FIRST, count)), np.linspace(0, count - 1, most).astype(int)]))
+    some = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], records)
+    paced, h = plan.program.method.over_fixed_steps(some, plan.h)
+    doubling = Doubling(plan, jax.tree.map(lambda leaf: leaf[0], some))
+    rows = packed(paced)
+    errors, sizes = doubling.errors(rows, h)
+    if not errors.good.any():
+        return None
+    found = verdict(doubling, rows, h, None, errors, sizes, plan.h)
+    return sentence(plan.h, found.reasons, min(found.fine)) if found.reasons else None
 
 
 def _finite(kept: Kept, members: np.ndarray | None, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -154,19 +156,8 @@ def _finite(kept: Kept, members: np.ndarray | None, xi: np.ndarray) -> tuple[np.
 
 def _judgement(run, doubling, records, rows, h, members, steps, errors, sizes) -> Accuracy:
     good, times = errors.good, np.asarray(records.t)
-    worst = int(np.argmax(errors.largest))
-    turns = np.abs(h) * turning(run.system.group, np.asarray(records.xi))
-    limit = TOO_MUCH if run.method.order > 1 else TOO_MUCH_OF_ORDER_ONE
-    size, part, when = float(errors.largest[worst]), errors.part[worst], float(times[good][worst])
-    reasons, fine = [], []
-    if not size < limit:
-        reasons.append(f"one step is off by {size:.0%} of what it moves ({part}, t = {when:.4g} s)")
-        fine.append(
-            _resolving(doubling, rows[good][[worst]], h[good][[worst]], _whose(members, good, worst), limit, sizes)
-        )
-    if turns.max() > ENVELOPE and size > EXACT * limit:
-        reasons.append(f"a step turns by {turns.max():.2g} rad")
-        fine.append(abs(run.plan.h) * 0.25 * ENVELOPE / turns.max())
+    found = verdict(doubling, rows, h, members, errors, sizes, run.plan.h)
+    reasons, fine, worst = found.reasons, found.fine, found.worst
     for name, dt in unresolved_inputs(run, records, h) or unseen_pulses(run):
         reasons.append(f"the input{name} varies within a step")
         fine.append(dt)
@@ -176,65 +167,14 @@ def _judgement(run, doubling, records, rows, h, members, steps, errors, sizes) -
     return Accuracy(
         count=int(good.sum()),
         median=float(np.median(errors.local)),
-        worst=size,
-        part=part,
-        when=when,
-        turn=float(turns.max()),
-        rate=fastest_rate(doubling, rows[good][worst], float(h[good][worst]), _whose(members, good, worst)),
+        worst=found.size,
+        part=found.part,
+        when=found.when,
+        turn=found.turn,
+        rate=fastest_rate(doubling, rows[good][worst], float(h[good][worst]), whose(members, good, worst)),
         resolving=min(fine) if fine else None,
         reasons=tuple(reasons),
         steps=steps[good],
         times=times[good],
         local_errors=errors.local,
     )
-
-
-def _whose(members: Any, good: np.ndarray, worst: int) -> Any:
-    return None if members is None else np.asarray(members)[good][[worst]]
-
-
-def _resolving(doubling: Doubling, row, h, whose, limit: float, sizes: dict[str, float]) -> float:
-    """The largest dt = h/2^j whose local error, and that of the half of it, is under half the limit."""
-    well = 0
-    for halving in range(1, HALVINGS):
-        step = h / 2**halving
-        errors, _ = doubling.errors(row, step, whose, _local_sizes(sizes, halving), at_least=True)
-        well = well + 1 if errors.good.all() and errors.largest[0] < 0.5 * limit else 0
-        if well == 2:
-            return float(abs(2 * step[0]))
-    return float(abs(h[0]) / 2**HALVINGS)
-
-
-def _local_sizes(sizes: dict[str, float], halving: int) -> dict[str, float]:
-    """What is moved over a step shrinks with it, momenta do not."""
-    return {name: size if name.startswith("momentum") else size / 2**halving for name, size in sizes.items()}
-
-
-def turning(group: Any, xi: np.ndarray) -> np.ndarray:
-    """The largest frequency of ad_ξ, rad/s, of every row: |ω| for rotations and rigid motions."""
-    if isinstance(group, MatrixCoordinates) and not group.dense:
-        return np.array([_spread(evaluate(group.hat, row)) for row in xi])
-    if isinstance(group, Power):
-        links = np.reshape(xi, (len(xi) * group.count, group.factor.dim))
-        return turning(group.factor, links).reshape(len(xi), group.count).max(axis=1)
-    structure = _structure(group)
-    if not structure.any():
-        return np.zeros(len(xi))
-    return np.max(np.abs(np.linalg.eigvals(np.einsum("ijk,rj->rik", structure, xi)).imag), axis=1)
-
-
-def _spread(matrix: np.ndarray) -> float:
-    """The largest difference of the imaginary parts of two eigenvalues: eigenvalues of ad_ξ are differences of ξ̂'s."""
-    return float(np.ptp(np.linalg.eigvals(matrix).imag))
-
-
-_structures: dict[Any, np.ndarray] = {}
-
-
-def _structure(group: Any) -> np.ndarray:
-    """c with [ξ, η]_i = c_ijk ξ_j η_k."""
-    if group not in _structures:
-        eye = np.eye(group.dim)
-        rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), eye)
-        _structures[group] = np.transpose(rows, (2, 0, 1))
-    return _structures[group]

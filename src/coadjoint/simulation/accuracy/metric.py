@@ -1,21 +1,40 @@
-"""How far two states are apart, part by part, each in its own scale."""
+"""How far two states are apart, part by part, each in its own scale. Knows NumPy only, for saved steppers."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
-import jax
 import numpy as np
-
-from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.state import Places, State
 
 NO_MOTION = 1e-12
 """A rotation (rad) or a length (m) over a step that counts as none; Newton's iteration stops at 1e-15."""
 
 ROUND_OFF = 1e-9
 """A motion over a step, relative to where things are, or a momentum to another, that counts as none."""
+
+Numbers = tuple[int, ...]
+"""Which numbers of a row something is."""
+
+
+class Ruler(NamedTuple):
+    """Where the parts of a state are in a row of numbers, and what is measured of them.
+
+    time: that of t. configuration: the arrays of g by name. points: the parts of q by name, first and last number.
+    momenta: those of π likewise. q: rows (k, size) → g·n (k, ambient), None where it is not known. turning: ξ (k, dim)
+    → the largest frequency of ad_ξ (k,), rad/s.
+    """
+
+    time: int
+    configuration: tuple[tuple[str, Numbers], ...]
+    points: tuple[tuple[str, int, int], ...]
+    momenta: tuple[tuple[str, int, int], ...]
+    mu: Numbers
+    pi: Numbers
+    xi: Numbers
+    nu: Numbers
+    q: Callable[[np.ndarray], np.ndarray] | None
+    turning: Callable[[np.ndarray], np.ndarray]
 
 
 class Difference(NamedTuple):
@@ -28,43 +47,42 @@ class Difference(NamedTuple):
     """A size that counts as none."""
 
 
-def differences(begun: State, one: State, other: State) -> list[Difference]:
-    """What separates `one` from `other`, both a step away from `begun`; each State has one leading axis.
+def differences(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
+    """What separates rows `one` (k, size) from rows `other`, both a step away from `begun`.
 
     Group elements and positions q in space are relative to the way from `begun`; momenta μ and π to their own size.
     """
-    places = begun.places
-    group, Q, _ = places
     found = []
-    names = () if begun.g is None else group.leaf_names
-    leaves = zip(names, *(jax.tree.leaves(s.g) for s in (begun, one, other)), strict=True)
-    for name, first, here, there in leaves:
+    for name, numbers in ruler.configuration:
+        first, here, there = (rows[:, list(numbers)] for rows in (begun, one, other))
         least = NO_MOTION + ROUND_OFF * _largest(first)
         found.append(Difference(f"configuration {name}", _norm(here - there), _norm(here - first), least))
-    if Q.dim(group):
-        first, here, there = _positions(begun, one, other)
-        for name, part in Q.components(group, "q").items():
+    if ruler.points and ruler.q is not None:
+        count = len(begun)
+        places = ruler.q(np.concatenate([begun, one, other]))
+        first, here, there = places[:count], places[count : 2 * count], places[2 * count :]
+        for name, begin, end in ruler.points:
+            part = slice(begin, end)
             least = NO_MOTION + ROUND_OFF * _largest(first[:, part])
             way = _norm(here[:, part] - first[:, part])
             found.append(Difference(f"position {name}", _norm(here[:, part] - there[:, part]), way, least))
-    return found + _momenta(begun, one, other)
+    return found + _momenta(ruler, begun, one, other)
 
 
-def _momenta(begun: State, one: State, other: State) -> list[Difference]:
+def _momenta(ruler: Ruler, begun: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[Difference]:
     """Those of μ and π; one beside whose energy another's is round-off is none."""
-    group, Q, _ = begun.places
-    speeds = [_largest(begun.xi), _largest(begun.nu)]
-    energies = [_largest(begun.mu) * speeds[0], _largest(begun.pi) * speeds[1]]
-    kinds = [("momentum μ", slice(None), begun.mu, one.mu, other.mu, speeds[0])]
+    mu, pi, xi, nu = (list(numbers) for numbers in (ruler.mu, ruler.pi, ruler.xi, ruler.nu))
+    energies = [_largest(begun[:, p]) * _largest(begun[:, v]) for p, v in ((mu, xi), (pi, nu))]
+    kinds = [("momentum μ", mu, _largest(begun[:, xi]))]
     kinds += [
-        (f"momentum {name}", part, begun.pi, one.pi, other.pi, _largest(begun.nu[:, part]))
-        for name, part in (Q.components(group, "pi") if Q.dim(group) else {}).items()
+        (f"momentum {name}", pi[begin:end], _largest(begun[:, nu[begin:end]])) for name, begin, end in ruler.momenta
     ]
     found = []
-    for name, part, first, here, there, speed in kinds:
-        size = np.maximum(_norm(first[:, part]), _norm(here[:, part]))
+    for name, part, speed in kinds:
+        first, here, there = (rows[:, part] for rows in (begun, one, other))
+        size = np.maximum(_norm(first), _norm(here))
         least = 1e3 * ROUND_OFF * sum(energies) / speed if speed > 0 else np.inf
-        found.append(Difference(name, _norm(here[:, part] - there[:, part]), size, least))
+        found.append(Difference(name, _norm(here - there), size, least))
     return found
 
 
@@ -84,25 +102,14 @@ def sizes_of(found: list[Difference]) -> dict[str, float]:
     return {part.name: float(np.max(part.size, initial=0.0)) for part in found}
 
 
+def larger(sizes: dict[str, float], others: dict[str, float]) -> dict[str, float]:
+    """The larger of two sizes of each part."""
+    return {name: max(sizes.get(name, 0.0), others.get(name, 0.0)) for name in {**sizes, **others}}
+
+
 def _norm(values: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(np.reshape(values, (len(values), -1)) ** 2, axis=1))
 
 
 def _largest(values: np.ndarray) -> float:
     return float(np.max(_norm(values), initial=0.0))
-
-
-def _positions(*states: State) -> list[np.ndarray]:
-    """q = g·n of every row."""
-    rows = len(states[0].t)
-    both = jax.tree.map(lambda *leaves: np.concatenate(leaves), *((s.g, s.n) for s in states))
-    found = _acting(states[0].places, len(states) * rows)(*both)
-    return [found[i * rows : (i + 1) * rows] for i in range(len(states))]
-
-
-@lru_cache(maxsize=64)
-def _acting(places: Places, rows: int) -> Any:
-    """(g, n) ↦ g·n on rows, traced once."""
-    group, Q, _ = places
-    g = jax.tree.map(lambda leaf: np.zeros((rows, *leaf.shape)), jax.eval_shape(group.identity))
-    return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))

@@ -9,8 +9,10 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
+from coadjoint.kernels.packing import layout
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.metric import differences, relative, sizes_of
+from coadjoint.simulation.accuracy.ruler import packed, ruler_of
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run
@@ -46,6 +48,7 @@ def trajectory_errors(run: Run, others: State, ratio: float = 2.0) -> np.ndarray
     count = min(len(run.records.t), len(others.t))
     ours, theirs = (jax.tree.map(lambda leaf: leaf[:count], records) for records in (run.records, others))
     begun = jax.tree.map(lambda leaf: np.broadcast_to(leaf[:1], leaf.shape), ours)
-    found = differences(begun, theirs, ours)
+    ruler = ruler_of(layout(jax.tree.map(lambda leaf: leaf[0], ours)), ours.places)
+    found = differences(ruler, *(packed(states) for states in (begun, theirs, ours)))
     first = run.method.start == "velocity" or run.system.takes("internal")
     return relative(found, sizes_of(found))[0] / (1 - ratio ** -(1 if first else run.method.order))

@@ -24,6 +24,8 @@ import numpy as np
 from coadjoint.archives import stored_array
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import processor
+from coadjoint.simulation.accuracy.kept_ruler import from_plain, to_plain
+from coadjoint.simulation.accuracy.parts import Course
 from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
@@ -71,6 +73,8 @@ def _content(stepper: Any, engine: Any) -> bytes:
     face = {**asdict(stepper.face), **{name: getattr(stepper.face, name).shapes for name in _FIELDS}}
     header = {"format": FORMAT, "version": VERSION, "lanes": engine.lanes, "threads": stepper.threads,
               "event": stepper.event, "kin": stepper._kin, "processor": processor(), "face": face}  # fmt: skip
+    if (ruler := stepper._plain_ruler()) is not None:
+        header["accuracy"] = to_plain(stepper._parts, ruler)
     kept = io.BytesIO()
     with zipfile.ZipFile(kept, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr("stepper.json", json.dumps(header, indent=1))
@@ -130,6 +134,8 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
     origin = arrays.pop("origin")
     made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
+    if "accuracy" in header:
+        made._begin_sample(from_plain(header["accuracy"], made._steps(Course())))
     return made
 
 

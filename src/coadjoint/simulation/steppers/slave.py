@@ -6,7 +6,9 @@ Knows NumPy, llvmlite and PythonFMU; JAX is not imported.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -43,7 +45,9 @@ class StepperSlave(Fmi2Slave):
 
     def __init__(self, **given: Any):
         super().__init__(**given)
-        self.stepper = load_stepper(Path(str(self.resources)) / FILE)
+        self._told: list[str] = []
+        with self._logging():
+            self.stepper = load_stepper(Path(str(self.resources)) / FILE)
         face = self.stepper.face
         self.description = f"{face.title}, in steps of {face.dt:g} s"
         self.default_experiment = DefaultExperiment(start_time=self.stepper.t, step_size=face.dt)
@@ -76,10 +80,22 @@ class StepperSlave(Fmi2Slave):
                 f"A communication step must be a whole number of steps of {dt:g} s, but is {step_size:g} s."
             )
         try:
-            self.stepper.step(self._commands if self._commands.size else None, n=steps)
+            with self._logging() if self.stepper.judging else nullcontext():
+                self.stepper.step(self._commands if self._commands.size else None, n=steps)
         except CoadjointError as error:
             return self._failed(str(error))
+        for sentence in self._told:
+            self.log(sentence, Fmi2Status.warning)
+        self._told.clear()
         return True
+
+    @contextmanager
+    def _logging(self) -> Iterator[None]:
+        """Warnings are for the log, of which there is none yet at the start."""
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            yield
+        self._told += [str(one.message) for one in told]
 
     def _failed(self, sentence: str) -> bool:
         self.log(sentence, Fmi2Status.error)

@@ -25,7 +25,10 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, as_read
-from coadjoint.simulation.arguments import positive, require_kinds, whole
+from coadjoint.simulation.accuracy.metric import Ruler
+from coadjoint.simulation.accuracy.parts import PartsOfSteps
+from coadjoint.simulation.accuracy.ruler import course_of, plain, ruler_of
+from coadjoint.simulation.arguments import positive, require_kinds, truth, whole
 from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.ensemble import first_member
 from coadjoint.simulation.events import Event, as_event
@@ -82,6 +85,10 @@ class Stepper(Stepping):
             a single one.
         threads: how many threads share the members, by default 1.
         backend: as for `co.simulate`, by default "auto".
+        accuracy: whether the first step is judged now, and a sample of the steps as they are taken, the first three and
+            those after 4, 8, … up to 4096, each against steps of parts of it; by default True. It warns once where dt
+            does not resolve the motion, with one that would. Commands and inputs that are functions of the motion
+            count as held. `trajectory` inside your own jit, grad or vmap is not judged.
 
     Raises ArgumentError and LagrangianError for what cannot be stepped; `step` raises StepError.
     """
@@ -100,10 +107,12 @@ class Stepper(Stepping):
         members: int | None = None,
         threads: int = 1,
         backend: Backend = "auto",
+        accuracy: bool = True,
     ):
         method = Midpoint() if method is None else method
         require_kinds(system, start, method)
         require_backend(backend)
+        judging = truth(accuracy, "accuracy")
         if method.variable:
             raise ArgumentError(f"A stepper takes steps of dt, but {method.title} chooses its own: take another.")
         h, threads, count = positive(dt, "dt"), whole(threads, "threads"), members_of(system, start, members)
@@ -145,6 +154,15 @@ class Stepper(Stepping):
         sizes = (face.commands.size, face.observations.size)
         buffers = Buffers.filled(parameters, h, states, sizes, engine.lanes)
         super().__init__(face, engine, buffers, buffers.state.copy(), threads)
+        if judging:
+            begins, places = self._beginning.state, begun.places
+            course = course_of(begins, skeleton.internal)
+            self._begin_sample(PartsOfSteps(self._steps(course), ruler_of(begins, places), course, method.order))
+
+    def _plain_ruler(self) -> Ruler | None:
+        if self._parts is None:
+            return None
+        return plain(self._parts.ruler, self._beginning.state, self._program.skeleton.places)
 
     def _face(
         self,
@@ -228,7 +246,7 @@ class Stepper(Stepping):
             self._look()
             return
         self._buffers.status[0, :2, 0] = 1, Code.CONVERGED
-        self._judge(self._in_pieces(n - 1), n - 1)
+        self._judge(self._beyond(n - 1), n - 1)
 
     @property
     def state(self) -> State:

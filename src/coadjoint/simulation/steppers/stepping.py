@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import struct
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,10 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
 from coadjoint.interrupts import heeded
+from coadjoint.kernels.program import Told
 from coadjoint.kernels.run.pieces import FIRST, Clock
 from coadjoint.paths import paths
+from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 from coadjoint.simulation.steppers.buffers import by_member, put
 from coadjoint.simulation.steppers.file import from_bytes, save, to_bytes
 from coadjoint.simulation.steppers.numbers import MOST, real, truths, whole, write
@@ -43,10 +46,10 @@ class Stepping(Standing):
         try:
             if command is not None:
                 self._take(command)
-            if n <= FIRST or n <= self._pace.steps:
+            if n <= self._straight:
                 flags = self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
             else:
-                flags = self._in_pieces(n)
+                flags = self._beyond(n)
             if flags:
                 self._judge(flags, n)
             return self._copied() if copy else self.observation
@@ -54,8 +57,36 @@ class Stepping(Standing):
             lock.release()
 
     @heeded()
-    def _in_pieces(self, n: int) -> int:
-        """n steps, all members together, in pieces between which Python sees signals."""
+    def _beyond(self, n: int) -> int:
+        """n steps: those of the sample are judged before they are taken, and long calls go in pieces."""
+        left = n
+        while (sample := self._sample) is not None:
+            try:
+                self._judge_next(sample)
+            except KeyboardInterrupt:
+                raise _interrupted(n - left, n) from None
+            length = left if self._sample is None else min(left, sample.next - sample.count)
+            flags = self._in_pieces(length, n - left, n)
+            sample.count, left = sample.count + length, left - length
+            if sample.over:
+                self._end_sample()
+            if not left:
+                return flags
+            if flags & Told.FAILED and self.face.members is None:
+                self._judge(flags, n)
+                return 0
+        return self._in_pieces(left, n - left, n)
+
+    def _judge_next(self, sample: SampledSteps) -> None:
+        """Judge the step that comes next, if it belongs to the sample, and warn once."""
+        if sample.due() and (sentence := self._judgement(sample)):
+            self._end_sample()
+            warnings.warn(sentence, stacklevel=5)
+
+    def _in_pieces(self, n: int, before: int = 0, of: int = 0) -> int:
+        """n steps, all members together, in pieces between which Python sees signals; `before` were taken, `of` all."""
+        if n <= FIRST or n <= self._pace.steps:
+            return self._engine.advance(self._buffers, self._address, self._groups, n, self.threads)
         memory, clock = self._buffers, Clock(self._pace)
         mark = 0, memory.state.copy(), memory.status.copy()
         try:
@@ -70,9 +101,7 @@ class Stepping(Standing):
             # Threads may have come to several nodes.
             done, memory.state[...], memory.status[...] = mark
             self._look()
-            raise Interrupted(
-                f"Interrupted after {done:,} of {n:,} steps: the stepper stands there, and step(n={n - done}) goes on."
-            ) from None
+            raise _interrupted(before + done, of or n) from None
 
     def _take(self, command: Any) -> None:
         """Put commands into their memory, all of them or none."""
@@ -202,6 +231,12 @@ class Stepping(Standing):
         """The names of the parameters at these places."""
         found = [name for name, _, place in self.face.parameters.places() if set(columns) & set(_numbers(place))]
         return ", ".join(f"`{name}`" for name in found)
+
+
+def _interrupted(done: int, n: int) -> Interrupted:
+    return Interrupted(
+        f"Interrupted after {done:,} of {n:,} steps: the stepper stands there, and step(n={n - done}) goes on."
+    )
 
 
 def opened(content: bytes) -> Stepping:

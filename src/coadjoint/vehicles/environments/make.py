@@ -52,6 +52,7 @@ def environment(
     randomise: bool | Mapping[str, Any] = False,
     randomise_seed: int | None = None,
     render_mode: str | None = None,
+    accuracy: bool = True,
 ) -> VehicleEnv:
     """A vehicle with a task as a `gymnasium.Env`.
 
@@ -71,6 +72,7 @@ def environment(
     randomise: True, and every episode has parameters with the uncertainties that the vehicle file states; or path →
     standard deviation, in the parameter's unit (SI) or a share such as "5 %" (`Uncertain`). randomise_seed: a seed of
     their own; by default they begin anew with that of `reset`. render_mode: "rgb_array" or None.
+    accuracy: whether a sample of the steps is judged, as of `co.Stepper`, by default True.
     Raises ArgumentError for what does not fit, and where Gymnasium is not installed.
     """
     _require_gymnasium()
@@ -82,7 +84,7 @@ def environment(
         raise ArgumentError(f'Argument `render_mode` must be "rgb_array" or None, but is {shown(render_mode)}.')
     wanted = Wanted(
         actions=actions, observe=observe, reward=reward, ends=ends, bounds=bounds, controller=controller, water=water,
-        dt=dt, period=period, seconds=seconds,
+        dt=dt, period=period, seconds=seconds, accuracy=accuracy,
     )  # fmt: skip
     simulated, episodes = _made(vehicle, task, wanted, None, randomise)
     return VehicleEnv(simulated, episodes, randomise_seed, render_mode)

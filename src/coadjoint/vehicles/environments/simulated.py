@@ -39,6 +39,7 @@ class Wanted:
     dt: float = 0.05
     period: float = 0.1
     seconds: float | None = None
+    accuracy: bool = True
 
 
 class Simulated:
@@ -75,6 +76,7 @@ class Simulated:
             observe={ROW: self._row},
             members=members,
             changing=(*self.drawn, *(self.uncertain.nominal if self.uncertain else ())),
+            accuracy=wanted.accuracy,
         )
         self.fields = {name: place for name, _, place in Fields.of(self._shapes).places()}
         self.width = Fields.of(self._shapes).size

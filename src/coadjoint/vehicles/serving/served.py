@@ -46,17 +46,19 @@ class Served:
         served.advance({"thrusters": [1500] * 8}, steps=4)
         served.reading().specific_force
 
-    start: of the craft. imu: r, where the inertial unit sits, body axes, (3,) m. Without a controller the commands are
-    those of the parts, which begin neutral; with one they are its set points, which the first call must give.
+    start: of the craft. imu: r, where the inertial unit sits, body axes, (3,) m. accuracy: as of `co.Stepper`. Without
+    a controller the commands are those of the parts, which begin neutral; with one they are its set points, which the
+    first call must give.
     Raises ArgumentError for what does not fit.
     """
 
-    def __init__(self, craft: Craft, start: State, dt: float, imu: Any = (0.0, 0.0, 0.0)):
+    def __init__(self, craft: Craft, start: State, dt: float, imu: Any = (0.0, 0.0, 0.0), accuracy: bool = True):
         self.craft, self.dt = craft, dt
         self.place = vector(imu, "imu", 3)
         self.commands = _commands(craft)
         self._missing = self._needed
-        self.stepper = Stepper(craft.system, start, dt=dt, inputs=self.commands, observe=self._observe())
+        more: dict[str, Any] = {"inputs": self.commands, "observe": self._observe(), "accuracy": accuracy}
+        self.stepper = Stepper(craft.system, start, dt=dt, **more)
 
     def _observe(self) -> dict[str, Any]:
         system, group = self.craft.system, self.craft.system.group

@@ -1,0 +1,189 @@
+"""The ruler and the course of an internal state of a system, from the layout of its states."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from coadjoint.groups import Power
+from coadjoint.groups.matrix_coordinates import MatrixCoordinates
+from coadjoint.kernels.packing import Layout
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.mechanics.over_step import HELD
+from coadjoint.mechanics.state import Places, State
+from coadjoint.simulation.accuracy.kept_ruler import Bilinear, Frequencies
+from coadjoint.simulation.accuracy.metric import Numbers, Ruler
+from coadjoint.simulation.accuracy.parts import Course
+
+
+def numbered(layout: Layout) -> Any:
+    """A state whose leaves are the places of their numbers in a row."""
+    return layout.unpack(np.arange(layout.size))
+
+
+def packed(records: State) -> np.ndarray:
+    """Records with a leading axis as rows of numbers."""
+    count = len(records.t)
+    return np.concatenate([np.asarray(x, float).reshape(count, -1) for x in jax.tree.leaves(records)], axis=1)
+
+
+@lru_cache(maxsize=64)
+def ruler_of(layout: Layout, places: Places) -> Ruler:
+    """What is measured of states of a layout."""
+    group, Q, _ = places
+    at = numbered(layout)
+    names = () if at.g is None else group.leaf_names
+    leaves = zip(names, jax.tree.leaves(at.g), strict=True)
+    points, momenta = (Q.components(group, name) if Q.dim(group) else {} for name in ("q", "pi"))
+    return Ruler(
+        time=int(at.t),
+        configuration=tuple((name, _flat(leaf)) for name, leaf in leaves),
+        points=tuple((name, part.start, part.stop) for name, part in points.items()),
+        momenta=tuple((name, part.start, part.stop) for name, part in momenta.items()),
+        mu=_flat(at.mu),
+        pi=_flat(at.pi),
+        xi=_flat(at.xi),
+        nu=_flat(at.nu),
+        q=partial(_positions, layout, places) if points else None,
+        turning=partial(turning, group),
+    )
+
+
+def _flat(leaf: Any) -> Numbers:
+    return tuple(np.ravel(leaf).astype(int).tolist())
+
+
+FEW = 24
+"""As many rows as fewer are filled up to, so that the action is traced once for all of them."""
+
+
+def _positions(layout: Layout, places: Places, rows: np.ndarray) -> np.ndarray:
+    """q = g·n of every row."""
+    states = layout.views(rows[:, : layout.size])
+    return acting(places, states.g, states.n)
+
+
+def acting(places: Places, g: Any, n: np.ndarray) -> np.ndarray:
+    """g·n of every row, (k, ambient)."""
+    count = max(len(n), FEW)
+    if len(n) < count:
+        filled = np.minimum(np.arange(count), len(n) - 1)
+        g, n, size = jax.tree.map(lambda leaf: leaf[filled], g), n[filled], len(n)
+        return _acting(places, count)(g, n)[:size]
+    return _acting(places, count)(g, n)
+
+
+@lru_cache(maxsize=64)
+def _acting(places: Places, rows: int) -> Any:
+    """(g, n) ↦ g·n on rows, traced once."""
+    group, Q, _ = places
+    g = jax.tree.map(lambda leaf: np.zeros((rows, *leaf.shape)), jax.eval_shape(group.identity))
+    return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
+
+
+def course_of(layout: Layout, rule: Any) -> Course:
+    """Where the internal state is that the rule of a system advances; rule: None where there is none."""
+    at = numbered(layout)
+    if rule is None or at.internal_due is None:
+        return Course()
+    of = at.internal, at.internal_mean, at.internal_end
+    begin, mean, end = (tuple(following(place, rule)) for place in of)
+    whole = [_flat(np.concatenate([np.ravel(x) for x in (*jax.tree.leaves(one), [])])) for one in of]
+    jumping, jumping_end = (
+        tuple(i for i in every if i not in set(some)) for every, some in ((whole[0], begin), (whole[2], end))
+    )
+    return Course(int(at.internal_due), begin, mean, end, jumping, jumping_end, (*whole[1], *whole[2]))
+
+
+def plain(ruler: Ruler, layout: Layout, places: Places) -> Ruler:
+    """The ruler with functions of NumPy alone; without q where it is not linear in g and in n."""
+    group = places.group
+    copies, factor = (group.count, group.factor) if isinstance(group, Power) else (1, group)
+    q = None if ruler.q is None else _bilinear(layout, places)
+    return ruler._replace(q=q, turning=Frequencies(structure(factor), copies))
+
+
+MOST = 4096
+"""Of how many products of g and n their action is looked at."""
+
+
+def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
+    """g·n by its values at all pairs of basis vectors, compared with that of a random element."""
+    group, Q, _ = places
+    at, leaves = numbered(layout), jax.tree.leaves(jax.eval_shape(group.identity))
+    g, n = (_flat(np.concatenate([np.ravel(x) for x in jax.tree.leaves(part)])) for part in (at.g, at.n))
+    if (len(g) + 1) * (len(n) + 1) > MOST:
+        return None
+    ends = np.cumsum([0, *(int(np.prod(leaf.shape)) for leaf in leaves)])
+
+    def act(g: Any, n: Any) -> Any:
+        parts = [g[a:b].reshape(leaf.shape) for a, b, leaf in zip(ends, ends[1:], leaves, strict=False)]
+        return Q.act(group, jax.tree.unflatten(jax.tree.structure(at.g), parts), n)
+
+    pairs = [np.concatenate([np.zeros((1, size)), np.eye(size)]) for size in (len(g), len(n))]
+    found = np.asarray(evaluate(jax.vmap(lambda g: jax.vmap(lambda n: act(g, n))(pairs[1])), pairs[0]))
+    linear, constant = found - found[:1, :1], found[0, 0]
+    products = linear - linear[:1] - linear[:, :1]
+    tensor = products.copy()
+    tensor[:, 0], tensor[0, :] = linear[:, 0], linear[0, :]
+    tensor[0, 0] = constant
+    made = Bilinear(np.transpose(tensor, (2, 0, 1)), g, n)
+    random = np.random.default_rng(1)
+    element = evaluate(group.exp, random.normal(size=group.dim))
+    row = random.normal(size=layout.size)
+    row[list(g)] = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(element)])
+    true = evaluate(lambda g, n: Q.act(group, g, n), element, row[list(n)])
+    return made if np.all(np.isfinite(made.tensor)) and np.allclose(made(row[None])[0], true, atol=1e-9) else None
+
+
+def following(places: Any, rule: Any) -> list[int]:
+    """The numbers of an internal state that follow the motion or a command, rather than jump at nodes.
+
+    What `co.sampled` advances jumps, and what the rule names in its attribute `jumping`, such as noise.
+    """
+    jumping = set(getattr(rule, "jumping", ()))
+    found: list[int] = []
+
+    def visit(tree: Any, name: str) -> None:
+        if hasattr(tree, "asdict"):
+            parts = tree.asdict()
+            if parts.keys() >= HELD:
+                return
+            for key, part in parts.items():
+                if name or key not in jumping:
+                    visit(part, f"{name}.{key}")
+        elif tree is not None:
+            found.extend(int(i) for i in np.ravel(tree))
+
+    visit(places, "")
+    return found
+
+
+def turning(group: Any, xi: np.ndarray) -> np.ndarray:
+    """The largest frequency of ad_ξ, rad/s, of every row: |ω| for rotations and rigid motions."""
+    if isinstance(group, MatrixCoordinates) and not group.dense:
+        return np.array([_spread(evaluate(group.hat, row)) for row in xi])
+    if isinstance(group, Power):
+        links = np.reshape(xi, (len(xi) * group.count, group.factor.dim))
+        return turning(group.factor, links).reshape(len(xi), group.count).max(axis=1)
+    return Frequencies(structure(group))(xi)
+
+
+def _spread(matrix: np.ndarray) -> float:
+    """The largest difference of the imaginary parts of two eigenvalues: eigenvalues of ad_ξ are differences of ξ̂'s."""
+    return float(np.ptp(np.linalg.eigvals(matrix).imag))
+
+
+_structures: dict[Any, np.ndarray] = {}
+
+
+def structure(group: Any) -> np.ndarray:
+    """c with [ξ, η]_i = c_ijk ξ_j η_k."""
+    if group not in _structures:
+        eye = np.eye(group.dim)
+        rows = evaluate(lambda e: jax.vmap(lambda x: jax.vmap(lambda y: group.ad(x, y))(e))(e), eye)
+        _structures[group] = np.transpose(rows, (2, 0, 1))
+    return _structures[group]

@@ -1,0 +1,50 @@
+"""Environments and served craft whose steps are too long for the vehicle say so once; theirs by default are not."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from coadjoint import vehicles
+from coadjoint.vehicles import Craft
+from coadjoint.vehicles.serving.served import Served
+
+pytest.importorskip("gymnasium")
+
+
+def told(run) -> int:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run()
+    return sum("does not resolve this motion" in str(one.message) for one in said)
+
+
+def flown(**more):
+    env = vehicles.environment("remus_100", task="hold_station", **more)
+    env.reset(seed=1)
+    for _ in range(12):
+        if any(env.step(np.ones(env.action_space.shape, np.float32))[2:4]):
+            env.reset()
+
+
+def test_an_environment_of_long_steps_warns_once():
+    long = {"dt": 2.0, "period": 2.0}
+    assert told(lambda: flown(**long)) == 1
+    assert told(lambda: flown(**long, accuracy=False)) == 0
+    assert told(flown) == 0
+
+
+def test_a_served_craft_of_long_steps_warns_once():
+    craft = Craft(vehicles.load("remus_100"))
+    start = craft.start(position=(0, 0, 5), speed=1.5, actuators={"propeller": 25.0})
+
+    def served(dt, **more):
+        made = Served(craft, start, dt, **more)
+        for _ in range(20):
+            made.advance({"rudder": 0.15, "stern_planes": 0.05, "propeller": 25.0}, steps=1)
+
+    assert told(lambda: served(2.0)) == 1
+    assert told(lambda: served(2.0, accuracy=False)) == 0
+    assert told(lambda: served(0.05)) == 0
