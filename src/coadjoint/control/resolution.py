@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.transcription import Transcription
 from coadjoint.simulation.accuracy.metric import Numbers, Ruler
-from coadjoint.simulation.accuracy.parts import Course, PartsOfSteps
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
 from coadjoint.simulation.accuracy.ruler import acting
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 
@@ -28,7 +28,7 @@ class JudgedMotions:
     def __init__(self, transcription: Transcription, simulated: Simulated):
         self._transcription, self._simulated = transcription, simulated
         self._nx = transcription.sizes[0]
-        parts = PartsOfSteps(self._step, _ruler(transcription), Course(), transcription.problem.method.order)
+        parts = PartsOfSteps(self._step, _ruler(transcription), InternalPlaces(), transcription.problem.method.order)
         self._sample: SampledSteps | None = SampledSteps(parts, ())
 
     def judge(self, t: float, x: np.ndarray, u: np.ndarray, z: np.ndarray, p: np.ndarray) -> None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coadjoint.simulation.accuracy.metric import Numbers, Ruler
-from coadjoint.simulation.accuracy.parts import Course, PartsOfSteps, Steps
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps, StepTaker
 
 
 class Bilinear(NamedTuple):
@@ -47,7 +47,7 @@ def to_plain(parts: PartsOfSteps, ruler: Ruler) -> dict[str, Any]:
     return {"ruler": found, "course": list(parts.course), "order": parts.order}
 
 
-def from_plain(given: Mapping[str, Any], probe: Steps) -> PartsOfSteps:
+def from_plain(given: Mapping[str, Any], probe: StepTaker) -> PartsOfSteps:
     """What compares steps that `probe` takes."""
     known = dict(given["ruler"])
     for name in ("configuration", "points", "momenta"):
@@ -58,7 +58,7 @@ def from_plain(given: Mapping[str, Any], probe: Steps) -> PartsOfSteps:
     known["q"] = None if q is None else Bilinear(np.asarray(q[0], float), _numbers(q[1]), _numbers(q[2]))
     known["turning"] = Frequencies(np.asarray(constants, float), int(copies))
     due, *courses = given["course"]
-    return PartsOfSteps(probe, Ruler(**known), Course(due, *map(_numbers, courses)), int(given["order"]))
+    return PartsOfSteps(probe, Ruler(**known), InternalPlaces(due, *map(_numbers, courses)), int(given["order"]))
 
 
 def _numbers(given: Any) -> Any:

@@ -17,7 +17,7 @@ UNEVEN = (0.382, 0.618)
 """Parts in no simple ratio: what repeats at h and at h/2 alike, such as a sampled signal, does not repeat here."""
 
 
-class Steps(Protocol):
+class StepTaker(Protocol):
     """What takes steps: to where they led, a row of numbers a state, the record of the first step, and 0 where all went
     well; members: whose parameters a row has."""
 
@@ -26,7 +26,7 @@ class Steps(Protocol):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 
 
-class Course(NamedTuple):
+class InternalPlaces(NamedTuple):
     """Where an internal state is in a row: whether its rule is due, None without one; what of it follows the motion or
     a command, at the node, on the mean of the step and at its end; what jumps at the node, there and at the end; and
     all means and ends."""
@@ -45,7 +45,7 @@ class Course(NamedTuple):
         return [*self.begin, *self.mean, *self.end]
 
 
-def recorded(rows: np.ndarray, after: np.ndarray, course: Course) -> np.ndarray:
+def recorded(rows: np.ndarray, after: np.ndarray, course: InternalPlaces) -> np.ndarray:
     """The rows with what the steps that led to `after` need of the internal state: its course, and what has jumped."""
     if course.due is None:
         return rows
@@ -72,7 +72,7 @@ class PartsOfSteps:
     probe: what takes the steps. order: of the method. memory: which numbers the method of variable steps remembers.
     """
 
-    def __init__(self, probe: Steps, ruler: Ruler, course: Course, order: int, memory: Sequence[int] = ()):
+    def __init__(self, probe: StepTaker, ruler: Ruler, course: InternalPlaces, order: int, memory: Sequence[int] = ()):
         self.probe, self.ruler, self.course, self.order = probe, ruler, course, order
         self._memory, self._following = list(memory), course.following
 

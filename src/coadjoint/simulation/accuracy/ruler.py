@@ -16,7 +16,7 @@ from coadjoint.mechanics.over_step import HELD
 from coadjoint.mechanics.state import Places, State
 from coadjoint.simulation.accuracy.kept_ruler import Bilinear, Frequencies
 from coadjoint.simulation.accuracy.metric import Numbers, Ruler
-from coadjoint.simulation.accuracy.parts import Course
+from coadjoint.simulation.accuracy.parts import InternalPlaces
 
 
 def numbered(layout: Layout) -> Any:
@@ -84,18 +84,18 @@ def _acting(places: Places, rows: int) -> Any:
     return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
 
 
-def course_of(layout: Layout, rule: Any) -> Course:
+def course_of(layout: Layout, rule: Any) -> InternalPlaces:
     """Where the internal state is that the rule of a system advances; rule: None where there is none."""
     at = numbered(layout)
     if rule is None or at.internal_due is None:
-        return Course()
+        return InternalPlaces()
     of = at.internal, at.internal_mean, at.internal_end
     begin, mean, end = (tuple(following(place, rule)) for place in of)
     whole = [_flat(np.concatenate([np.ravel(x) for x in (*jax.tree.leaves(one), [])])) for one in of]
     jumping, jumping_end = (
         tuple(i for i in every if i not in set(some)) for every, some in ((whole[0], begin), (whole[2], end))
     )
-    return Course(int(at.internal_due), begin, mean, end, jumping, jumping_end, (*whole[1], *whole[2]))
+    return InternalPlaces(int(at.internal_due), begin, mean, end, jumping, jumping_end, (*whole[1], *whole[2]))
 
 
 def plain(ruler: Ruler, layout: Layout, places: Places) -> Ruler:

@@ -25,7 +25,7 @@ from coadjoint.archives import stored_array
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.kernels.run.machine import processor
 from coadjoint.simulation.accuracy.kept_ruler import from_plain, to_plain
-from coadjoint.simulation.accuracy.parts import Course
+from coadjoint.simulation.accuracy.parts import InternalPlaces
 from coadjoint.simulation.steppers.buffers import Buffers
 from coadjoint.simulation.steppers.face import Face
 from coadjoint.simulation.steppers.fields import Fields
@@ -135,7 +135,7 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
     made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
     if "accuracy" in header:
-        made._begin_sample(from_plain(header["accuracy"], made._steps(Course())))
+        made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())))
     return made
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.kernels.program import Code
-from coadjoint.simulation.accuracy.parts import Course, PartsOfSteps, recorded
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps, recorded
 from coadjoint.simulation.accuracy.sampled_steps import AHEAD, MEMBERS, SampledSteps
 from coadjoint.simulation.steppers.buffers import Buffers, by_member
 from coadjoint.simulation.steppers.face import Engine, Face
@@ -23,14 +23,14 @@ class EngineSteps:
     The records have what a step needs of its internal state: its course, and what jumps at the node.
     """
 
-    def __init__(self, engine: Engine, face: Face, course: Course, parameters: np.ndarray):
+    def __init__(self, engine: Engine, face: Face, course: InternalPlaces, parameters: np.ndarray):
         self._engine, self._face, self._parameters = engine, face, parameters
         self._commanded, self._course = list(face.commanded), course
 
     def __call__(
         self, rows: np.ndarray, h: np.ndarray, steps: int = 1, members: Any = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `Steps`; all h are the same. XLA takes as many rows together as it was compiled for."""
+        """See `StepTaker`; all h are the same. XLA takes as many rows together as it was compiled for."""
         engine, face, count = self._engine, self._face, len(rows)
         p = self._parameters if members is None or len(self._parameters) == 1 else self._parameters[members]
         if not isinstance(engine, NativeEngine):

@@ -15,7 +15,7 @@ from coadjoint.errors import ArgumentError, StepError
 from coadjoint.kernels.program import Code, Told
 from coadjoint.kernels.run.pieces import FIRST, PieceLength
 from coadjoint.simulation.accuracy.metric import Ruler
-from coadjoint.simulation.accuracy.parts import Course, PartsOfSteps
+from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 from coadjoint.simulation.steppers.buffers import Buffers, by_member, put
 from coadjoint.simulation.steppers.face import Engine, Face
@@ -70,7 +70,7 @@ class Standing:
         """What is measured of steps, by functions that a file can hold; None where none is judged."""
         return None if self._parts is None else self._parts.ruler
 
-    def _steps(self, course: Course) -> EngineSteps:
+    def _steps(self, course: InternalPlaces) -> EngineSteps:
         """Single steps with the parameters as they are now."""
         return EngineSteps(self._engine, self.face, course, self._parameter_rows())
 
