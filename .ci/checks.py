@@ -14,7 +14,7 @@ from parts import ROOT, Checks, Outcome, temporary
 from environments import COMPANIONS, OWN, Environments, readme_command
 
 sys.path.insert(0, str(ROOT / "tests"))
-from costs import loop
+from calibration import loop
 
 DEADLINE = 80 * 60.0
 """Wall time, s, after which the complete run is ended, and fails."""

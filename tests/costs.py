@@ -11,19 +11,17 @@ import _frozen_importlib
 import gc
 import json
 import resource
-import time
 from pathlib import Path
 
 import pytest
+
+from calibration import REFERENCE, loop
 
 LIMIT = 1.0
 """Processor time that a test may take, s, on a processor that runs the loop in `REFERENCE`."""
 
 NOISE = 1.5
 """How many times the limit fails: the processor times of a test differ by as much when other programs run."""
-
-REFERENCE = 0.033
-"""Processor time of the loop, s, on the processor for which the limits are meant."""
 
 BUDGET = 300.0
 """Processor time that all tests which run by default may take together, s, with their collection."""
@@ -33,17 +31,6 @@ def spent() -> float:
     """Processor time of this process and of the children that it waited for, s."""
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(one.ru_utime + one.ru_stime for one in used)
-
-
-def loop() -> float:
-    """Processor time of a million additions, s: the median of three."""
-    times = []
-    for _ in range(3):
-        began, total = time.thread_time(), 0.0
-        for i in range(1_000_000):
-            total += (i % 7) * 0.5
-        times.append(time.thread_time() - began)
-    return sorted(times)[1]
 
 
 class Apart:

@@ -209,3 +209,9 @@ def test_the_audit_runs_every_file_of_tests_and_refuses_parts_that_there_are_not
     assert set(audit.chosen([])) == {*audit.suites(), "versions", "repeats", "errors"}
     with pytest.raises(ValueError, match="Part `method` must be one of: audit, "):
         audit.chosen(["method"])
+
+
+def test_the_programs_need_the_standard_library_alone():
+    command = [sys.executable, "-I", "-S", "-c", "import sys; sys.path.insert(0, '.'); import audit, checks"]
+    done = subprocess.run(command, cwd=ROOT / ".ci", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
