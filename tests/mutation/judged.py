@@ -103,6 +103,8 @@ def _tests(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], s
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     os.chdir(copy.root)
+    sys.dont_write_bytecode = False  # without byte code each process would compile the library anew
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.path[:0] = [*copy.path(), str(copy.root)]  # the last as `python -m pytest` has it
     os.environ["PYTHONPATH"] = os.pathsep.join([*copy.path(), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     with tempfile.TemporaryDirectory(prefix="coadjoint-mutant-") as room:
