@@ -167,3 +167,13 @@ def test_the_lag_of_thrusters_is_found_in_logs_of_a_vehicle():
         log = synthetic_log(run, noise=NOISE, seed=seed)
         found = identify(guess, log, start=made.start, parameters=["thrusters.lag", "damping.linear[2]"])
         assert abs(found["thrusters.lag"].value - lag) < 4 * found["thrusters.lag"].standard_error < 2e-3
+
+
+def test_a_search_that_fails_names_the_columns_that_the_simulation_misses():
+    system = rotor(lagging)
+    start, (log,) = logged(system, duration=8.0)
+    wrong = Log(log.time, {"spin": 3 * np.abs(log.columns["spin"])}, log.inputs, step=0.05)
+    with pytest.raises(CoadjointError, match=r"still misses spin \(0\.\d+\) by far more than the noise.*these columns"):
+        identify(
+            rotor(lagging, lag=0.2), wrong, start=start, parameters=["lag", "drag"], measured=MEASURED, segment=2.0
+        )

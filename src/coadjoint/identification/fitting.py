@@ -215,18 +215,21 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
     said = f"Least squares did not converge in {trips} iterations"
     if doubts:
         return f"{said}. {doubts}"
-    if handed := fit.shooting.handed:
+    missed = _missed(fit, solution)
+    if (handed := fit.shooting.handed) and not missed:
         names = " and ".join(f"`{name}`" for name in handed)
         return (
             f"{said}: the internal state {names} {'depends' if len(handed) == 1 else 'depend'} on the motion, so that "
             "what a parameter does to it is not followed from one segment into the next; take the log as one run, "
             "segment=None or --segment 0."
         )
-    if missed := _missed(fit, solution):
+    if missed:
+        whole = ", or, because internal states depend on the motion, segment=None" if handed else ""
         return (
             f"{said}, and the simulation still misses {', '.join(missed)} by far more than the noise between "
             "neighbouring samples: check axes and units of these columns, start from better parameters, or take "
-            "shorter segments; what the model lacks, such as a current or a thruster that is out, must be sought, too."
+            f"shorter segments{whole}; what the model lacks, such as a current or a thruster that is out, must be "
+            "sought, too."
         )
     return (
         f"{said}, although the simulation meets every column up to its noise: the log does not tell the parameters "

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from coadjoint.cli.main import main
 from coadjoint.clocks import clock
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.identification import Log
@@ -273,3 +274,15 @@ def test_samples_far_apart_without_speeds_are_noted_but_not_doubted():
     assert not Log(
         200 * t, {**columns, "u": columns["u"] / 200, "q": columns["q"] / 200, "r": columns["r"] / 200}
     ).notes
+
+
+def test_the_command_offers_the_choices_that_its_errors_name(table, capsys):
+    """A parameter that there is not ends it before anything is simulated."""
+    asked = ["identify", "remus_100", str(table(SHIFTED)), "--parameters", "hul"]
+    assert (
+        main(asked) == 2 and "time jumps by 3600.1 s" in (said := capsys.readouterr().err) and "--jumps split" in said
+    )
+    assert main([*asked, "--jumps", "split"]) == 2 and "holds no commands of" in capsys.readouterr().err
+    asked[2] = str(table(TIMES[::-1]))
+    assert main(asked) == 2 and "--unsorted sort" in capsys.readouterr().err
+    assert main([*asked, "--unsorted", "sort"]) == 2 and "holds no commands of" in capsys.readouterr().err
