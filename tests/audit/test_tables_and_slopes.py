@@ -1,0 +1,187 @@
+"""What an audit makes of its numbers: slopes, drifts, spans, sentences, tables and panels."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from coadjoint.audit.figures import BINS, energy_figure, order_figure
+from coadjoint.audit.findings import Audit, Cell, Finding
+from coadjoint.audit.long_run import INTERVALS, LongRun, drift
+from coadjoint.audit.order import Convergence, convergence, error_after, fit
+from coadjoint.audit.stepper import REFERENCE_TOLERANCE, exact, uncertainty
+from coadjoint.audit.systems import AuditSystem
+from coadjoint.audit.tables import _span, _worst, by_system, markdown, rows, summary
+from coadjoint.errors import StepError
+
+H = 0.5 ** np.arange(8)
+
+
+def order(measured: float, claimed: int = 2, failure: str = "") -> Finding:
+    return Finding("order", claimed, measured, 0.1, failure)
+
+
+def cell(method: str = "Midpoint", tau: str = "Cayley", system: str = "top", **more: Any) -> Cell:
+    given: dict[str, Any] = {"order": 2, "findings": (order(2.01),)} | more
+    return Cell(method, tau, system, **given)
+
+
+def measured(slope: float) -> Convergence:
+    return Convergence(H, H**slope, np.arange(8) > 3, slope)
+
+
+# Slopes and drifts.
+
+
+def test_the_slope_is_that_of_the_finest_usable_errors():
+    error = H**2
+    error[:3], error[-2:] = 7.0, 1e-3  # coarse, and round-off
+    found = fit(H, error, np.arange(8) < 6, 3)
+    assert found.order == pytest.approx(2.0) and found.fitted.tolist() == [False] * 3 + [True] * 3 + [False] * 2
+    assert np.isnan(fit(H, error, np.arange(8) < 2, 3).order) and np.isfinite(fit(H, error, np.arange(8) < 3, 3).order)
+
+
+def problem(**more: Any) -> AuditSystem:
+    """A motion x = t that is known: nothing is made of it."""
+    return AuditSystem("known", lambda: pytest.fail("a system was made"), 2.0, exact=state, **more)
+
+
+def state(t: float, off: float = 0.0) -> Any:
+    none = np.zeros(0)
+    return SimpleNamespace(t=t, g=np.eye(2), n=np.array([t + off]), a=none, mu=none, pi=none)
+
+
+def test_a_motion_that_is_known_is_its_own_reference():
+    known = problem()
+    assert exact(known, 1.5).n == [1.5] and uncertainty(known) == REFERENCE_TOLERANCE
+
+
+def test_the_order_of_errors_is_measured_down_to_round_off():
+    """e = h³ of |(1, 0, 0, 1, 2)|, over halvings."""
+
+    class Stepper:
+        method = SimpleNamespace(claims=SimpleNamespace(order=3, order_with_internal=1))
+        asked: list[int] = []  # noqa: RUF012
+
+        def end(self, h, steps):
+            self.asked.append(steps)
+            if h > 0.3:
+                raise StepError("Newton did not converge.")
+            return state(h * steps, np.sqrt(6) * h**3)
+
+    known = problem()
+    object.__setattr__(known, "make", lambda: (SimpleNamespace(internal=None), None))
+    assert error_after(Stepper(), known, 0.1, 20) == pytest.approx(1e-3)
+    assert error_after(Stepper(), known, 0.5, 4) == np.inf
+    Stepper.asked.clear()
+    found = convergence(Stepper(), known)
+    assert Stepper.asked == [4, 8, 16, 32, 64, 128, 256, 512, 1024][: len(Stepper.asked)]
+    assert found.order == pytest.approx(3.0) and found.error[0] == np.inf and not found.fitted[0]
+    assert found.fitted.sum() == 4 and found.h[0] == 0.5
+
+
+def test_a_drift_is_what_a_line_gains_beyond_three_standard_errors():
+    nodes = 100 * INTERVALS
+    assert drift(np.zeros(nodes)) == 0.0
+    assert drift(np.full(nodes, 2.0)) == pytest.approx(0.0, abs=1e-12)
+    line = np.linspace(0, 2, nodes)
+    places = np.arange(INTERVALS) - (INTERVALS - 1) / 2
+    means = line.reshape(INTERVALS, -1).mean(axis=1)
+    assert drift(line) == pytest.approx(places @ means / (places @ places) * INTERVALS, rel=1e-9)
+    assert drift(line[::-1].copy()) == 0.0
+    rough = means + np.where(np.arange(INTERVALS) % 2, 0.05, -0.05)
+    slope = places @ rough / (places @ places)
+    rest = rough - rough.mean() - slope * places
+    wide = 3 * np.sqrt(rest @ rest / (INTERVALS - 2) / (places @ places))
+    found = drift(np.repeat(rough, 100))
+    assert found == pytest.approx((slope - wide) * INTERVALS / rough.mean()) and 0 < found < drift(line)
+
+
+# Tables.
+
+
+def test_a_span_is_one_number_where_both_ends_look_alike():
+    assert [_span(v) for v in ([], [np.nan], [2.001, 2.004], [2.0, np.inf, 2.5])] == ["–", "–", "2.00", "2.00–2.50"]
+    assert (_worst([]), _worst([1e-14, 3e-13]), _worst([0.1, 0.25], "{:.2f}")) == ("–", "3e-13", "0.25")
+
+
+def test_a_row_has_the_worst_of_all_systems():
+    energy, momentum = Finding("energy", "bounded", 0.01, 0.1), Finding("momentum", "kept", 1e-13, 1e-9)
+    run = LongRun(np.arange(3.0), np.zeros(3), 2e-4, 0.0, 0.0)
+    first = cell(findings=(order(2.01), energy, momentum), long_run=run)
+    others = (order(1.97), order(3.0, claimed=3), Finding("momentum", "kept", 1e-12, 1e-13))
+    second = cell(system="body", findings=others)
+    refused = cell(system="curved", findings=(), refusal="no")
+    (row,) = rows(Audit((first, second, refused), 1.0))
+    assert row == ("Midpoint", "Cayley", "2", "1.97–2.01", "–", "–", "1e-12", "2e-04", "0.01", "NO")
+    (row,) = rows(Audit((cell(findings=(Finding("energy", "exact", 1e-15, 1e-9),)),), 1.0))
+    assert row[-2:] == ("exact", "yes") and row[3] == "–"
+
+
+def test_orders_on_every_system_are_spans_over_the_maps():
+    cells = [
+        cell(convergence=measured(2.0)), cell(tau="Exponential", convergence=measured(2.1)),
+        cell(system="body"), cell("Suzuki4", convergence=measured(4.0)),
+    ]  # fmt: skip
+    heads, table = by_system(Audit(tuple(cells), 1.0))
+    assert heads == ("method", "top", "body")
+    assert table == [("Midpoint", "2.00–2.10", "–"), ("Suzuki4", "4.00", "–")]
+    assert markdown(("a", "b"), [("1", "2")]) == "| a | b |\n|---|---|\n| 1 | 2 |"
+
+
+def test_a_claim_is_shown_within_what_is_allowed_of_the_order_or_of_zero():
+    assert order(2.1 - 1e-12).shown and not order(2.2).shown and not order(1.8).shown and not order(np.nan).shown
+    assert Finding("momentum", "kept", 1e-9, 1e-9).shown and not Finding("momentum", "kept", 2e-9, 1e-9).shown
+    assert not order(2.0, failure="a step failed").shown
+
+
+def test_a_failure_says_what_was_claimed_and_what_was_measured():
+    short = cell(findings=(order(1.5), Finding("energy", "bounded", 0.5, 0.1)))
+    stuck = cell(system="body", findings=(order(np.nan, failure="a step failed"),))
+    lost = cell("Galerkin", system="curved", findings=(), refusal="It needs a flat space")
+    audit = Audit((short, stuck, lost), 1.0)
+    assert audit.failures == [
+        "Midpoint over Cayley on top: order 2 is claimed, 1.50 was measured.",
+        "Midpoint over Cayley on top: energy is off by 5.0e-01, more than 1.0e-01.",
+        "Midpoint over Cayley on body: order could not be measured: a step failed.",
+        "Galerkin has shown nothing, as it was refused everywhere: It needs a flat space",
+    ]
+    assert audit.refusals == ["Galerkin over Cayley on curved: It needs a flat space"]
+    assert not audit.passed and not Audit((), 1.0).passed and Audit((cell(),), 1.0).passed
+    found = summary(audit)
+    assert found["passed"] is False and found["failures"] == audit.failures and len(found["cells"]) == 3
+    assert found["cells"][0]["findings"][0] == {
+        "claim": "order", "claimed": 2, "measured": 1.5, "allowed": 0.1, "shown": False, "failure": "",
+    }  # fmt: skip
+
+
+# Figures.
+
+
+def test_each_panel_shows_the_methods_on_its_system_over_one_map():
+    cells = [
+        cell(convergence=measured(2.0)), cell(tau="Exponential", convergence=measured(2.5)),
+        cell("Suzuki4", convergence=measured(4.0)), cell(system="body", convergence=measured(3.0)),
+    ]  # fmt: skip
+    top, body = order_figure(Audit(tuple(cells), 1.0)).axes[:2]
+    assert (top.get_title(), body.get_title()) == ("top", "body")
+    assert [line.get_label() for line in top.get_lines()[::2]] == ["Midpoint", "Suzuki4"]
+    assert [line.get_label() for line in body.get_lines()[::2]] == ["Midpoint"]
+    curve, fitted = (line.get_xydata() for line in body.get_lines())
+    assert np.allclose(curve, np.stack([H, H**3], axis=1)) and np.allclose(fitted, curve[4:])
+    assert top.get_ylabel() == "relative error at the end" and body.get_ylabel() == "step $h$ (s)".replace(
+        "step $h$ (s)", ""
+    )
+
+
+def test_the_energy_error_of_each_fiftieth_is_its_largest():
+    error = np.abs(np.sin(np.arange(200.0)))
+    watched = cell(long_run=LongRun(np.arange(200.0), error, 1.0, 0.0, 0.0))
+    (panel,) = energy_figure(Audit((watched, cell(system="body")), 1.0)).axes
+    (curve,) = (line.get_xydata() for line in panel.get_lines())
+    assert np.allclose(curve[:, 1], error.reshape(BINS, 4).max(axis=1)) and np.allclose(
+        curve[:, 0], np.arange(3.0, 200, 4)
+    )
