@@ -91,6 +91,7 @@ def test_every_part_is_there_in_its_order(two_pythons, tmp_path):
     ]
     assert "no Python 3.13 was found: it is not tested" in recorded.notes
     assert recorded.commands["oldest: install"][-2] == "--constraint"
+    assert "coadjoint-1-py3-none-any.whl[test]" in recorded.commands["3.12: install"][-1]
     assert recorded.commands["3.12: selection"][-len(checks.selection()) :] == checks.selection()
 
 
