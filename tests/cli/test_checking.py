@@ -10,7 +10,7 @@ import pytest
 from coadjoint.cli.catalogue import example
 from coadjoint.cli.main import main
 from coadjoint.plotting.plots import available
-from coadjoint.runs.running import prepared
+from coadjoint.runs.prepared import prepared
 from coadjoint.simulation.dataset import outline
 from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
 from coadjoint.vehicles.missions.mission import load_mission

@@ -83,6 +83,6 @@ def test_parallel_lines_tell_how_many_members_failed_and_have_constants_in_the_m
     made = Made(40, 2)
     made.dataset["parameters.mass"] = ("member", np.full(40, 5.0), {"swept": 1})
     figure = parallel(made)  # pyright: ignore[reportArgumentType]
-    assert figure.axes[0].get_title() == "2 of 40 members failed and are not shown"
+    assert figure.get_suptitle() == "2 of 40 members failed and are not shown"
     (lines,) = figure.axes[0].collections
     assert {float(row[0, 1]) for row in lines.get_segments()} == {0.5}

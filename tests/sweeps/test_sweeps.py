@@ -193,7 +193,7 @@ def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path
 
 
 def test_a_folder_that_workers_cannot_see_is_told(tmp_path):
-    from coadjoint.sweeps.task import swept as read_by_worker
+    from coadjoint.sweeps.task import read as read_by_worker
 
     with pytest.raises(co.FileError, match="all workers need the folder"):
         read_by_worker(str(tmp_path / "nowhere"), "0")

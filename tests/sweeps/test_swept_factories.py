@@ -85,6 +85,7 @@ def test_a_sweep_does_not_go_on_where_the_trace_is_another(sweep, begun, monkeyp
 
 def test_a_worker_with_another_model_refuses_its_task(sweep, begun):
     text = hashlib.sha256((begun / "run.toml").read_bytes()).hexdigest()
-    task = Task(str(begun), text, 0, 0, sweep.rows(slice(0, 2)), 2, 1, ("mu",), True, {"equations": "others"})
+    rows = sweep.rows(slice(0, 2))
+    task = Task(str(begun), text, 0, 0, rows, 2, 1, ("mu",), True, {"equations": "others"}, 2, sweep.sample)
     with pytest.raises(co.ArgumentError, match="On a worker the model is another"):
         compute(task)

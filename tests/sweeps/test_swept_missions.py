@@ -86,7 +86,7 @@ def test_members_set_up_alone_are_those_set_up_together(tmp_path):
 
 def test_a_member_whose_steps_fail_has_nan_and_a_code_and_the_others_go_on(tmp_path):
     sweep = swept(tmp_path, {"initial": {"speed_m_s": {"values": [1.0, 1e160, 2.0]}}}, sampling="list", members=None)
-    task = Task("", "", 0, 0, sweep.rows(slice(0, 3)), 3, 10, ("q", "euler_angles"), True, {})
+    task = Task("", "", 0, 0, sweep.rows(slice(0, 3)), 3, 10, ("q", "euler_angles"), True, {}, 3, {})
     (piece,) = _part(sweep, task, np.arange(3))
     assert piece.run.codes.tolist() == [0, Code.NOT_FINITE, 0]
     found = piece.reduction.results(piece.run.codes != 0)
@@ -99,7 +99,7 @@ def test_a_member_whose_steps_fail_has_nan_and_a_code_and_the_others_go_on(tmp_p
 def test_a_refused_member_is_told_without_its_number_within_the_task(tmp_path):
     varied = {"mass_kg": {"values": [120.0, -1.0]}, "volume": {"values": [0.12, 0.13]}}
     sweep = swept(tmp_path, {"parameters": varied}, sampling="list", members=None)
-    task = Task("", "", 0, 0, sweep.rows(slice(0, 2)), 2, 10, ("q",), True, {})
+    task = Task("", "", 0, 0, sweep.rows(slice(0, 2)), 2, 10, ("q",), True, {}, 2, {})
     (told,) = [piece.refusal for piece in _part(sweep, task, np.arange(2)) if piece.refusal]
     assert told.startswith("Argument `mass`")
 

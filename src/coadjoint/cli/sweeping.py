@@ -111,7 +111,9 @@ def _rows(values: Any) -> list[tuple[str, ...]]:
     flat = values.values.reshape(values.sizes["statistic"], -1)
     parts = [str(part) for part in values["angle"].values] if "angle" in values.dims else None
     names = parts or [str(place) for place in range(flat.shape[1])]
+    unit = str(values.attrs.get("units", ""))
+    ending = "" if unit in ("", "1") else f" ({unit})"
     return [
-        (f"{values.name}[{name}]" if flat.shape[1] > 1 else values.name, *(f"{value:.4g}" for value in column))
+        (f"{values.name}{f'[{name}]' if flat.shape[1] > 1 else ''}{ending}", *(f"{value:.4g}" for value in column))
         for name, column in zip(names, flat.T, strict=True)
     ]

@@ -14,6 +14,9 @@ from typing import Any
 
 from coadjoint.errors import printable
 
+NAME = 16
+"""The least width of names beside numbers."""
+
 
 def fields(rows: Sequence[tuple[str, str]]) -> None:
     """Names and texts, one a line."""
@@ -21,7 +24,10 @@ def fields(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = True) -> None:
-    """Rows under column heads: a rich table on a terminal, aligned text elsewhere."""
+    """Rows under column heads: a rich table on a terminal, aligned text elsewhere.
+
+    Numbers are never shortened: beside them names are wrapped, and the table is wider than the terminal if it must be.
+    """
     columns, rows = _cells(columns), [_cells(row) for row in rows]
     if not sys.stdout.isatty():
         _plain(columns, rows, heads)
@@ -32,11 +38,28 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], heads: bool = T
     from rich.text import Text
 
     made = Table(show_header=heads, box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    numbers = {i: max(len(row[i]) for row in rows) for i in range(len(columns)) if rows and _numbers(rows, i)}
     for index, column in enumerate(columns):
-        made.add_column(Text(column), style="bold" if index == 0 else None, no_wrap=index == 0)
+        whole = index in numbers or (index == 0 and not numbers)
+        least = max(numbers[index], len(column)) if index in numbers else NAME if numbers and index == 0 else None
+        made.add_column(
+            Text(column), style="bold" if index == 0 else None, no_wrap=whole, min_width=least, overflow="fold"
+        )
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
-    Console().print(made)
+    console = Console()
+    needed = sum(max(width, len(columns[i])) for i, width in numbers.items()) + NAME + 3 * len(columns)
+    (Console(width=needed) if numbers and needed > console.width else console).print(made)
+
+
+def _numbers(rows: Sequence[Sequence[str]], column: int) -> bool:
+    """Whether a column holds numbers alone."""
+    try:
+        for row in rows:
+            float(row[column])
+    except ValueError:
+        return False
+    return True
 
 
 def line(text: str) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +37,39 @@ FROM_REST = 25
 """Newton's iterations for the velocities of momenta that are given."""
 
 
+_given: ContextVar[bool] = ContextVar("starts are kept as they are given", default=False)
+
+
+@dataclass(frozen=True, eq=False)
+class StartGiven:
+    """What `System.state` was given, for a state that is to be made later, of several members together."""
+
+    system: System
+    arguments: tuple[Any, ...]
+    by_momenta: bool = False
+
+    def state(self) -> State:
+        """The state of these arguments."""
+        return starting_state(self.system, *self.arguments, by_momenta=self.by_momenta)
+
+
+@contextmanager
+def starts_given(wanted: bool = True) -> Iterator[None]:
+    """While this lasts, `System.state` returns what it was given, or states again."""
+    token = _given.set(wanted)
+    try:
+        yield
+    finally:
+        _given.reset(token)
+
+
 def starting_state(system: System, g, q, xi, qdot, a0, t, inputs, internal, by_momenta: bool = False) -> State:
     """The state of `System.state`; with `co.each` among the arguments, of all members with a leading axis.
 
     by_momenta: `xi` and `qdot` are μ and π.
     """
+    if _given.get():
+        return StartGiven(system, (g, q, xi, qdot, a0, t, inputs, internal), by_momenta)  # type: ignore[return-value]
     inputs, internal = _held(system, inputs, internal)
     arguments = (g, q, qdot, xi, a0, t)
     count = count_members(arguments, internal)

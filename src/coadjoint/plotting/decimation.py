@@ -1,4 +1,4 @@
-"""Fewer points for the same picture: what a figure can show of a long run, with every extreme kept."""
+"""Fewer points for the same picture: a long run with every extreme kept, and a random choice of many members."""
 
 from __future__ import annotations
 
@@ -30,3 +30,13 @@ def thin(*series: np.ndarray, capacity: int = CAPACITY) -> np.ndarray:
             # The first hit of each stretch is enough: a constant curve hits everywhere.
             kept.append(hits[np.unique(stretch[hits], return_index=True)[1]])
     return np.unique(np.concatenate(kept))
+
+
+def some(count: int, most: int) -> np.ndarray:
+    """The indices of `most` of so many members, or of all, increasing: a random choice, the same each time.
+
+    Members are often in an order, as those of a grid or of Sobol' points, of which every k-th shows a part alone.
+    """
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 from coadjoint.errors import ArgumentError
 from coadjoint.extensions import located
 from coadjoint.plotting import bodies
 from coadjoint.plotting.bodies import Solid
+from coadjoint.plotting.decimation import some
 from coadjoint.plotting.entries import Entry
 from coadjoint.plotting.scene import Scene, Shape
 from coadjoint.plotting.scene_registry import SCENES
@@ -19,12 +21,17 @@ MOST = 20
 def scene(
     runs: Sequence[Entry], solids: Sequence[Solid] | None = None, z_down: bool = False, hull: Shape | None = None
 ) -> Scene:
-    """The scene of runs, of the first `MOST` of them; raises ArgumentError where nothing of them moves in space.
+    """The scene of runs; of more than `MOST` a random choice is shown, with a warning.
+
+    Raises ArgumentError where nothing of them moves in space.
 
     solids: the bodies, where they are not those that the owner of the scene knows. z_down: whether z points down where
     nobody knows it. hull: the shape of a vehicle's hull, or of the first body, in place of the one that is known.
     """
-    shown = list(runs[:MOST])
+    shown = [runs[place] for place in some(len(runs), MOST)]
+    if len(shown) < len(runs):
+        sentence = f"The scene shows {len(shown)} of {len(runs):,} members, chosen at random."
+        warnings.warn(sentence, stacklevel=2)
     for run in shown:
         if len(run.time) < 2:
             raise ArgumentError(f"The run of {run.label} has one saved node, so there is nothing to animate.")

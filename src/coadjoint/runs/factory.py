@@ -25,30 +25,35 @@ ORIENTATION = ("rotation", "euler_zxz", "euler_zyx", "angular_velocity", "euler_
 """Ways to give g and xi of a group of rotations; see `coadjoint.models.orientation`."""
 
 
-def from_factory(
-    factory: str, source: Path, parameters: dict[str, Any], initial: dict[str, Any]
-) -> tuple[System, State]:
-    """The system and start of function(**parameters) in the file `source`: a System, or a pair of it and a State.
+def maker(factory: str, source: Path) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
+    """What makes a system and its start of sections [parameters] and [initial] by a function in the file `source`.
 
-    A system alone starts from [initial]: keywords of `System.state`, or an attitude in other words. Raises FileError
-    for a file or function that does not exist, ArgumentError for keys that do not fit and for a factory that raises or
+    The function takes [parameters] and returns a System, or a pair of it and a State. A system alone starts from
+    [initial]: keywords of `System.state`, or an attitude in other words. Raises FileError for a file or function that
+    does not exist; what it returns raises ArgumentError for keys that do not fit and for a factory that raises or
     returns something else.
     """
     function = _function(source, factory.split(":")[1])
-    made = _called(function, source, _keywords(function, parameters))
-    from coadjoint.mechanics.state import State
-    from coadjoint.mechanics.system import System
 
-    if isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], System) and isinstance(made[1], State):
-        if initial:
-            raise ArgumentError(f"The factory {factory} returns its own start: leave out section [initial].")
-        return made
-    if not isinstance(made, System):
-        raise ArgumentError(
-            f"The factory {factory} must return a co.System, or a pair of it and a state, but returned "
-            f"{type(made).__name__}."
-        )
-    return made, start(made, initial)
+    def make(parameters: dict[str, Any], initial: dict[str, Any]) -> tuple[System, State]:
+        from coadjoint.mechanics.start import StartGiven
+        from coadjoint.mechanics.state import State
+        from coadjoint.mechanics.system import System
+
+        made = _called(function, source, _keywords(function, parameters))
+        pair = isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], System)
+        if pair and isinstance(made[1], (State, StartGiven)):
+            if initial:
+                raise ArgumentError(f"The factory {factory} returns its own start: leave out section [initial].")
+            return made
+        if not isinstance(made, System):
+            raise ArgumentError(
+                f"The factory {factory} must return a co.System, or a pair of it and a state, but returned "
+                f"{type(made).__name__}."
+            )
+        return made, start(made, initial)
+
+    return make
 
 
 def start(system: System, initial: dict[str, Any]) -> State:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,6 +19,8 @@ from coadjoint.runs.units import in_si, unknown, without_unit
 from coadjoint.texts import read_table, told_text, too_long
 
 if TYPE_CHECKING:
+    from coadjoint.mechanics.state import State
+    from coadjoint.mechanics.system import System
     from coadjoint.runs.setup import Setup
     from coadjoint.simulation.run import Run
 
@@ -54,18 +56,22 @@ class RunFile(Runnable):
         found = [path.resolve() for name, path in self.inputs.items() if name not in self.places]
         return [path for path in found if not path.is_relative_to(home)]
 
-    def set_up(self) -> Setup:
-        from coadjoint.models import catalogue
-        from coadjoint.runs.factory import from_factory
-        from coadjoint.runs.setup import Setup
-
+    @property
+    def maker(self) -> Callable[[dict[str, Any], dict[str, Any]], tuple[System, State]]:
+        """What makes the system and its start of sections [parameters] and [initial]."""
         if self.system.factory:
-            source = self.located(self.names[0])
-            return Setup(*from_factory(self.system.factory, source, self.parameters, self.initial))
+            from coadjoint.runs.factory import maker
+
+            return maker(self.system.factory, self.located(self.names[0]))
+        return self._of_catalogue
+
+    def _of_catalogue(self, parameters: dict[str, Any], initial: dict[str, Any]) -> tuple[System, State]:
+        from coadjoint.models import catalogue
+
         entry = catalogue[self.system.model]
         try:
-            system = entry.make(**self.parameters)
-            return Setup(system, entry.start(system, **self.initial))
+            system = entry.make(**parameters)
+            return system, entry.start(system, **initial)
         except CoadjointError:
             raise
         except (TypeError, ValueError) as error:
@@ -73,6 +79,11 @@ class RunFile(Runnable):
             raise ArgumentError(
                 f"Model `{self.system.model}` cannot be made from [parameters] and [initial]: {first}"
             ) from error
+
+    def set_up(self) -> Setup:
+        from coadjoint.runs.setup import Setup
+
+        return Setup(*self.maker(self.parameters, self.initial))
 
     def results(self, folder: Path, run: Run) -> tuple[dict[str, Any], list[str]]:
         from coadjoint.plotting.plots import save_figures

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from coadjoint.errors import ArgumentError, FileError, StepError
+from coadjoint.errors import FileError, StepError
 from coadjoint.log import logger
 from coadjoint.plotting.whole_file import write_text
 from coadjoint.report.folder import (
@@ -24,6 +24,7 @@ from coadjoint.report.folder import (
 )
 from coadjoint.report.summary import run_summary, to_json, versions
 from coadjoint.runs.identity import IDENTITY, identity, require_same
+from coadjoint.runs.prepared import prepared
 from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
@@ -66,38 +67,6 @@ def check(file: Runnable, folder: Path, overwrite: bool) -> list[str]:
     except FileError as error:
         raise FileError(f"{file.path} is a run file, but its results have no place. {error}") from error
     return warnings
-
-
-def prepared(file: Runnable, made: Setup) -> Run:
-    """The run of a file as it stands before its first step; nothing is compiled.
-
-    Raises ArgumentError and LagrangianError for what does not fit, figures that cannot be drawn of it among them.
-    """
-    from coadjoint.runs.methods import method
-    from coadjoint.simulation.arguments import grid, require_kinds
-    from coadjoint.simulation.preparing import prepare
-
-    chosen, section = method(file.method), file.run
-    require_kinds(made.system, made.start, chosen)
-    h, steps = grid(section.dt, section.duration, section.steps)
-    what = (made.system, made.start, chosen, h, steps, section.save_every)
-    run = prepare(*what, True, None, made.inputs, "xla", made.until)
-    if file.output.asked:
-        _require_drawable(file.output.asked, run)
-    return run
-
-
-def _require_drawable(figures: list[str], run: Run) -> None:
-    """Raise ArgumentError for figures that a run will have nothing to draw for."""
-    from coadjoint.plotting.plots import available
-    from coadjoint.simulation.dataset import outline
-
-    there = available(outline(run), films=True)
-    if lacking := [name for name in figures if name not in there]:
-        raise ArgumentError(
-            f"[output] figures: a run of {run.system.name} has nothing to draw for `{lacking[0]}`; it has what is "
-            f"drawn in {', '.join(there)}."
-        )
 
 
 def execute(file: Runnable, folder: Path, overwrite: bool = False, progress: bool | None = None) -> Written:

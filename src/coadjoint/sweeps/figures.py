@@ -11,6 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.plotting import style
+from coadjoint.plotting.decimation import some
 from coadjoint.runs.units import unknown
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from coadjoint.sweeps.results import SweepResults
 
 MOST_LINES, MOST_POINTS = 1000, 20_000
-"""Members in a figure at most, evenly chosen."""
+"""Members in a figure at most, chosen at random."""
 MOST_NUMBERS, MOST_PANELS = 6, 6
 CELLS = 24
 """Cells of a response surface along each axis, at most."""
@@ -27,17 +28,22 @@ DENSE = 4
 """Members for each cell, from which on means over cells are drawn instead of points."""
 
 
-def columns(made: SweepResults) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """The numbers that vary and the results, each one number of a member, by name with its place and unit."""
+def columns(
+    made: SweepResults, chosen: np.ndarray | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The numbers that vary and the results, each one number of a member, by name with its place and unit.
+
+    chosen: of which members, by default MOST_POINTS of them at most.
+    """
     found = made.dataset
     numbers: dict[str, np.ndarray] = {}
     results: dict[str, np.ndarray] = {}
-    step = max(found.sizes["member"] // MOST_POINTS, 1)
+    chosen = some(found.sizes["member"], MOST_POINTS) if chosen is None else chosen
     for name in (*found.coords, *found.data_vars):
         array = found[name]
         if "member" not in array.dims or "time" in array.dims or name in ("code", "steps_done", "member"):
             continue
-        values = array.values[::step].reshape(-(-array.sizes["member"] // step), -1)
+        values = array.values[chosen].reshape(len(chosen), -1)
         own = [str(word) for word in array["angle"].values] if "angle" in array.dims else None
         kept = numbers if array.attrs.get("swept") else results
         for place, column in enumerate(values.T):
@@ -46,19 +52,28 @@ def columns(made: SweepResults) -> tuple[dict[str, np.ndarray], dict[str, np.nda
     return numbers, results
 
 
+def _told(figure: Figure, *parts: str) -> None:
+    """What a figure leaves out, as its title; nothing where it shows all."""
+    if sentence := "; ".join(filter(None, parts)):
+        figure.suptitle(sentence, fontsize=8)
+
+
+def _of(shown: int, all_of: int, what: str = "members") -> str:
+    """How many of how many are shown; nothing where all are."""
+    return f"{shown:,} of {all_of:,} {what}, chosen at random" if shown < all_of else ""
+
+
 def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
     """Every member as a line through its numbers and results, coloured by the last result.
 
     results: names as "final_q[2]", by default where members end. Raises ArgumentError for one that there is not.
     """
-    numbers, found = columns(made)
+    good = np.flatnonzero(made.dataset["code"].values == 0)
+    numbers, found = columns(made, good[some(len(good), MOST_LINES)])
     shown = _chosen(results, found, _usual(found))
     table = {**dict(list(numbers.items())[:MOST_NUMBERS]), **{name: found[name] for name in shown}}
     values = np.stack([*table.values()], axis=1)
-    failed = len(values) - int(np.isfinite(values).all(axis=1).sum())
     values = values[np.isfinite(values).all(axis=1)]
-    good = len(values)
-    values = values[:: max(good // MOST_LINES, 1)]
     with style.style():
         from matplotlib.cm import ScalarMappable
         from matplotlib.collections import LineCollection
@@ -87,8 +102,10 @@ def parallel(made: SweepResults, results: Sequence[str] = ()) -> Figure:
         axes.set(xlim=(-0.3, len(table) - 0.7), ylim=(-0.1, 1.1), yticks=[])
         axes.grid(False)
         axes.spines[["left", "bottom"]].set_visible(False)
-        if failed:
-            axes.set_title(f"{failed:,} of {failed + good:,} members failed and are not shown", fontsize=8)
+        every = made.dataset.sizes["member"]
+        failed = every - len(good)
+        lost = f"{failed:,} of {every:,} members failed and are not shown" if failed else ""
+        _told(figure, _of(len(values), len(good), "members that did not fail" if failed else "members"), lost)
     return figure
 
 
@@ -120,6 +137,7 @@ def responses(made: SweepResults, result: str = "") -> Figure:
             axes.set(ylabel=_short(b, 1), xlim=_ends(numbers[a]), ylim=_ends(numbers[b]))
         if shades is not None:
             figure.colorbar(shades, ax=figure.axes, label=_with_unit(made, name))
+        _told(figure, _of(len(good), made.dataset.sizes["member"]))
     return figure
 
 
@@ -127,9 +145,12 @@ def failure_map(made: SweepResults) -> Figure:
     """Which members failed, and why, over each pair of numbers."""
     from coadjoint.sweeps.results import CAUSES
 
-    numbers, _ = columns(made)
-    step = max(made.dataset.sizes["member"] // MOST_POINTS, 1)
-    codes = made.dataset["code"].values[::step]
+    codes = made.dataset["code"].values
+    bad, good = np.flatnonzero(codes), np.flatnonzero(codes == 0)
+    lost = bad[some(len(bad), MOST_POINTS // 2)]  # all of them, if they are few among many
+    kept = good[some(len(good), MOST_POINTS - len(lost))]
+    chosen = np.sort(np.concatenate([lost, kept]))
+    (numbers, _), codes = columns(made, chosen), codes[chosen]
     keys = [key for key, column in numbers.items() if np.ptp(column) > 0][:4]
     pairs = [*combinations(keys, 2)][:MOST_PANELS] or [(key, key) for key in keys]
     with style.style():
@@ -147,6 +168,11 @@ def failure_map(made: SweepResults) -> Figure:
                 (mark,) = axes.plot(numbers[a][here], numbers[b][here], "." if code == 0 else "x", **own)
                 marks.setdefault("good" if code == 0 else CAUSES.get(code, str(code)), mark)
         style.legend(figure, [*marks.values()], [*marks], least=1)
+        _told(
+            figure,
+            _of(len(kept), len(good), "members that did not fail"),
+            _of(len(lost), len(bad), "members that failed"),
+        )
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -41,6 +41,10 @@ LANES = 64
 """Members of a task are a multiple of this, so that no lane of native code idles."""
 MOST_SEED = 1_000_000
 """Seeds of random currents, of seed and member, are to be whole numbers that a float holds."""
+LISTED = 1000
+"""Of more values than these a digest is written, which shows whether they are the same."""
+SAMPLE = 16
+"""Members that show in which numbers members differ; every k-th of a grid might have a number in common."""
 NODES = 60
 """About so many nodes of a run are looked at, if nothing else is said."""
 
@@ -93,7 +97,10 @@ class ResultsSection:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep, read and checked. base: the table of its run file; places: where files are that this names."""
+    """A sweep, read and checked. base: the table of its run file; places: where files are that this names.
+
+    sampled: the numbers of SAMPLE members, where those of all are not known, as on a worker.
+    """
 
     sweep: SweepSection
     results: ResultsSection
@@ -101,6 +108,7 @@ class Sweep:
     base: Mapping[str, Any]
     path: Path = Path("sweep.toml")
     places: Mapping[str, Path] = field(default_factory=dict)
+    sampled: Design | None = None
 
     @cached_property
     def text(self) -> str:
@@ -191,6 +199,33 @@ class Sweep:
         seeds: dict[str, Any] = {"perturb": {"seed": _each(self.sweep.seed * float(MOST) + members)}}
         return replace(made, **seeds)
 
+    @cached_property
+    def varying(self) -> frozenset[str]:
+        """The numbers of system and start in which members of a run file differ, as SAMPLE of them show.
+
+        The same for every task, so that no member's result depends on those of its task. Raises ArgumentError where
+        members differ in more than numbers.
+        """
+        from coadjoint.runs.members import members
+
+        file: Any = self.run(self.sample, True)
+        return members(file, possible=True).varying
+
+    @property
+    def sample(self) -> Design:
+        """The numbers of SAMPLE members, the first and a random choice; one of them must be possible."""
+        if self.sampled is not None:
+            return self.sampled
+        places = np.unique([0, *np.random.default_rng(0).integers(0, self.members, SAMPLE - 1)])
+        return {name: values[places] for name, values in self.design[0].items()}
+
+    def sample_runs(self) -> Iterator[tuple[Design, Runnable]]:
+        """The numbers and the run of each of these members, alone."""
+        rows = self.sample
+        for place in range(len(next(iter(rows.values())))):
+            row = {name: values[place : place + 1] for name, values in rows.items()}
+            yield row, self.run(row, False)
+
     @property
     def slow(self) -> list[Varied]:
         """What no two values of can step together."""
@@ -211,7 +246,7 @@ def _written(template: Any) -> Any:
         return template
     if template.values is not None:
         values = np.ascontiguousarray(template.values)
-        many = values.size > 1000
+        many = values.size > LISTED
         return {"values": f"{DIGEST}{hashlib.sha256(values.tobytes()).hexdigest()}" if many else values.tolist()}
     if template.normal is not None:
         return {"mean": template.normal[0], "deviation": template.normal[1]}

@@ -30,7 +30,7 @@ from coadjoint.sweeps.address import require_address, require_answer
 from coadjoint.sweeps.file import QUICK, Sweep
 from coadjoint.sweeps.reduction import KINDS, choose, known
 from coadjoint.sweeps.results import SweepResults, facts, gathered, load_sweep, meant
-from coadjoint.sweeps.task import TRIED, Task, ensemble, identity, perform
+from coadjoint.sweeps.task import Task, ensemble, identity, perform
 
 _log = logger(__name__)
 
@@ -138,10 +138,10 @@ def groups(sweep: Sweep, quick: bool) -> tuple[int, list[str]]:
 
 
 def _first(sweep: Sweep) -> tuple[tuple[Any, np.ndarray], Any]:
-    """The first member that can be set up, its numbers and itself; raises what is wrong with the very first."""
+    """The first of the sample that can be set up, its numbers and itself; raises what is wrong with the very first."""
     refused: CoadjointError | None = None
-    for member in range(min(sweep.members, TRIED)):
-        chosen = (sweep.rows(slice(member, member + 1)), np.array([member]))
+    for row, _ in sweep.sample_runs():
+        chosen = (row, np.zeros(1, int))
         try:
             return chosen, ensemble(sweep, *chosen, False, sweep.save_every)
         except FileError:
@@ -199,6 +199,7 @@ def _compute(
         return Task(
             place, configuration, number, span.start, sweep.rows(span), span.stop - span.start, plan["save_every"],
             tuple(plan["chosen"]), plan["quick"], known,
+            sweep.size, sweep.sample,
         )  # fmt: skip
 
     def missing() -> list[int]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -23,12 +22,15 @@ from coadjoint.mechanics.each import count_members
 from coadjoint.report.folder import RUN_FILE, kept_inputs
 from coadjoint.runs import identity as runs
 from coadjoint.runs.identity import difference
+from coadjoint.runs.members import members as members_of
 from coadjoint.runs.methods import method
+from coadjoint.runs.run_file import RunFile
+from coadjoint.runs.runnable import Runnable
 from coadjoint.runs.setup import Setup
 from coadjoint.simulation.arguments import grid, require_kinds
 from coadjoint.simulation.carry_on import carry_on
 from coadjoint.simulation.preparing import prepare
-from coadjoint.sweeps.file import RUN, Sweep, of_tables
+from coadjoint.sweeps.file import QUICK, RUN, Sweep, of_tables
 from coadjoint.sweeps.reduction import Observer, Reduction
 from coadjoint.sweeps.sketch import Sketch, merged
 from coadjoint.sweeps.store import write
@@ -37,8 +39,6 @@ from coadjoint.texts import read_table
 if TYPE_CHECKING:
     from coadjoint.simulation.ensemble import Ensemble
 
-TRIED = 16
-"""Of so many members one at least must be possible."""
 REFUSED = -2
 """The code of a member that cannot be set up, such as one of a negative mass."""
 
@@ -53,7 +53,8 @@ class Task:
     """Some members of the sweep in a folder: all that a worker is told.
 
     configuration: the SHA-256 of the sweep's text; rows: the numbers of these members; quick: whether parameters and
-    starts may stand for all members at once; identity: what the run of the first member is known by.
+    starts may stand for all members at once; identity: what the sweep is known by; size: the members of a full task;
+    sample: the numbers of some members, spread over all.
     """
 
     folder: str
@@ -66,6 +67,8 @@ class Task:
     chosen: tuple[str, ...]
     quick: bool
     identity: Mapping[str, str]
+    size: int
+    sample: Mapping[str, np.ndarray]
 
 
 @dataclass
@@ -84,8 +87,21 @@ class Shard:
     nodes: dict[str, np.ndarray] | None = None
 
 
-@lru_cache(maxsize=4)
-def swept(folder: str, configuration: str) -> Sweep:
+_sweeps: dict[tuple[str, str], tuple[Sweep, dict[str, str]]] = {}
+"""The last sweep of this process, and what it is known by."""
+
+
+def swept(task: Task) -> tuple[Sweep, dict[str, str]]:
+    """The sweep of a task, and what it is known by in this process."""
+    key = task.folder, task.configuration
+    if key not in _sweeps:
+        sweep = replace(read(*key), sampled=dict(task.sample))
+        _sweeps.clear()
+        _sweeps[key] = sweep, identity(sweep)
+    return _sweeps[key]
+
+
+def read(folder: str, configuration: str) -> Sweep:
     """The sweep that a folder holds; raises FileError where it is another."""
     import hashlib
 
@@ -107,9 +123,9 @@ def perform(task: Task, threads: int = 1) -> dict[str, float]:
     """Compute a task and write its shard; what this took, and the number of the process."""
     shard = compute(task, threads)
     began = time.perf_counter()
-    sweep = swept(task.folder, task.configuration)
+    sweep, _ = swept(task)
     shard.members = {**task.rows, **shard.members}
-    write(Path(task.folder), task.number, sweep.size, shard, sweep.results.keep != "statistics")
+    write(Path(task.folder), task.number, task.size, shard, sweep.results.keep != "statistics")
     spent = time.perf_counter() - began
     return {"seconds": shard.seconds + spent, "kernel": shard.kernel, "writing": spent, "process": float(os.getpid())}
 
@@ -117,8 +133,8 @@ def perform(task: Task, threads: int = 1) -> dict[str, float]:
 def compute(task: Task, threads: int = 1) -> Shard:
     """The shard of a task; tasks of one process run one after another, each on so many threads."""
     began = time.perf_counter()
-    sweep = swept(task.folder, task.configuration)
-    if differing := difference(task.identity, known(task.folder, task.configuration)):
+    sweep, known = swept(task)
+    if differing := difference(task.identity, known):
         raise ArgumentError(
             f"On a worker the model is another than where the sweep began: {differing}; all workers need the same "
             "files and versions."
@@ -130,18 +146,12 @@ def compute(task: Task, threads: int = 1) -> Shard:
     return found
 
 
-@lru_cache(maxsize=4)
-def known(folder: str, configuration: str) -> dict[str, str]:
-    """What the sweep in a folder is known by in this process."""
-    return identity(swept(folder, configuration))
-
-
 def identity(sweep: Sweep) -> dict[str, str]:
-    """What a sweep is known by: the run of the first member that can be set up."""
+    """What a sweep is known by: the run of the first of its sample that can be set up."""
     refused: CoadjointError | None = None
-    for member in range(min(sweep.members, TRIED)):
+    for _, file in sweep.sample_runs():
         try:
-            return runs.identity(sweep.run(sweep.rows(slice(member, member + 1)), False))
+            return runs.identity(file)
         except FileError:
             raise
         except CoadjointError as error:
@@ -206,8 +216,8 @@ def ensemble(
 ) -> Ensemble:
     """Members, by which they are, with these numbers, ready to run; raises what a run of them would raise."""
     file, count = sweep.run(rows, quick, members), len(members)
-    made: Setup = file.set_up()
-    made = _known(sweep, made) if quick and not sweep.slow else made
+    made, alike = _set_up(sweep, file, quick)
+    made = _known(sweep, made, alike) if quick and not sweep.slow else made
     start = made.start
     if count_members(made.system.parameters) is None and not np.ndim(start.t):
         start = jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf)[None], count, axis=0), start)
@@ -218,11 +228,19 @@ def ensemble(
     return prepare(*what, made.inputs, "auto", made.until)
 
 
-_setups: dict[int, tuple[Sweep, Setup]] = {}
+def _set_up(sweep: Sweep, file: Runnable, quick: bool) -> tuple[Setup, Hashable]:
+    """The set-up of some members, and a value that is equal for those whose systems differ in numbers alone."""
+    if quick and isinstance(file, RunFile) and any(one.keys[0] in QUICK for one in sweep.varied):
+        found = members_of(file)
+        return found.together(sweep.varying), found.signatures[0]
+    return file.set_up(), None
+
+
+_setups: dict[int, tuple[Sweep, Setup, Hashable]] = {}
 """The first set-up of the last sweep of this process."""
 
 
-def _known(sweep: Sweep, made: Setup) -> Setup:
+def _known(sweep: Sweep, made: Setup, alike: Hashable) -> Setup:
     """A set-up with the system of the first one, so that what is known of its functions is found again.
 
     The numbers that differ stand in the parameters and the start alone.
@@ -230,7 +248,9 @@ def _known(sweep: Sweep, made: Setup) -> Setup:
     before = _setups.get(id(sweep))
     if before is None:
         _setups.clear()
-        _setups[id(sweep)] = sweep, made
+        _setups[id(sweep)] = sweep, made, alike
+        return made
+    if before[2] != alike:
         return made
     system = replace_parameters(before[1].system, made.system.parameters)
     return replace(before[1], system=system, start=made.start)

@@ -91,11 +91,12 @@ def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
 
 
 def chosen_members(run: Run | Ensemble) -> np.ndarray | None:
-    """Which members of an ensemble are judged, evenly among all; None of a run."""
+    """Which members of an ensemble are judged: the first, the last and a random choice; None of a run."""
     members = getattr(run, "members", None)
     if members is None:
         return None
-    return np.unique(np.linspace(0, members.count - 1, MEMBERS).astype(int))
+    between = np.random.default_rng(0).integers(0, members.count, MEMBERS - 2)
+    return np.unique([0, *between, members.count - 1])
 
 
 def accuracy_warnings(run: Run | Ensemble) -> list[str]:

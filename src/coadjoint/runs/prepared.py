@@ -1,0 +1,44 @@
+"""A run of a file before its first step: what would run, and whether all that the file asks for fits it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from coadjoint.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from coadjoint.runs.runnable import Runnable
+    from coadjoint.runs.setup import Setup
+    from coadjoint.simulation.run import Run
+
+
+def prepared(file: Runnable, made: Setup) -> Run:
+    """The run of a file as it stands before its first step; nothing is compiled.
+
+    Raises ArgumentError and LagrangianError for what does not fit, figures that cannot be drawn of it among them.
+    """
+    from coadjoint.runs.methods import method
+    from coadjoint.simulation.arguments import grid, require_kinds
+    from coadjoint.simulation.preparing import prepare
+
+    chosen, section = method(file.method), file.run
+    require_kinds(made.system, made.start, chosen)
+    h, steps = grid(section.dt, section.duration, section.steps)
+    what = (made.system, made.start, chosen, h, steps, section.save_every)
+    run = prepare(*what, True, None, made.inputs, "xla", made.until)
+    if file.output.asked:
+        _require_drawable(file.output.asked, run)
+    return run
+
+
+def _require_drawable(figures: list[str], run: Run) -> None:
+    """Raise ArgumentError for figures that a run will have nothing to draw for."""
+    from coadjoint.plotting.plots import available
+    from coadjoint.simulation.dataset import outline
+
+    there = available(outline(run), films=True)
+    if lacking := [name for name in figures if name not in there]:
+        raise ArgumentError(
+            f"[output] figures: a run of {run.system.name} has nothing to draw for `{lacking[0]}`; it has what is "
+            f"drawn in {', '.join(there)}."
+        )
