@@ -19,6 +19,7 @@ STOREYS = (
         "manifest",
         "lazy",
         "paths",
+        "portable",
         "extensions",
         "units",
         "texts",

@@ -8,7 +8,7 @@ import pytest
 import coadjoint as co
 from coadjoint.groups.derivative import left_derivative, right_derivative
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.theory.unreduced import with_keywords
+from coadjoint.theory.unreduced import WithKeywords
 from discrete import moser_veselov, random_group_system
 from stepping import Stepper
 from systems import GROUPS, MAPS, generator
@@ -68,7 +68,7 @@ def test_steps_in_group_form_are_those_in_algebra_form(world, tau, forced):
     def in_algebra(xi, *rest, **time):
         return system.group_lagrangian(MAPS[tau].tau(group, rest[-1] * xi), *rest, **time)
 
-    discrete = with_keywords(in_algebra, ("t",) if system.takes("t") else ())
+    discrete = WithKeywords(in_algebra, ("t",) if system.takes("t") else ())
     same = co.System(
         group, discrete_lagrangian=discrete, additional=Q, advected=V,
         forces=None, parameters=system.parameters,

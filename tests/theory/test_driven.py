@@ -59,7 +59,7 @@ def driven(world: str, kind: str):
         return h * (z @ z + 0.1 * jnp.sin(lean @ z) - 0.3 * jnp.cos(feel @ y) + gain * extra * (lean @ z))
 
     names = [name for name in ("t", "inputs", "internal") if name in reach]
-    group_lagrangian = theory.unreduced.with_keywords(value, tuple(names))
+    group_lagrangian = theory.unreduced.WithKeywords(value, tuple(names))
 
     def forces(motion, *p):
         z = jnp.concatenate([motion.xi, flat(motion.nu)])

@@ -184,11 +184,17 @@ def flown_inputs(inputs: Mapping[str, Any], chosen: Mapping[str, np.ndarray], be
     return found or None
 
 
+@dataclass(frozen=True, eq=False)
+class _Command:
+    """A signal as a function of the motion, which a run takes once a step at its node: the value halfway."""
+
+    signal: Held
+    h: float
+
+    def __call__(self, motion: NodeMotion) -> Any:
+        return self.signal(motion.t + 0.5 * self.h)
+
+
 def _held(values: np.ndarray, begin: float, h: float) -> Any:
-    """values[k] over the step k, as a function of the motion, which a run takes once a step, at its node."""
-    signal = Held(begin + h * np.arange(len(values)), values)
-
-    def command(motion: NodeMotion) -> Any:
-        return signal(motion.t + 0.5 * h)
-
-    return command
+    """values[k] over the step k."""
+    return _Command(Held(begin + h * np.arange(len(values)), values), h)

@@ -29,6 +29,7 @@ from coadjoint.errors import ArgumentError, OptimumError, shown
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.state import State
+from coadjoint.portable import Remade
 
 SETTLED = 1e-11
 """A change of all numbers after which no further iteration is taken."""
@@ -77,7 +78,7 @@ class StateEstimate:
         return dict(zip(self.directions, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True))
 
 
-class Estimator:
+class Estimator(Remade):
     """The most likely motion of a horizon; `co.control.Problem.estimator` makes it, a call per node goes on.
 
     Over n ≤ N steps up to now, with V what is known of the first node,
@@ -89,6 +90,8 @@ class Estimator:
     and a direction that nothing tells keeps no information at all: the estimate does not move along it. Where all is
     linear and normal this is Kalman's filter, and his smoother inside the horizon.
     """
+
+    STANDING = ("_motion", "_seen", "_arrival", "_t")
 
     def __init__(self, problem: Statement, steps: int, known: tuple[str, ...], iterations: int):
         self.problem, self.steps, self.known, self.iterations = problem, steps, known, iterations

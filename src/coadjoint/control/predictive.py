@@ -25,6 +25,7 @@ from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
+from coadjoint.portable import Remade
 from coadjoint.simulation.arguments import whole
 
 VIOLATED = 1e-5
@@ -49,7 +50,7 @@ class Timeline:
     age: int = 0
 
 
-class Controller:
+class Controller(Remade):
     """Model predictive control: controller(state).command once a period; `co.control.Problem.controller` makes it.
 
     Each call takes one step of Gauss and Newton (`iterations` of them) towards the optimum of the problem from this
@@ -61,6 +62,8 @@ class Controller:
     Called again with a state of the same t it shifts nothing, and goes on to the optimum of that state. A state that is
     earlier than the last one, or later than the plan, starts anew from the inputs' guesses, as `reset` does.
     """
+
+    STANDING = ("system", "_p", "record", "_plan", "_clock", "_prepared")
 
     def __init__(
         self,

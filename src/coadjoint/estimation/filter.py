@@ -33,6 +33,7 @@ from coadjoint.estimation.timetable import (
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
 from coadjoint.mechanics.reading import in_words
+from coadjoint.portable import Remade
 from coadjoint.simulation.arguments import truth
 
 
@@ -46,7 +47,7 @@ class Innovation(NamedTuple):
     used: Any
 
 
-class Filter:
+class Filter(Remade):
     """A Kalman filter whose errors are those of a process: on the group, invariant under it.
 
         process = co.estimation.ModelProcess(vehicle, start, inputs=("thrust",), noise={"force": 0.5})
@@ -74,6 +75,8 @@ class Filter:
 
     Raises ArgumentError for names and shapes that are not those of the process.
     """
+
+    STANDING = ("_rows", "_P", "_past", "_awaited")
 
     def __init__(
         self,

@@ -16,6 +16,7 @@ from coadjoint.estimation.drifts import not_negative
 from coadjoint.estimation.functions import RowFunction
 from coadjoint.estimation.numbers import float64, numbers
 from coadjoint.kernels.run.kalman import Model
+from coadjoint.portable import Remade
 from coadjoint.simulation.accuracy.parts import PartsOfSteps
 
 
@@ -49,7 +50,7 @@ def spread(deviations: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarra
     return np.concatenate(found)
 
 
-class Process(ABC):
+class Process(Remade, ABC):
     """States as rows of numbers, errors e about them in coordinates (n,), and a step x⁺ = Φ(x, w) with noise w.
 
     A row x with an error e is the state `retract(x, e)`; `differ(x, y)` is e with y = retract(x, e), to first order.

@@ -14,6 +14,7 @@ from coadjoint.groups import LieGroup, Power
 from coadjoint.groups.group import Array
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import Force, Places
+from coadjoint.portable import Portable
 from coadjoint.spaces import Several, Space
 from coadjoint.spaces.named import Named
 
@@ -23,7 +24,7 @@ TIME, INPUTS, INTERNAL = "time", "inputs", "internal"
 
 
 @dataclass(frozen=True)
-class Forces:
+class Forces(Portable):
     """Functions (motion [, p]) → Force(torque, force) under names; the system's force is their sum."""
 
     names: tuple[str, ...]

@@ -30,13 +30,14 @@ from coadjoint.mechanics.system_arguments import (
     require_plain,
     space_from,
 )
+from coadjoint.portable import Portable
 from coadjoint.spaces import Space
 from coadjoint.spaces.axioms import require_own_forms
 from coadjoint.spaces.links import on_links
 
 
 @dataclass(frozen=True, init=False)
-class System(ReducedFunctions):
+class System(ReducedFunctions, Portable):
     """ℓ(ξ, n, ν, a) on 𝔤 × TQ × V* with its group, spaces and parameters (P17).
 
         def lagrangian(xi, a, p):  # a heavy top

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -38,6 +38,10 @@ class CatalogueEntry:
     def __post_init__(self):
         for key in ("parameters", "initial"):
             object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
+
+    def __reduce__(self) -> Any:
+        plain = {"parameters": dict(self.parameters), "initial": dict(self.initial)}
+        return type(self), tuple(plain.get(one.name, getattr(self, one.name)) for one in fields(self))
 
     def make(self, **parameters: Any) -> System:
         """The system with these parameters in place of the defaults."""

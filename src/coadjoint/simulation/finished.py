@@ -12,11 +12,16 @@ from coadjoint.errors import printable
 from coadjoint.simulation.recording import Recording
 
 
+def no_numbers(run: Any) -> Mapping[str, Any]:
+    """None, as of an ensemble."""
+    return {}
+
+
 class Shown(NamedTuple):
     """How a run is told, by functions of it: its certificate as text and, of a single run, as plain numbers."""
 
     card: Callable[[Any], str]
-    numbers: Callable[[Any], Mapping[str, Any]] = lambda run: {}
+    numbers: Callable[[Any], Mapping[str, Any]] = no_numbers
 
 
 class Finished(Recording):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from coadjoint.extensions import located
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,13 @@ class Monitor:
 
     def __call__(self, system: Any, step: Any, record: Any, h: Any, constants: Any) -> Any:
         return self.observe(system, step, record, h, constants)
+
+    def __reduce__(self) -> Any:
+        """By its name in the module of its function, which it stands for there; otherwise by what it holds."""
+        module, name = self.observe.__module__, getattr(self.observe, "__name__", "")
+        if getattr(sys.modules.get(module), name, None) is self:
+            return located, (f"{module}:{name}",)
+        return Monitor, (self.observe, self.watched, self.when)
 
 
 def monitor(*watched: Watched, when: Callable[..., bool]) -> Callable[[Callable[..., Any]], Monitor]:

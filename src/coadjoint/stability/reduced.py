@@ -18,6 +18,7 @@ from coadjoint.mechanics.discrete import Point, node
 from coadjoint.mechanics.poisson import vector_field
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.portable import Portable
 from coadjoint.stability.scales import Scales, natural_scales
 
 SAMPLES = 4
@@ -42,7 +43,7 @@ class ReducedSlopes(NamedTuple):
     rate_z: np.ndarray
 
 
-class Reduced:
+class Reduced(Portable):
     """The reduced equations ẏ = Y(y), y = (μ, n, π, a), modulo directions K of (n, a) that they do not depend on.
 
     K is the largest linear subspace of (n, a) with DY(y) K ⊂ K at every y, so that Y has an image on y modulo K: the

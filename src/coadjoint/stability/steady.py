@@ -17,6 +17,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.portable import Remade
 from coadjoint.spaces.named import Named
 from coadjoint.stability.integrals import casimirs, require_conserved
 from coadjoint.stability.reduced import IGNORABLE, Reduced
@@ -74,7 +75,7 @@ def steady_motion(
     return Search(system, guess, asked, free, symmetries=symmetries).find(guess)
 
 
-class Search:
+class Search(Remade):
     """The search for steady motions of one kind, at many values: `find(guess, aim)` with conditions(state, aim) = 0.
 
     Its equations are traced once. aim: the first one, an array of any shape, by default 0. names: what the conditions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -18,7 +19,7 @@ from coadjoint.spaces import Space, Trivial
 from coadjoint.theory.algorithm import Algorithm, whole_steps
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
-from coadjoint.theory.unreduced import KEYWORDS, has_points, keywords_of, with_keywords
+from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, has_points, keywords_of
 
 End = Literal["left", "right"]
 """Where the parameter of l is taken: l(f_k, a_k) or, as (B18) prints it, l(f_k, a_{k+1})."""
@@ -101,12 +102,14 @@ def poisson_system(l: PoissonLagrangian, *, forces: Any = None, internal: Any = 
     `forces`, `internal`: as those of co.System.
     """
 
-    def group_lagrangian(F, a, h, **keywords):
-        f = l.group.inverse(F)
-        return l.function(f, l.taken(PoissonLink(f, a)), h, **keywords)
-
-    taking = with_keywords(group_lagrangian, keywords_of(l.function))
+    taking = WithKeywords(partial(_on_group, l), keywords_of(l.function))
     return System(l.group, group_lagrangian=taking, advected=l.space, forces=forces, internal=internal)
+
+
+def _on_group(l: PoissonLagrangian, F: Element, a: Array, h: Array, **keywords: Any) -> Array:
+    """Λ(F, a; h)."""
+    f = l.group.inverse(F)
+    return l.function(f, l.taken(PoissonLink(f, a)), h, **keywords)
 
 
 def poisson_lagrangian(system: System, parameter: End = "left") -> PoissonLagrangian:
@@ -121,15 +124,26 @@ def poisson_lagrangian(system: System, parameter: End = "left") -> PoissonLagran
         raise LagrangianError(
             "l(f, a) needs a discrete Lagrangian in group form: pass `group_lagrangian` to co.System."
         )
-    plain = system.driven(None)
-
-    def function(f, a, h, t=0.0, inputs=None, internal=None):
-        F, nothing = group.inverse(f), jnp.zeros(0)
-        a = a if parameter == "left" else V.act(group, F, a)
-        return plain.reduced_group_lagrangian(F, nothing, nothing, a, h, t, inputs, internal)
-
+    function = partial(_of_group, system.driven(None), parameter)
     keywords = tuple(filter(system.takes, KEYWORDS))
-    return PoissonLagrangian(group, V, with_keywords(function, keywords), parameter, system)
+    return PoissonLagrangian(group, V, WithKeywords(function, keywords), parameter, system)
+
+
+def _of_group(
+    plain: System,
+    parameter: End,
+    f: Element,
+    a: Array,
+    h: Array,
+    t: Any = 0.0,
+    inputs: Any = None,
+    internal: Any = None,
+) -> Array:
+    """l(f, a_k) or l(f, a_{k+1}) of a system that nothing drives."""
+    group, _, V = plain.places
+    F, nothing = group.inverse(f), jnp.zeros(0)
+    a = a if parameter == "left" else V.act(group, F, a)
+    return plain.reduced_group_lagrangian(F, nothing, nothing, a, h, t, inputs, internal)
 
 
 def poisson_link(group: LieGroup, link: Link) -> PoissonLink:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +18,7 @@ from coadjoint.spaces import Space
 from coadjoint.theory.algorithm import Algorithm, whole_steps
 from coadjoint.theory.euler_poincare import Link, impulse, instant_after
 from coadjoint.theory.instant import ALWAYS, Instant, given
-from coadjoint.theory.unreduced import KEYWORDS, keywords_of, with_keywords
+from coadjoint.theory.unreduced import KEYWORDS, WithKeywords, keywords_of
 
 
 class SemidirectLink(NamedTuple):
@@ -47,15 +48,7 @@ class SemidirectLagrangian:
     @property
     def function(self) -> SemidirectFunction:
         """l as a function with the keywords of the system."""
-        group, Q, _ = self.system.places
-        plain = self.system.driven(None)
-
-        def l(f, y, u, h, t=0.0, inputs=None, internal=None):  # noqa: E743
-            F = group.inverse(f)
-            n, s = Q.act(group, F, y), Q.act(group, F, u)
-            return plain.reduced_group_lagrangian(F, n, s, np.zeros(0), h, t, inputs, internal)
-
-        return with_keywords(l, tuple(filter(self.system.takes, KEYWORDS)))
+        return WithKeywords(partial(_of_group, self.system.driven(None)), tuple(filter(self.system.takes, KEYWORDS)))
 
     def __call__(self, f: Element, y: Array, u: Array, h: Array, **keywords: Any) -> Array:
         """l(f, y, u⁺, h)."""
@@ -72,12 +65,26 @@ def semidirect_system(
     if not space.flat:
         raise GroupError(f"A semidirect product needs a representation of the group, but got {space!r}.")
 
-    def group_lagrangian(F, n, s, h, **keywords):
-        f = group.inverse(F)
-        return l(f, space.act(group, f, n), space.act(group, f, s), h, **keywords)
-
-    taking = with_keywords(group_lagrangian, keywords_of(l))
+    taking = WithKeywords(partial(_on_group, group, space, l), keywords_of(l))
     return System(group, group_lagrangian=taking, additional=space, forces=forces, internal=internal)
+
+
+def _of_group(
+    plain: System, f: Element, y: Array, u: Array, h: Array, t: Any = 0.0, inputs: Any = None, internal: Any = None
+) -> Array:
+    """l(f, y, u⁺, h) of a system that nothing drives."""
+    group, Q, _ = plain.places
+    F = group.inverse(f)
+    n, s = Q.act(group, F, y), Q.act(group, F, u)
+    return plain.reduced_group_lagrangian(F, n, s, np.zeros(0), h, t, inputs, internal)
+
+
+def _on_group(
+    group: LieGroup, space: Space, l: SemidirectFunction, F: Element, n: Array, s: Array, h: Array, **keywords: Any
+) -> Array:
+    """Λ(F, n, s; h)."""
+    f = group.inverse(F)
+    return l(f, space.act(group, f, n), space.act(group, f, s), h, **keywords)
 
 
 def semidirect_lagrangian(system: System) -> SemidirectLagrangian:

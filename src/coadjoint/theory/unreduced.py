@@ -65,7 +65,7 @@ class LagrangianInSpace:
         internal: Callable[..., Any] | None = None,
     ):
         self.function = function
-        reduced: dict[str, Any] = {self._kind: with_keywords(self._at_identity, keywords_of(function))}
+        reduced: dict[str, Any] = {self._kind: WithKeywords(self._at_identity, keywords_of(function))}
         self.reduced = System(
             group,
             **reduced,
@@ -87,7 +87,7 @@ class LagrangianInSpace:
         _, Q, V = system.places
         return cls(
             system.group,
-            with_keywords(function, tuple(filter(system.takes, KEYWORDS))),
+            WithKeywords(function, tuple(filter(system.takes, KEYWORDS))),
             additional=Q if has_points(Q) else None,
             advected=V if has_points(V) else None,
             parameters=system.parameters,
@@ -160,16 +160,21 @@ def keywords_of(function: object) -> tuple[str, ...]:
     return tuple(key for key in KEYWORDS if keyword_only(known, key))
 
 
-def with_keywords(function: Callable[..., Any], keywords: tuple[str, ...]) -> Callable[..., Any]:
+@dataclass(frozen=True)
+class WithKeywords:
     """A function of any positional arguments that takes these keywords, and says so to who asks for its signature."""
 
-    def made(*arguments: Any, **given: Any) -> Any:
-        return function(*arguments, **given)
+    function: Callable[..., Any]
+    keywords: tuple[str, ...]
 
-    rest = inspect.Parameter("rest", inspect.Parameter.VAR_POSITIONAL)
-    named = [inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY) for key in keywords]
-    vars(made)["__signature__"] = inspect.Signature([rest, *named])
-    return made
+    def __call__(self, *arguments: Any, **given: Any) -> Any:
+        return self.function(*arguments, **given)
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        rest = inspect.Parameter("rest", inspect.Parameter.VAR_POSITIONAL)
+        named = [inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY) for key in self.keywords]
+        return inspect.Signature([rest, *named])
 
 
 def configuration(L: UnreducedLagrangian, g: Element, q: Any = None) -> Configuration:

@@ -271,6 +271,14 @@ class Standing:
             made._take_memory(self._buffers.copy())
             return made
 
+    def stand_as(self, other: Standing) -> None:
+        """Stand where another stepper of the same system, method and observations does, which may have been pickled.
+
+        It goes on as that one would, to the bit, with its parameters and start; both share memory.
+        """
+        self._stand(other.face, other._engine, other._buffers, other._origin, other.threads, other._kin)
+        self.event = other.event
+
     def __copy__(self) -> Self:
         return self.clone()
 

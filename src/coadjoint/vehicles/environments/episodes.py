@@ -41,6 +41,10 @@ class Episodes:
         self._states, self._parameters = np.zeros((0, 0)), None
         self._started: Callable[..., State] | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is traced anew."""
+        return {**self.__dict__, "_started": None}
+
     def seed(self, member: int, random: np.random.Generator, varying: np.random.Generator) -> None:
         """The random numbers of a member begin anew: those of starts, and those of parameters."""
         self.random[member], self.varying[member] = random, varying

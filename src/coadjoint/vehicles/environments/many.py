@@ -11,6 +11,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from coadjoint.errors import ArgumentError, shown
+from coadjoint.simulation.steppers.stepper import Stepper
+from coadjoint.vehicles.environments.actions import Actions
 from coadjoint.vehicles.environments.episodes import Episodes
 from coadjoint.vehicles.environments.simulated import Simulated
 from coadjoint.vehicles.environments.spaces import boxes, varying_from, whole_or_none
@@ -30,7 +32,6 @@ class VehicleVectorEnv(VectorEnv):
     def __init__(self, simulated: Simulated, episodes: Episodes, own_seed: int | None, mode: str):
         assert simulated.members is not None
         self.simulated, self.episodes, self._own_seed = simulated, episodes, own_seed
-        self.actions, self.fields, self.stepper = simulated.actions, simulated.fields, simulated.stepper
         self.num_envs = simulated.members
         self.single_observation_space, self.single_action_space = boxes(simulated)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -40,6 +41,21 @@ class VehicleVectorEnv(VectorEnv):
         self._periods = np.zeros(self.num_envs, np.int64)
         self._over = np.ones(self.num_envs, bool)
         self._begun = False
+
+    @property
+    def actions(self) -> Actions:
+        """What each action commands, and its unit."""
+        return self.simulated.actions
+
+    @property
+    def fields(self) -> dict[str, slice]:
+        """Name → place of each observation in a row."""
+        return self.simulated.fields
+
+    @property
+    def stepper(self) -> Stepper:
+        """The stepper beneath."""
+        return self.simulated.stepper
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """New episodes. seed: a whole number, member i has seed + i as a single environment would; or one for each.

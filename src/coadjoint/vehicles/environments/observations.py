@@ -47,6 +47,10 @@ class Common:
         self.craft = craft
         self._last: tuple[Any, Any, Any] = (None, None, None)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the state, which is one of the trace."""
+        return {"craft": self.craft, "_last": (None, None, None)}
+
     def __call__(self, state: State, p: Any) -> Feedback:
         last, own, found = self._last
         if found is None or last is not state or own is not p:

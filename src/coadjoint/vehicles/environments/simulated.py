@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,9 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
 from coadjoint.mechanics.state import State
+from coadjoint.portable import require_portable
 from coadjoint.simulation.steppers.fields import Fields
+from coadjoint.simulation.steppers.standing import Standing
 from coadjoint.simulation.steppers.stepper import Stepper
 from coadjoint.vehicles.environments.actions import Actions, actuator_actions, set_point_actions
 from coadjoint.vehicles.environments.observations import Common, actuators, chosen, observable, of_feedback
@@ -51,6 +54,7 @@ class Simulated:
 
     def __init__(self, vehicle: Vehicle, task: Task, wanted: Wanted, members: int | None, randomise: Any = False):
         self.task, self.wanted, self.members = task, wanted, members
+        self._given = vehicle, task, wanted, members, randomise
         self.steps = _periods(wanted.period, wanted.dt, "period", "dt")
         self.seconds = task.seconds if wanted.seconds is None else wanted.seconds
         self.most = _periods(self.seconds, wanted.period, "seconds", "period")
@@ -80,8 +84,27 @@ class Simulated:
         )
         self.fields = {name: place for name, _, place in Fields.of(self._shapes).places()}
         self.width = Fields.of(self._shapes).size
-        self.rows = self.stepper.observed
         self.successes = np.array([end.success for end in self.ends.values()], dtype=bool)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """What the stepper observes now."""
+        return self.stepper.observed
+
+    def __reduce__(self) -> Any:
+        """By what it was made from, whose functions are named, and where its stepper stands."""
+        require_portable(self._given, "The environment")
+        return _standing_as, (type(self), self._given, self.stepper)
+
+    def __deepcopy__(self, memo: Any) -> Simulated:
+        made = copy.copy(self)
+        made.stepper = self.stepper.clone()
+        return made
+
+    def __copy__(self) -> Simulated:
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__)
+        return made
 
     def _row(self, state: State, p: Any) -> Any:
         """All that is observed, one number after the other: by one function, so that what is common is traced once."""
@@ -131,6 +154,13 @@ class Simulated:
         for name, place in self.actions.places.items():
             command = self.stepper.command[name]
             command[...] = found[..., place].reshape(command.shape)
+
+
+def _standing_as(kind: type[Simulated], given: tuple[Any, ...], stepper: Standing) -> Simulated:
+    """What was pickled, with its stepper where it stood."""
+    made = kind(*given)
+    made.stepper.stand_as(stepper)
+    return made
 
 
 def _periods(long: Any, short: Any, name: str, unit: str) -> int:

@@ -8,6 +8,8 @@ import gymnasium
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError, shown
+from coadjoint.simulation.steppers.stepper import Stepper
+from coadjoint.vehicles.environments.actions import Actions
 from coadjoint.vehicles.environments.episodes import Episodes
 from coadjoint.vehicles.environments.picture import PoseAt, picture
 from coadjoint.vehicles.environments.simulated import Simulated
@@ -25,13 +27,27 @@ class VehicleEnv(gymnasium.Env):
 
     def __init__(self, simulated: Simulated, episodes: Episodes, own_seed: int | None, render_mode: str | None):
         self.simulated, self.episodes, self._own_seed = simulated, episodes, own_seed
-        self.actions, self.fields, self.stepper = simulated.actions, simulated.fields, simulated.stepper
         self.observation_space, self.action_space = boxes(simulated)
         self.metadata = {**self.metadata, "render_fps": round(1 / simulated.wanted.period)}
         self.render_mode = render_mode
         self.track: list[PoseAt] = []
         """Where the vehicle has been in this episode, where pictures are wanted."""
         self._periods: int | None = None
+
+    @property
+    def actions(self) -> Actions:
+        """What each action commands, and its unit."""
+        return self.simulated.actions
+
+    @property
+    def fields(self) -> dict[str, slice]:
+        """Name → place of each observation in a row."""
+        return self.simulated.fields
+
+    @property
+    def stepper(self) -> Stepper:
+        """The stepper beneath."""
+        return self.simulated.stepper
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """A new episode. options: {"start": …} begins there, as `Craft.start` takes it, instead of where the task says.

@@ -28,10 +28,11 @@ def numbers(file: Path, table: Mapping[str, Any]) -> dict[str, list[Sourced]]:
 def _vehicle(file: Path, section: Mapping[str, Any]) -> Any:
     if "file" not in section:
         return load_vehicle(str(section.get("name")))
-    kept = [path for name, path in kept_inputs(file).items() if name.endswith("file")]
+    name = str(section["file"])
+    place = kept_inputs(file).get(name, file.parent / name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # they are in the certificate
-        return load_vehicle(kept[0] if kept else file.parent / str(section["file"]))
+        return load_vehicle(place)
 
 
 def _names(table: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
-
-import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import SO3
@@ -17,18 +14,17 @@ from coadjoint.mechanics.system import System
 from coadjoint.models.paper_form import UNITS
 from coadjoint.spaces import Defining
 from coadjoint.vehicles import axes as turned
-from coadjoint.vehicles.model import energies
 from coadjoint.vehicles.model.actuators import Rule, starting_actuators
 from coadjoint.vehicles.model.changed import require_possible
 from coadjoint.vehicles.model.controller import Controller
-from coadjoint.vehicles.model.energies import Surroundings, actual_of
 from coadjoint.vehicles.model.faults import Fault, require_faults
 from coadjoint.vehicles.model.function_controller import FunctionController
 from coadjoint.vehicles.model.measures import parameter_units
 from coadjoint.vehicles.model.start import starting_motion, through_water
+from coadjoint.vehicles.model.terms import Lagrangian, Shear, push
 from coadjoint.vehicles.model.vehicle import BODY, Vehicle
 from coadjoint.vehicles.parts.part import Part
-from coadjoint.vehicles.water.water import StillWater, UniformWater, Water
+from coadjoint.vehicles.water.water import StillWater, Water
 
 
 class Craft:
@@ -101,7 +97,7 @@ class Craft:
         """ℓ with advected directions `down` and `north`, a force for each part, and the rule of the internal state."""
         return System(
             SO3(),
-            self._lagrangian(),
+            Lagrangian(self.water, self.vehicle.parts),
             additional=Defining(),
             advected={"down": Defining(), "north": Defining()},
             parameters=self.parameters,
@@ -155,36 +151,14 @@ class Craft:
     def _remembers(self) -> bool:
         return bool(self.vehicle.commanded or self.controller is not None or self.water.start())
 
-    def _lagrangian(self) -> Callable[..., Any]:
-        """ℓ(xi, n, nu, a, p), with the keywords `t` and `internal` only where they enter."""
-        water, parts = self.water, self.vehicle.parts
-
-        def lagrangian(xi, n, nu, a, p, *, t=0.0, internal=None):
-            return energies.lagrangian(water, parts, xi, n, nu, a, p, t, internal)
-
-        entering = {"t": water.timed, "internal": bool(water.start()) or any(part.holds_mass for part in parts)}
-        known = inspect.signature(lagrangian).parameters
-        takes = [value for name, value in known.items() if entering.get(name, True)]
-        lagrangian.__signature__ = inspect.Signature(takes)  # pyright: ignore[reportFunctionMemberAccess]
-        return lagrangian
-
     def _forces(self) -> dict[str, Callable[..., Force]]:
-        found = {part.name: self._push(part) for part in self.vehicle.parts}
+        rule = None if self._remembers else self.rule
+        found: dict[str, Callable[..., Force]] = {
+            part.name: push(part, self.water, rule) for part in self.vehicle.parts
+        }
         if not self.water.uniform:
-            found["shear"] = lambda motion, p: energies.shear(self.water, self.vehicle.parts, motion, p)
+            found["shear"] = Shear(self.water, self.vehicle.parts)
         return found
-
-    def _push(self, part: Part) -> Callable[..., Force]:
-        def push(motion, p):
-            if not self._remembers:
-                self.rule.inputs(motion)
-            around = Surroundings(self.water, motion.n, motion.a, motion.t, motion.internal, p)
-            flow = around.flow(motion.xi, motion.nu)
-            return part.force(flow, actual_of(part, motion.internal), getattr(p, part.name))
-
-        if part.passive and isinstance(self.water, UniformWater):
-            push.passive = lambda p: not np.any(p.water.velocity)  # pyright: ignore[reportFunctionMemberAccess]
-        return push
 
     def _units(self) -> dict[str, str]:
         commands = {part.name: part.command.unit for part in self.vehicle.commanded if part.command is not None}
