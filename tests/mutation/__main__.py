@@ -46,6 +46,7 @@ def arguments(given: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=120, help="number of errors (120)")
     parser.add_argument("--rooms", nargs="*", default=(), help="folders of the package, `.` for the files beside them")
     parser.add_argument("--seconds", type=float, default=120.0, help="processor time of tests for an error, s (120)")
+    parser.add_argument("--least", type=float, default=0.0, help="share that must be caught, else the status is 1 (0)")
     parser.add_argument("--survivors", action="store_true", help="judge again only what the last run did not kill")
     parser.add_argument("--list", action="store_true", help="print the sample, and judge nothing")
     parser.add_argument("--root", type=Path, default=judged.ROOT, help="of the repository, with src and tests")
@@ -132,7 +133,7 @@ def main(given: Sequence[str]) -> int:
         killers = [verdict.by.split(" — ")[0] for verdict in found.values() if verdict.word == "killed"]
         wrong = judge.doubtful(killers)
     print(summary(found, wrong))
-    return 0
+    return int(caught(found) < chosen.least)
 
 
 def judge_all(judge: Judge, sample: Sequence[Mutant], out: Path, again: bool) -> dict[Mutant, Verdict]:
@@ -167,12 +168,17 @@ def row(mutant: Mutant) -> str:
     return f"{mutant.operator:10s} {mutant.file}:{mutant.line}\n     - {mutant.before}\n     + {mutant.after}"
 
 
+def caught(found: dict[Mutant, Verdict]) -> float:
+    """The share of the errors that are not equivalent which some test caught."""
+    words = [verdict.word for verdict in found.values() if verdict.word != "equivalent"]
+    return words.count("killed") / max(len(words), 1)
+
+
 def summary(found: dict[Mutant, Verdict], doubtful: Sequence[str]) -> str:
     count = Counter(verdict.word for verdict in found.values())
     others = len(found) - count["equivalent"]
     lines = [f"{word:13s}{count[word]:5d}" for word in ("killed", "survived", "not executed", "equivalent")]
-    caught = count["killed"]
-    lines.append(f"{caught} of {others} errors that are not equivalent are caught: {caught / max(others, 1):.0%}.")
+    lines.append(f"{count['killed']} of {others} errors that are not equivalent are caught: {caught(found):.0%}.")
     lines += [f"{name} fails without an error too." for name in doubtful]
     return "\n".join(lines)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import importlib.util
 import json
 import os
 import subprocess
@@ -218,10 +219,22 @@ def toy(tmp_path_factory):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
     command = [sys.executable, str(Path(__file__).parent), "--root", str(root), "--package", "toy", "--count", "5"]
+    command += ["--least", "0.9"]
     quick = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=quick, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, env=quick, check=False)
+    assert done.returncode == 1, done.stdout + done.stderr  # fewer are caught
     entries = map(json.loads, (root / "build" / "mutation" / "seed-7.jsonl").read_text().splitlines())
     return done.stdout, {after: (word, by) for _, _, after, word, by in entries}
+
+
+def test_the_share_that_is_caught_is_of_those_that_are_not_equivalent(monkeypatch):
+    spec = importlib.util.spec_from_file_location("sampling_errors", Path(__file__).with_name("__main__.py"))
+    program = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, program)
+    spec.loader.exec_module(program)
+    words = ["killed"] * 3 + ["survived", "not executed", "equivalent", "equivalent"]
+    assert program.caught({number: program.Verdict(word) for number, word in enumerate(words)}) == 3 / 5
+    assert program.caught({}) == 0
 
 
 @pytest.mark.long
