@@ -11,6 +11,9 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Before JAX is loaded, which otherwise walks the stack for each equation that it compiles.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
+# Most programs of the tests run few times: to compile them with fewer optimisations saves a quarter of the time.
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+
 import gc
 import shutil
 import tempfile
