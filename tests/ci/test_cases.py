@@ -132,7 +132,7 @@ def ran(pytester, monkeypatch, source: str, *given: str, **changed):
     pytester.makeconftest('pytest_plugins = ["cases", "costs"]')
     pytester.makepyfile(test_made=source)
     with monkeypatch.context() as patched:
-        for name, value in changed.items():
+        for name, value in {"FIRST": 0.0, **changed}.items():
             patched.setattr(costs, name, value)
         return pytester.runpytest_inprocess("-p", "no:xdist", "-p", "no:cacheprovider", *given)
 
