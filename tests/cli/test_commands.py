@@ -178,20 +178,20 @@ def test_an_error_nobody_expected_is_one_sentence_too(tmp_path, capsys, monkeypa
     assert not (tmp_path / "top").exists()
 
 
-def test_help_comes_at_once_and_without_jax():
+def test_help_loads_few_modules_and_no_jax():
     code = (
         "import sys, coadjoint.cli.main as m\n"
         "try: m.main(['--help'])\n"
         "except SystemExit as end: status = end.code\n"
         "heavy = {'jax', 'numpy', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules)\n"
-        "import time; print(time.process_time())\n"
+        "print(len(sys.modules))\n"
         "sys.exit(f'{status} {heavy}' if status or heavy else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     for command in ("reproduce", "run", "plot", "info", "models"):
         assert command in done.stdout
-    assert float(done.stdout.split()[-1]) < 0.5, "s of processor time, of the interpreter and all"
+    assert int(done.stdout.split()[-1]) < 300, "modules, of the interpreter and all"
 
 
 @pytest.mark.long

@@ -24,7 +24,7 @@ from coadjoint.vehicles.files.file import read_vehicle
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a time limit by signals")
 
-SOME = {"run": 60, "vehicle": 25, "mission": 12, "csv": 60, "netcdf": 12, "zarr": 8}
+SOME = {"run": 12, "vehicle": 6, "mission": 4, "csv": 20, "netcdf": 2, "zarr": 2}
 MANY = {"run": 1300, "vehicle": 900, "mission": 600, "csv": 1200, "netcdf": 500, "zarr": 500}
 
 
@@ -33,7 +33,6 @@ def corpus(tmp_path_factory):
     return Corpus(tmp_path_factory.mktemp("fuzz"))
 
 
-@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", SOME)
 def test_changed_files_end_in_a_result_or_a_sentence(corpus, kind):
     found = {number: corpus.outcome(kind, number) for number in range(SOME[kind])}

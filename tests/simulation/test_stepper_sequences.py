@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import resource
+import gc
+import sys
 from typing import Any
 
 import jax
@@ -86,8 +87,8 @@ def test_random_sequences_of_reset_step_mask_save_and_restore_equal_one_long_run
         assert walker.stands_on_its_run(), f"sequence {sequence} of seed {SEED}"
 
 
-@pytest.mark.parametrize(("calls", "n"), [(20_000, 50), pytest.param(100_000, 1000, marks=pytest.mark.long)])
-def test_memory_does_not_grow_with_the_steps(calls, n):
+@pytest.mark.parametrize(("calls", "n"), [(2_000, 5), pytest.param(100_000, 1000, marks=pytest.mark.long)])
+def test_no_step_leaves_an_object_behind(calls, n):
     body = stepper()
     many = stepper(members=11)
     command = {"spin": 0.01, "torque": [0.0, 0.0, 0.0]}
@@ -102,7 +103,9 @@ def test_memory_does_not_grow_with_the_steps(calls, n):
                 many.restore(here)
 
     go(1000)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    gc.collect()
+    before = sys.getallocatedblocks()
     go(calls)
+    gc.collect()
     assert body.steps == (calls + 1000) * n
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # kB
+    assert sys.getallocatedblocks() - before < 100

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-import time
 import warnings
 from pathlib import Path
 
@@ -43,15 +42,13 @@ def test_a_scheduler_that_does_not_answer_is_told_before_anything_is_written(tmp
 
 
 @pytest.mark.long
-def test_a_client_that_reached_nobody_is_closed_at_once_and_silently(monkeypatch):
+def test_a_client_that_reached_nobody_is_closed_silently(monkeypatch):
     monkeypatch.setattr("coadjoint.sweeps.cluster.ANSWER", 0.3)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pytest.PytestUnraisableExceptionWarning)
-        began = time.monotonic()
         with pytest.raises(cluster._Lost), cluster.connected("tcp://127.0.0.1:9"):
             pass
         gc.collect()
-    assert time.monotonic() - began < 10
 
 
 @pytest.mark.parametrize(
