@@ -79,6 +79,12 @@ def close(found, expected):
     return np.max(np.abs(found - expected)) <= 1e-12 * np.max(np.abs(expected))
 
 
+@pytest.fixture(autouse=True)
+def trusted(monkeypatch):
+    """Files are not tried in a child first, which takes half a second; `test_sealed_files.py` tests that."""
+    monkeypatch.setattr("coadjoint.sealed.tried", lambda path: True)
+
+
 def test_the_kinetic_energy_is_the_same_about_every_point_and_in_all_axes():
     """v_O′ = v_O + ω × r, and components in axes that are turned about a slanted line."""
     random = np.random.default_rng(7)
@@ -164,7 +170,6 @@ def test_netcdf_3_files_are_read_as_netcdf_4_ones(tmp_path, form):
     assert close(capytaine_added_mass(tmp_path / "three.nc", axes="z_down"), computed())
 
 
-@pytest.mark.long
 def test_the_highest_frequency_stands_in_for_an_infinite_one_only_if_asked(tmp_path):
     held = dataset(computed(), values=(1.0, 80.0, 2.0))
     held["added_mass"][1] /= 1.1
@@ -183,7 +188,6 @@ def test_an_empty_file_is_called_empty(tmp_path):
             capytaine_added_mass(tmp_path / name, axes="z_up")
 
 
-@pytest.mark.cases(1)
 @pytest.mark.parametrize(("measure", "infinite"), [("omega", np.inf), ("period", 0.0), ("wavelength", 0.0)])
 def test_infinite_frequency_is_found_in_every_measure_and_modes_in_every_order(tmp_path, measure, infinite):
     held = dataset(computed(), measure, (2.0, infinite, 5.0), order=MODES[::-1])
@@ -272,7 +276,6 @@ def over(name, values):
     return xarray.concat([dataset(computed())] * len(values), dim=xarray.DataArray(list(values), dims=name, name=name))
 
 
-@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("held", "sentence"),
     [
