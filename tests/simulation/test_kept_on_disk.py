@@ -106,9 +106,7 @@ def stepped():
     return stepper.state, stepper.observed, pair.state
 
 
-@pytest.mark.long
-@pytest.mark.cases(1)
-@pytest.mark.parametrize("run", [swum, spun, many, stepped])
+@pytest.mark.parametrize("run", [spun, *(pytest.param(run, marks=pytest.mark.long) for run in (swum, many, stepped))])
 def test_what_is_found_gives_the_same_to_the_bit(run, cache, monkeypatch):
     plain = anew(run, monkeypatch)
     forget()
