@@ -33,14 +33,14 @@ def diagonals(M):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("rotation", [0.0, 0.7])
+@pytest.mark.parametrize("rotation", [0.7, 0.0])
 def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations(rotation):
     """P = Δ⁻¹(W − F), B = ΔΘ, ε = h/(2ħ); W̃ and Θ̃ by iteration, W_{k+1} = W_k + 2ε([P̃, W̃] + [B̃, Θ̃]), in NumPy."""
-    N, h = 5, 0.05
+    N, h = 3, 0.05
     fluid = fluids.magnetohydrodynamics(N, rotation)
     nothing = np.zeros((2, 2))
     F, _ = parts(fluid, fluids.carrying_start(fluid, nothing, nothing))
-    start = fluids.carrying_start(fluid, fluids.random_vorticity(1, 4), fluids.random_vorticity(2, 3))
+    start = fluids.carrying_start(fluid, fluids.random_vorticity(1, 2), fluids.random_vorticity(2, 2))
     end = co.trajectory(fluid, start, dt=h, steps=1, method=co.IsospectralMidpoint()).final
     W, Theta = parts(fluid, start)
     Delta, epsilon = diagonals(W), 0.5 * h * np.sqrt(N * N - 1) / 2
@@ -57,19 +57,18 @@ def test_a_step_of_a_magnetic_fluid_is_that_of_the_published_equations(rotation)
 
 
 @pytest.mark.long
-@pytest.mark.cases(1)
 @pytest.mark.parametrize("model", [fluids.magnetohydrodynamics, fluids.boussinesq])
 def test_what_carries_nothing_moves_as_a_fluid_on_a_sphere_that_turns(model):
     """θ = 0 or b = 0: Euler's equations with the same Ω, whose waves turn at the rate of Rossby and Haurwitz."""
-    c, ends = fluids.random_vorticity(1, 4), []
+    c, ends = fluids.random_vorticity(1, 2), []
     for fluid, start in (
-        (fluids.euler(6, rotation=0.7), fluids.start),
-        (model(6, rotation=0.7), lambda fluid, c: fluids.carrying_start(fluid, c, np.zeros((2, 2)))),
+        (fluids.euler(3, rotation=0.7), fluids.start),
+        (model(3, rotation=0.7), lambda fluid, c: fluids.carrying_start(fluid, c, np.zeros((2, 2)))),
     ):
         path = co.trajectory(fluid, start(fluid, c), dt=0.1, steps=10, method=co.IsospectralMidpoint())
         ends.append(fluids.vorticity(fluid, path.final))
     np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-13)
-    assert np.max(np.abs(ends[0][:5, :5] - c)) > 0.1
+    assert np.max(np.abs(ends[0][:3, :3] - c)) > 0.1
 
 
 def wave(fluid, degree, order, background, frequency):
@@ -88,18 +87,18 @@ def wave(fluid, degree, order, background, frequency):
 @pytest.mark.long
 def test_waves_of_alfven_have_their_frequency():
     """Over θ = b cos ϑ: ω = mb√(1 − 2/(l(l + 1))), at every N > l."""
-    degree, order, strength = 3, 2, 0.8
+    degree, order, strength = 2, 1, 0.8
     frequency = order * strength * np.sqrt(1 - 2 / (degree * (degree + 1)))
-    error, ratio = wave(fluids.magnetohydrodynamics(5), degree, order, strength, frequency)
+    error, ratio = wave(fluids.magnetohydrodynamics(3), degree, order, strength, frequency)
     assert error < 1e-4 and ratio == pytest.approx(4, abs=0.2)
 
 
 @pytest.mark.long
 def test_waves_of_gravity_have_their_frequency():
     """Over b = n² cos ϑ: ω = mn/√(l(l + 1)), at every N > l."""
-    degree, order, n = 3, 2, 1.5
+    degree, order, n = 2, 1, 1.5
     frequency = order * n / np.sqrt(degree * (degree + 1))
-    error, ratio = wave(fluids.boussinesq(5), degree, order, n**2, frequency)
+    error, ratio = wave(fluids.boussinesq(3), degree, order, n**2, frequency)
     assert error < 1e-4 and ratio == pytest.approx(4, abs=0.2)
 
 
