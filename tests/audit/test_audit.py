@@ -76,6 +76,7 @@ def test_order_8_of_a_single_step_shows(name):
     assert found.shown
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "name", ["LeftRectangle", "Midpoint", "HamiltonianMidpoint", "Variational", "Suzuki4(LeftRight)"]
@@ -86,6 +87,7 @@ def test_a_method_shows_what_it_claims(name):
     assert {"order", "symplectic", "momentum", "energy"} <= set(found)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("tau", [co.Cayley(), co.Exponential()], ids=repr)
 def test_the_variable_step_shows_its_order_and_an_exact_discrete_energy(tau):
@@ -201,6 +203,7 @@ def test_drift_of_errors_that_stay_that_wander_and_that_grow():
 FLAT = ["heavy top", "body in fluid", "free rigid body", "rigid motion", "plane motion", "driven top"]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", FLAT)
 def test_the_reference_is_the_motion_that_dop853_finds(name):
@@ -212,6 +215,7 @@ def test_the_reference_is_the_motion_that_dop853_finds(name):
     assert uncertainty(problem) <= 2e-13
 
 
+@pytest.mark.long
 def test_the_command_writes_a_table_a_page_numbers_and_figures(tmp_path, capsys):
     assert main(["audit", "--quick", "--method", "midpoint", "--system", "heavy top", "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out

@@ -16,6 +16,7 @@ from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
 from coadjoint.vehicles.missions.mission import load_mission
 
 
+@pytest.mark.cases(8)
 @pytest.mark.parametrize(
     "change",
     [
@@ -78,6 +79,7 @@ csv = false
 HEAVY = "-50.0 %: it sinks unless something holds it."
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("more", "beginning"),

@@ -9,6 +9,7 @@ import pytest
 from coadjoint.cli.main import main
 
 
+@pytest.mark.long
 def test_it_prints_trim_modes_and_verdict(capsys):
     assert main(["stability", "remus_100", "--speed", "1.5", "--without", "stern_planes", "rudder"]) == 0
     shown = capsys.readouterr().out
@@ -16,6 +17,7 @@ def test_it_prints_trim_modes_and_verdict(capsys):
     assert shown.splitlines()[-1].split() == ["verdict", "unstable"]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("arguments", "motion"),
@@ -44,6 +46,7 @@ def test_several_speeds_make_a_table_and_a_figure_and_json_has_it_all(tmp_path, 
     assert motion["verdict"] == "stable" and 7 < motion["radius"] < 9 and len(motion["modes"]) >= 6
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

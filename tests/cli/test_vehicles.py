@@ -57,6 +57,7 @@ def test_a_vehicle_that_nothing_brakes_or_pushes_says_why_it_has_no_terminal_spe
     assert "no terminal speed: its drag does not hold" in out and "Warning: X_u|u| of" in out
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", vehicles.names())
 def test_every_shipped_vehicle_can_be_shown(capsys, name: str) -> None:
@@ -64,6 +65,7 @@ def test_every_shipped_vehicle_can_be_shown(capsys, name: str) -> None:
     assert json.loads(told(capsys, "show", name, "--json"))["summary"]["mass"] > 0
 
 
+@pytest.mark.long
 def test_the_file_that_is_printed_is_a_file_of_ones_own(capsys, tmp_path) -> None:
     text = told(capsys, "show", "remus_100", "--toml")
     assert text == vehicle_text("remus_100")
@@ -73,6 +75,7 @@ def test_the_file_that_is_printed_is_a_file_of_ones_own(capsys, tmp_path) -> Non
     assert told(capsys, "show", str(path), "--toml") == path.read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_warnings_about_ones_own_file_are_shown_and_what_is_wrong_refused(capsys, tmp_path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(vehicle_text("remus_100").replace("[0, 0, 20]", "[0, 0, -20]"), encoding="utf-8")

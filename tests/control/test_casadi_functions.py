@@ -42,7 +42,9 @@ def test_values_and_derivatives_are_those_of_jax(name):
     slope = found.factory("slope", ["x"], ["grad:value:x"])
     curvature = found.factory("curvature", ["x"], ["hess:value:x:x"])
     for x in POINTS:
-        value, first, second = (np.asarray(evaluate(f, x)) for f in (function, jax.grad(function), jax.hessian(function)))
+        value, first, second = (
+            np.asarray(evaluate(f, x)) for f in (function, jax.grad(function), jax.hessian(function))
+        )
         assert float(found(x)) == pytest.approx(float(value), abs=1e-13)
         assert slope(x).full().ravel() == pytest.approx(first, abs=1e-11)
         assert curvature(x).full() == pytest.approx(second, abs=1e-9)

@@ -113,6 +113,7 @@ def test_derivatives_of_an_optimum_with_a_line_and_a_profile_are_those_of_differ
         np.testing.assert_allclose(found.inputs[name]["mass"], slope, atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_numbers_of_a_profile_have_the_deviations_of_their_normal_equations():
     system, generator = mass(), np.random.default_rng(5)
     h, steps, sigma = 0.1, 30, 0.02

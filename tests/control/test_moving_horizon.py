@@ -70,6 +70,7 @@ def kalman(prior=(0.5, OF_V)):
     return np.array(means), np.array(spreads), np.array(smooth[::-1])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("horizon", [1, 5])
 def test_a_linear_motion_has_the_means_and_covariances_of_a_kalman_filter_and_its_smoother(horizon):
     estimator = of_cart().estimator(horizon * H, known="thrust")
@@ -167,6 +168,7 @@ def test_the_last_attitude_of_a_moving_horizon_is_nearly_that_of_the_whole_log_a
     assert np.max(np.abs(F - np.eye(3))) < 0.05 * estimate.deviations["eta[0]"]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("what", ["input", "path"])
 def test_bounds_hold_in_the_horizon_as_in_the_solver(what):
@@ -279,7 +281,7 @@ def test_of_a_body_one_of_whose_axes_is_measured_the_turn_about_it_stays_unknown
     assert [now.deviations[name] < 0.4 for name in ("eta[1]", "eta[2]", "mu[1]", "mu[2]")] == [True] * 4
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

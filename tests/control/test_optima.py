@@ -103,6 +103,7 @@ def test_a_turn_about_no_principal_axis_has_the_effort_of_a_boundary_value_solve
     assert abs(errors[-1]) < 2e-3 * least
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.Suzuki4(co.Midpoint()), co.Galerkin(degree=2), co.LeftRectangle()])
 def test_other_methods_find_the_same_turn(method):

@@ -231,7 +231,7 @@ PLANE = co.System(
 )
 
 
-@pytest.mark.cases(14)
+@pytest.mark.cases(7)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

@@ -298,7 +298,7 @@ STATES = {
 }
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", STATES)
 def test_what_is_no_state_is_told_in_one_sentence(name):
     state, told = STATES[name]

@@ -165,6 +165,7 @@ def test_by_a_start_whose_direction_in_the_world_and_place_stay_while_it_is_turn
         np.testing.assert_allclose(found.inputs["torque"][name][..., 1], torques, atol=5e-6)
 
 
+@pytest.mark.long
 def test_a_start_whose_momenta_depend_on_the_step_has_no_derivative_by_parameters():
     optimum = heavy(method=co.LeftRectangle(start="velocity")).solve()
     with pytest.raises(co.ArgumentError, match='start="momentum"'):

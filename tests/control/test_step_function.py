@@ -61,6 +61,7 @@ def pendulum():
     return made, made.state(q=[0.6, 0.0, 0.8], qdot=[0.0, 0.3, 0.0], xi=[0.1, 0.0, 0.2])
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("build", "method"),

@@ -50,6 +50,7 @@ def test_the_largest_violation_between_nodes_is_that_of_the_dense_output():
     assert "path_points" in str(optimum)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("course", ["held", "linear"])
 def test_path_points_hold_on_the_dense_output_of_the_run(course):
     """An input that is linear is at the value of that time."""
@@ -94,6 +95,7 @@ def test_a_path_that_holds_within_steps_is_said_to():
     assert "between the nodes constraints violated by at most 0.0e+00" in " ".join(str(near).split())
 
 
+@pytest.mark.long
 def test_the_derivative_of_an_optimum_with_path_points_is_that_of_its_neighbours():
     """dJ/dg₀ with the unknowns of the points among the variables."""
     solved = [past_an_obstacle(y, path_points=1).solve(tolerance=1e-11) for y in (0.3, 0.299, 0.301)]

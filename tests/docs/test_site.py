@@ -32,6 +32,7 @@ def build(pages: Path, out: Path) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-m", "sphinx", *map(str, asked)], capture_output=True, text=True)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @needs_sphinx
 @pytest.mark.parametrize("link", ["good", "page", "heading", "file"])

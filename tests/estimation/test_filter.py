@@ -89,6 +89,7 @@ def test_a_linear_system_has_the_filter_of_kalman():
         assert np.allclose(np.concatenate(theirs), x, rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_the_tangent_of_a_step_is_that_of_differences(error):
@@ -103,6 +104,7 @@ def test_the_tangent_of_a_step_is_that_of_differences(error):
         assert np.allclose((plus - minus) / (2 * e), column, atol=3e-9)
 
 
+@pytest.mark.long
 def test_left_and_right_errors_have_the_same_covariances_in_other_axes():
     found = {}
     spread = {"g": 0.1, "q": 0.5, "xi": 0.05, "nu": 0.1, "current": 0.3}

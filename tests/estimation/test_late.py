@@ -35,6 +35,7 @@ def filter(memory=3.0):
     return Filter(process, start, measurements=measurements, deviations={"q": 5.0, "nu": 0.1}, memory=memory)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("t", [None, 1.0])
 def test_a_measurement_that_is_refused_leaves_the_filter_as_it_was(t):
     one = filter()

@@ -101,6 +101,7 @@ def test_the_tangent_of_a_step_is_the_closed_form_of_the_invariant_error(error):
         assert np.allclose(np.diag(Q[0])[:6], noise, rtol=0.05)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("error", ["left", "right"])
 def test_without_biases_an_error_of_any_size_goes_on_by_a_linear_map(error):
     """Theorem 7 of Barrau and Bonnabel (2017)."""

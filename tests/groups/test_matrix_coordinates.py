@@ -30,6 +30,7 @@ def _arguments(group, form, random):
     return (element(group, random, 0.1), eta) if form.startswith("Ad") else (xi, eta)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("group", KINDS, ids=repr)
 def test_without_a_basis_the_axioms_hold(group, monkeypatch):
     """Each closed form is the one that follows from the basis, also of a matrix outside the algebra."""

@@ -140,6 +140,7 @@ def test_a_constraint_that_does_not_fit_its_basis_is_refused():
         co.MatrixGroup([np.eye(2)], constraint=lambda g: g.nothing)
 
 
+@pytest.mark.long
 def test_elements_outside_a_group_without_constraint_are_refused():
     """g − I is a sum of products of basis matrices, and g has an inverse."""
     moves = [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]]

@@ -24,6 +24,7 @@ def same(power, product):
     )
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("factor", [co.SO3(), co.SE3(), co.SE2(), co.UnitQuaternion()], ids=repr)
 def test_a_power_is_the_product_of_its_links(factor):
     power, product = co.Power(factor, 3), co.DirectProduct(*[factor] * 3)
@@ -41,6 +42,7 @@ def test_a_power_is_the_product_of_its_links(factor):
         assert np.allclose(ours, theirs, rtol=0, atol=1e-14), name
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("tau", MAPS, ids=repr)
 def test_difference_maps_act_on_every_link(tau):
     power, product = co.Power(co.SE3(), 2), co.DirectProduct(co.SE3(), co.SE3())

@@ -165,6 +165,7 @@ def test_slopes_of_what_sensors_say_are_those_of_differences(fine):
         np.testing.assert_allclose(slopes[:, :, column], difference, atol=1e-7 * scale)
 
 
+@pytest.mark.long
 def test_noise_is_estimated_from_residuals_or_taken_as_given(fine):
     log = measured(fine, seed=2)
     found = identify(guessed(SYSTEM), log, start=STATE, parameters=BOTH, noise={"rates": 0.003, "p": 0.006})
@@ -210,6 +211,7 @@ def test_a_log_at_rest_tells_nothing_of_quadratic_damping(fine):
         identify(SYSTEM, calm, start=STATE, parameters=["quadratic[1]"])
 
 
+@pytest.mark.long
 def test_coloured_residuals_are_told(fine):
     log = measured(fine, seed=2)
     slow = np.convolve(np.random.default_rng(9).normal(size=len(log) + 19), np.ones(20) / 20, "valid")
@@ -251,7 +253,7 @@ def test_the_card_and_the_figure(fine):
         found.plot(["speed"])
 
 
-@pytest.mark.cases(11)
+@pytest.mark.cases(7)
 @pytest.mark.parametrize(
     ("change", "told"),
     [

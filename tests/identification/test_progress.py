@@ -29,6 +29,7 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("asked", "terminal", "shown"), [(None, True, True), (False, True, False), (None, False, False)]

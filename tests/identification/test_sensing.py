@@ -216,6 +216,7 @@ def test_gaps_end_segments_and_are_told(log):
         assert abs(found[name].value - true) < 3.5 * found[name].standard_error
 
 
+@pytest.mark.long
 def test_actuators_after_a_gap_are_where_the_log_has_them():
     """The rudder moves while nobody logs: what it does after the gap is taken, and else its command."""
     craft = co.vehicles.Craft(co.vehicles.load("remus_100"))

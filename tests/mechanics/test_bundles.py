@@ -43,7 +43,7 @@ def test_a_discrete_connection_is_equivariant_and_its_global_form_gives_it_back(
     assert apart(evaluate(connection.form, e, x, connection(x, x_next), x_next), e) <= ROUND_OFF
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_reduction_and_reconstruction_are_inverse(name):
     """(B32)–(B34): g_{k+1} = g_kΩσ_k⁻¹, and 𝒜 = g_{k+1}σ_k⁻¹g_{k+1}⁻¹."""
@@ -62,7 +62,7 @@ def test_reduction_and_reconstruction_are_inverse(name):
     assert apart(evaluate(jax.vmap(misfit), g0, g1, x0, x1, sigma), 0.0 * matrices(group, g0)) <= 20 * ROUND_OFF
 
 
-@pytest.mark.cases(8)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_sigma_is_e_exactly_on_horizontal_steps(name):
     """σ = e ⇔ 𝒜 = e ⇔ F = Ω."""
@@ -75,7 +75,7 @@ def test_sigma_is_e_exactly_on_horizontal_steps(name):
     assert np.all(np.max(np.abs(steps), axis=(1, 2)) > 1e-2)
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_change_of_section_conjugates_sigma_and_carries_horizontal_lifts_along(name):
     """g̃ = gχ(x)⁻¹: Ω̃ = χ(x)Ωχ(x⁺)⁻¹ and σ̃ = χ(x⁺)σχ(x⁺)⁻¹."""
@@ -108,6 +108,7 @@ def round_the_origin(t):
     return jnp.stack([jnp.cos(2 * jnp.pi * t), 0.5 * jnp.sin(4 * jnp.pi * t) + 0.2 * jnp.cos(2 * jnp.pi * t)])
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["SO3", "SE2", "SL2"])
 @pytest.mark.parametrize(("at", "order"), [("start", 1), ("middle", 2)])
@@ -146,6 +147,7 @@ def test_the_holonomy_of_small_loops_is_their_area_times_curvature(name):
     assert errors[1] < 0.01 * np.max(np.abs(bent)) and errors[0] / errors[1] > 3.5
 
 
+@pytest.mark.long
 def test_a_path_lifted_from_time_to_time_is_the_whole_lift():
     connection = smooth_connection("SO3")
     coarse, fine = (
@@ -154,7 +156,7 @@ def test_a_path_lifted_from_time_to_time_is_the_whole_lift():
     assert apart(coarse[-1], fine[-1]) < 1e-11
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_mechanical_connection_makes_momentum_vanish(name):
     """∂_ξℓ(−A(x)ẋ, x, ẋ) = 0."""

@@ -33,6 +33,7 @@ def closed_form(inertia, momentum):
     return scale * np.sinh(np.arcsinh(3 * momentum / (inertia * scale)) / 3)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.1, 0.03])
 @pytest.mark.parametrize("inertia", [1e-2, 1e-4])
@@ -136,6 +137,7 @@ def test_what_has_not_converged_beside_a_cancelled_momentum_is_told(mu, off, mon
     assert 0.1 * off < velocities(system, begun).residual < 10 * off
 
 
+@pytest.mark.long
 def test_a_run_whose_momentum_is_zero_knows_its_energy():
     system, there = swinging()
     run = co.simulate(system, there, dt=0.01, steps=100)

@@ -80,6 +80,7 @@ def test_a_derivative_that_is_not_that_of_the_value_raises(name):
         system.check(start)
 
 
+@pytest.mark.cases(7)
 @pytest.mark.parametrize("name", RIGHT)
 def test_what_is_smooth_between_kinks_passes(name):
     system, start = made(RIGHT[name])

@@ -103,6 +103,7 @@ class TestOneBodyBothWays:
             for s, at in ((body, first), (space, second))
         ]
 
+    @pytest.mark.long
     @pytest.mark.cases(1)
     @pytest.mark.parametrize("method", [co.Midpoint(), co.Trapezoidal(co.Exponential())], ids=["midpoint", "trapezoid"])
     def test_the_motions_are_the_same_to_round_off(self, method):

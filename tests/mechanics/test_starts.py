@@ -152,6 +152,7 @@ def plane():
     return co.DirectProduct(co.Heisenberg(1), co.Heisenberg(1)), on_plane, exact
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("make", [plane, sphere])
 def test_point_vortices_turn_as_their_closed_forms_say(make):
@@ -217,6 +218,7 @@ def flight():
     return co.simulate(ball, ball.state(q=[0, 0, 0], qdot=[1.5, 0, 0]), dt=0.1, steps=10, progress=False)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("keep", "speed"), [("momentum", 3.0), ("velocity", 1.5)])
 def test_what_stays_when_a_payload_is_dropped_is_said_and_stands_on_the_card(flight, keep, speed):

@@ -143,6 +143,7 @@ def test_members_of_an_ensemble_of_long_chains_move_as_single_ones():
             assert np.max(np.abs(ours - theirs)) < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("stiffness", [2.0, co.each([2.0, 3.0])], ids=["alone", "together"])
 def test_a_chain_that_native_code_takes_carries_its_factors_by_xla(stiffness):
@@ -269,6 +270,7 @@ def test_a_coupling_that_could_not_be_checked_is_told():
         co.Midpoint().begin(system, start, 0.05)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("joined", [0.0, 0.1], ids=["links alone", "links with kinetic energy together"])
 @pytest.mark.parametrize("coupling", ["chain", "ring"])
 def test_a_link_without_mass_is_named(coupling, joined):

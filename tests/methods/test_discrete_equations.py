@@ -38,6 +38,9 @@ def forced_run(world: str, tau: str, rule: str) -> Run:
     return Run(world, stepper, leaps, max(np.max(np.abs(m)) for m in momenta))
 
 
+pytestmark = pytest.mark.cases(2)  # which share what the fixture prepares
+
+
 @pytest.fixture(
     scope="module",
     params=pairwise_cases()
@@ -72,7 +75,6 @@ def kelvin_noether(world: str, system: co.System) -> co.KelvinNoether:
     return co.KelvinNoether(generator("c0", world).normal(size=space.ambient(group)), K, space)
 
 
-@pytest.mark.cases(1)
 def test_consecutive_steps_satisfy_the_discrete_equations(run):
     system = run.stepper.system
 
@@ -98,7 +100,6 @@ def test_consecutive_steps_satisfy_the_discrete_equations(run):
         close(before.w_next, after.w, run.scale)
 
 
-@pytest.mark.cases(6)
 def test_balance_of_theorem_7(run):
     system = run.stepper.system
     group, Q, V = system.places
@@ -128,7 +129,6 @@ def test_balance_of_theorem_7(run):
         close(change, by_sources, scale)
 
 
-@pytest.mark.cases(19)
 def test_balance_residual_certifies_a_step_and_sees_a_wrong_one(run):
     system, leap = run.stepper.system, run.leaps[-1]
     balance = tabulate(partial(leap.step.balance, system), leap.record, leap.h, leap.after)

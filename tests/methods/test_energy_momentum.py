@@ -51,6 +51,7 @@ def test_energy_is_kept_on_nonlinear_systems_over_many_groups(world):
     assert np.ptp(found) <= 2e-14 * np.max(np.abs(found))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("world", CASES)
 def test_momenta_of_the_isotropy_algebra_are_kept(world):

@@ -32,6 +32,9 @@ class Run(NamedTuple):
     scale: float
 
 
+pytestmark = pytest.mark.cases(2)  # which share what the fixture prepares
+
+
 @pytest.fixture(
     scope="module",
     params=pairwise_cases()
@@ -57,14 +60,12 @@ def run(request) -> Run:
     return Run(system, leaps, forms, max(np.max(np.abs(m)) for m in momenta))
 
 
-@pytest.mark.cases(1)
 def test_steps_are_symplectic(run):
     for before, after, size in run.two_forms:
         assert abs(before) > 1e-4 * size, "a two-form of nothing proves nothing"
         assert abs(after - before) <= ROUND_OFF * size
 
 
-@pytest.mark.cases(39)
 def test_momenta_of_the_isotropy_algebra_are_conserved(run):
     system = run.system
     directions = isotropy_algebra(system, run.leaps[0].record)
@@ -77,7 +78,6 @@ def test_momenta_of_the_isotropy_algebra_are_conserved(run):
     np.testing.assert_allclose(last, first, rtol=0, atol=ROUND_OFF * run.scale * size * reach * system.group.dim)
 
 
-@pytest.mark.cases(19)
 def test_paper_quantity_satisfies_its_balance(run):
     """(P51)_k = ⟨𝒦_k, (dτ⁻¹_{hξ})*∂_ξΛ/h − ∂_sΛ⋄s⟩, (P52): (P51)_k − (P51)_{k−1} = ⟨𝒦_k, ∂_aΛ⋄a_k⟩, 𝒦 = c."""
     system = run.system
@@ -104,7 +104,6 @@ def test_paper_quantity_satisfies_its_balance(run):
         assert abs(after - before - source) <= allowed
 
 
-@pytest.mark.cases(4)
 @pytest.mark.parametrize(("world", "tau", "rule"), pairwise_cases()[::3])
 def test_velocity_start_makes_the_given_velocities_the_first_unknowns(world, tau, rule):
     system, start = random_system(world)

@@ -35,6 +35,7 @@ def held(name: str, method: co.Method, steps: int = 100_000):
     return co.simulate(body, model.start(body), dt=MODELS[name][0], steps=steps, method=method, save_every=10)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", MODELS)
 def test_discrete_energy_is_constant_over_100000_steps(name):
@@ -127,6 +128,7 @@ def test_energy_is_held_over_the_steps_that_are_not_fixed():
     assert np.all((memory.ratio > 0.5) & (memory.ratio < 2.0))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("off", [0.0, 1e-4])
 def test_at_and_near_a_relative_equilibrium_all_steps_are_fixed(off):

@@ -40,6 +40,7 @@ def cells(text: str) -> list[list[str]]:
     return [[html.unescape(cell) for cell in re.findall(r"<td>(.*?)</td>", row, re.DOTALL)] for row in rows]
 
 
+@pytest.mark.long
 def test_a_report_holds_certificate_figures_and_every_number(folder: Path):
     text = (folder / "report.html").read_text()
     summary = json.loads((folder / "summary.json").read_text())

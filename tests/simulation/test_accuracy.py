@@ -61,7 +61,7 @@ def test_the_dt_that_resolves_a_command_does_not_depend_on_the_lag_that_follows_
     assert slow.accuracy.resolving == quick.accuracy.resolving < np.pi / 1000
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", selected(RESOLVED))
 def test_a_run_that_is_resolved_is_no_alarm(case):
     run = case.simulate()
@@ -103,7 +103,7 @@ def exact_errors(run):
     return errors.local, relative(doubling.compare(begun, fine, whole), sizes)[0]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "case",
     selected(

@@ -45,6 +45,7 @@ def test_each_member_is_the_single_run_from_its_own_start():
         )
 
 
+@pytest.mark.long
 def test_members_with_different_directions_of_gravity_each_conserve_their_own_momentum():
     down = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
     fleet = co.simulate(VEHICLE, start(VEHICLE, a0=co.each(down)), dt=0.02, steps=200)
@@ -55,6 +56,7 @@ def test_members_with_different_directions_of_gravity_each_conserve_their_own_mo
     assert np.max(fleet.relative_changes("kelvin_noether")) < 1e-11, "whatever the unit of a0"
 
 
+@pytest.mark.long
 def test_changes_of_members_that_begin_at_round_off_of_zero_energy_are_absolute():
     top = co.System(co.SO3(), lambda xi, a: 0.5 * xi @ (xi * jnp.arange(1.0, 4.0)) - a[2], advected=co.Defining())
     begun = np.array([[1.0, 0.0, 1e-25], [0.0, 0.6, 0.8]])

@@ -54,6 +54,7 @@ def errors(method, inputs, steps) -> list[float]:
     return [float(np.max(np.abs(run.final.mu - best))) for run in runs]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "order"),
@@ -282,6 +283,7 @@ def test_a_single_input_has_no_name():
     assert run.final.mu[2] == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("held", [False, True])
 def test_the_energy_budget_closes_when_inputs_reach_the_lagrangian(held):
     """Signals through −∂_tℓ, held inputs through the jumps of ℋ."""

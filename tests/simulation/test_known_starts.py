@@ -95,6 +95,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("change", CHANGES)
 def test_what_changes_a_force_changes_the_next_run(change, monkeypatch):
@@ -198,6 +199,7 @@ def stepped(system, start):
     return stepper.state.mu
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("run", [together, stepped])
 def test_a_second_ensemble_or_stepper_reads_every_function_once_and_checks_nothing(run, monkeypatch):

@@ -57,6 +57,7 @@ def compiled(body: co.System, backend: str, progress: bool | None) -> co.Run:
     return co.simulate(body, body.state(xi=[1.0]), dt=0.1, steps=5, backend=backend, progress=progress)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("backend", "progress", "told"), [("xla", True, 1), ("xla", False, 0), ("native", True, 0)])
 def test_a_terminal_shows_how_a_step_is_solved_while_xla_compiles_it(capfd, monkeypatch, body, backend, progress, told):

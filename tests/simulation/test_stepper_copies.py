@@ -92,6 +92,7 @@ def test_a_clone_that_was_compiled_anew_lends_its_machine_code():
         np.testing.assert_allclose(np.ravel(body.state.mu), 2.1, rtol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_what_is_observed_after_a_change_is_of_the_new_parameters(backend):
@@ -105,6 +106,7 @@ def test_what_is_observed_after_a_change_is_of_the_new_parameters(backend):
     assert body.t == H
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("number", [0, 1, 0.0, 1.0, np.int64(1)])
 def test_by_xla_parameters_change_to_whole_numbers_too(number):

@@ -68,6 +68,7 @@ def episode(ship, gains, parameters=None):
 GAINS = np.array([0.8, 0.3, 0.5])
 
 
+@pytest.mark.long
 def test_the_twin_computes_what_the_stepper_computes(ship):
     with co.float64():
         assert float(episode(ship, GAINS)) == pytest.approx(stepped(ship, GAINS), rel=1e-12)

@@ -64,6 +64,7 @@ def test_fifty_bodies_of_random_data_are_judged_right_on_both_sides_in_any_units
         assert_right_on_both_sides(make, seed, units)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_what_a_body_does_not_conserve_is_refused_in_any_units(units):

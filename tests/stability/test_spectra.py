@@ -254,6 +254,7 @@ def test_round_off_is_no_definite_form():
         assert (found.energy.verdict, found.energy.reason, found.spectral) == ("undecided", "degenerate", "neutral")
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("slow", [1e-2, 1e-3, 1e-4, 1e-5])
 def test_modes_that_are_slow_beside_the_fastest_decay_and_grow_by_their_own_rates(slow):
     rates = np.array([-1.0, -slow, 0.6 * slow])

@@ -67,7 +67,7 @@ def test_the_reduced_system_moves_as_euler_and_lagrange_say_in_coordinates():
     np.testing.assert_allclose(slope.nu, nu_dot, rtol=0, atol=1e-12 * np.max(np.abs(nu_dot)))
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("world", ["SO3 alone", "SO3", "SE3", "SL2", "SO3xSE2", "curved and flat"])
 def test_reduction_undoes_the_inverse(world):
     """ℓ ↦ L ↦ ℓ on random systems, two advected parameters and a curved Q among them; L is left-invariant."""
@@ -183,6 +183,7 @@ def parameterised():
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", [0, 1], ids=["continuous", "discrete"])
 def test_parameters_of_what_was_unreduced_are_replaced_and_differentiated_by(kind):
     system, again, value = list(parameterised())[kind]

@@ -105,6 +105,7 @@ EVERY = [("top" if i % 2 else "body", kind) for i, kind in enumerate(KINDS)]
 EVERY += [(world, "everything") for world in ("SO3", "SE2", "SO3 on a sphere")]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "kind"), EVERY)
 def test_the_reduced_algorithm_gives_the_driven_motion(world, kind):
@@ -139,6 +140,7 @@ def test_the_algorithm_of_the_semidirect_product_gives_the_driven_motion(kind):
     close(theory.semidirect_algorithm(group, Q, l, at(links, 0), H, STEPS), links)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 @pytest.mark.parametrize("kind", KINDS)
@@ -165,6 +167,7 @@ def test_the_printed_equations_hold_on_driven_runs(world, kind):
     assert found.worst.largest < ROUND_OFF, str(found)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("kind", "given", "says"),

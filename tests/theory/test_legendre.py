@@ -113,6 +113,7 @@ def test_the_right_transform_of_a_step_is_the_left_one_of_the_next(name):
     assert np.max(np.abs(maps.plus - maps.minus)) > 1e-4 * size, "a step that gives nothing proves nothing"
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["midpoint", "galerkin", "group variational on a sphere"])
 def test_the_transforms_do_not_read_the_momenta_of_a_record(name):
@@ -181,6 +182,7 @@ class Own(co.Method, Step):
         return ((self, 1.0),)
 
 
+@pytest.mark.long
 def test_a_rule_of_ones_own_has_transforms_and_is_refused_with_forces():
     system, start = random_system("SO3")
     run = co.simulate(system, start, dt=H, steps=3, method=co.LeftRectangle(), monitors=False)

@@ -53,6 +53,7 @@ def test_order_four_meets_the_reference_in_all_its_digits():
     assert np.max(found) <= 3e-12
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("degree", "dt", "at_most"), [(3, 5e-4, 5e-11), (4, 4e-3, 2e-9), (4, 2e-3, 1e-11)], ids=lambda value: f"{value:g}"

@@ -27,6 +27,7 @@ PENDULUM = co.System(
 )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("backend", ["native", "xla"])
 def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backend):
     """n_k = cos kθ with tan(θ/2) = ωh/2: the rule on an oscillator is Cayley's map of its phase plane."""
@@ -36,7 +37,7 @@ def test_the_midpoint_rule_turns_an_oscillator_by_the_angle_of_cayleys_map(backe
     assert run.relative_change("energy") < 1e-14
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "method",
     [

@@ -27,6 +27,7 @@ def without_fins(**changes: Any) -> co.System:
     return OPEN.replace(stern_planes={"area": 0.0}, rudder={"area": 0.0}, **changes)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("n", [8.0, 15.0, 1525 / 60])
 def test_the_terminal_speed_is_where_thrust_equals_drag(n):

@@ -90,6 +90,7 @@ def test_tangents_of_a_run_and_its_adjoint_are_transposes():
     np.testing.assert_allclose(east, bars, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.long
 def test_runs_follow_the_table_that_drives_them():
     """A run with inputs in a table is the run of co.simulate with the same held inputs."""
     program, _, constants, state, active, places = prepared(co.Midpoint())

@@ -81,7 +81,7 @@ class Ending(LeftRectangle):
         return jnp.where(s.t < self.end - 0.5 * h, 0.0, 1.0)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("end", [0.0, 0.04, 0.24], ids=["first", "early", "last"])
 def test_a_run_that_fails_has_no_derivative(end):
     chunk, pull = gradient.vjp(VehicleProgram((Ending(end=end),)), PAPER, start(H), H, 5, 5)

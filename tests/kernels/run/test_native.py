@@ -167,6 +167,7 @@ class Watching(VehicleProgram):
         return {"clock": jnp.sqrt(0.045 - s.t), "height": s.n[2]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kernel", [native, xla])
 def test_a_monitor_that_is_no_number_ends_the_run_at_the_last_good_node(kernel):
     chunk = kernel.run(Watching(), PAPER, start(H), H, 10, 1)
@@ -196,6 +197,7 @@ def test_what_the_tracer_cannot_take_is_named():
         native.run(VehicleProgram((Sorting(),)), PAPER, start(H), H, 1, 1)
 
 
+@pytest.mark.long
 def test_parameters_that_change_their_zeros_are_not_confused():
     for mass in (PAPER.mass, SKEW.mass, PAPER.mass * 1.5):
         p = PAPER._replace(mass=mass)

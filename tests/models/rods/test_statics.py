@@ -158,6 +158,7 @@ def timoshenko(free: bool, between: tuple[float, float]) -> float:
     return float(brentq(determinant, *between))  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(("ends", "rigid", "between"), [("clamped", 0, (2.0, 4.0)), ("free", 3, (15.0, 25.0))])
 def test_first_frequencies_are_those_of_timoshenkos_beam(ends: str, rigid: int, between: tuple[float, float]):

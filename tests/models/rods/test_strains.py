@@ -31,6 +31,7 @@ def test_ratios_of_the_arctangent_and_two_derivatives_are_their_integrals(k: int
         assert abs(found - integral(k, n, t)) < bound
 
 
+@pytest.mark.cases(5)
 @pytest.mark.parametrize("angle", [0.3, 1.5])
 @pytest.mark.parametrize("group", [co.SE3(), co.SE2(), co.SO3()], ids=repr)
 def test_the_logarithm_is_the_inverse_of_the_exponential_in_two_derivatives(group: co.LieGroup, angle: float):

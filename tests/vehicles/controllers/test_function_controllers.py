@@ -136,6 +136,7 @@ def test_inputs_of_a_wrong_shape_are_told_by_name():
         )
 
 
+@pytest.mark.long
 def test_a_step_longer_than_the_period_of_the_controller_is_warned_of_on_the_card():
     craft = Craft(PLAIN, controller=FunctionController(function=traceable, period=0.1))
     given = {"start": craft.start(speed=1.5), "steps": 1, "inputs": {"heading": 0.1}}
@@ -156,7 +157,7 @@ def test_a_controller_that_divides_by_zero_is_named():
         fly(sinking, duration=1.0)
 
 
-@pytest.mark.cases(7)
+@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [
@@ -229,6 +230,7 @@ def prepare(controller, **inputs):
     require_internal(*with_inputs(craft.system, craft.start(speed=1.5), inputs or None), DT)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("law", [traceable, with_numpy])
 def test_an_input_that_a_controller_never_reads_is_refused(law):
     prepare(law, heading=0.5)

@@ -118,6 +118,7 @@ def test_a_pump_works_against_the_water_it_pushes_away_and_the_craft_rises_by_it
     assert run.summary()["energy_budget_error_max"] < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("path", [-25.0, -45.0, 25.0])
 def test_a_trimmed_glider_glides_at_the_angle_and_speed_of_the_closed_form(path):

@@ -54,6 +54,7 @@ def test_docking_is_rewarded_near_slow_and_aligned(dock):
     rewarded(dock, formula, {"position": (-0.3, -0.2, 5.2), **MOVING, "velocity": (-1.5, 0.0, 0.5)}, 8, 3)
 
 
+@pytest.mark.long
 def test_a_dock_is_entered_slowly_or_struck(dock):
     still = {"euler_zyx": (0.7, 0.0, 0.0)}
     for start, end, success in (

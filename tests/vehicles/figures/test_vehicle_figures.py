@@ -86,6 +86,7 @@ def test_ballast_is_drawn_in_litres():
     assert pump.get_lines()[0].get_ydata()[-1] == pytest.approx(0.02)
 
 
+@pytest.mark.long
 def test_an_ensemble_tells_how_many_are_drawn_and_whose_command_it_is():
     for members, name, of in ((20, "Midpoint(Cayley), 20 members", "the first"), (2, "member 0", "member 0")):
         many = xarray.concat([dataset()] * members, "member").assign_coords(member=np.arange(members))

@@ -45,6 +45,7 @@ def test_a_shipped_vehicle_that_is_written_reads_as_itself(name: str) -> None:
     }
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("controller", [Cruise(speed=1.2), Attitude()])
 def test_a_controller_that_has_been_fitted_is_written_with_its_gains(controller: Controller) -> None:

@@ -73,6 +73,7 @@ def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder
     assert not Path("dive/sensor_compass.csv").exists()
 
 
+@pytest.mark.cases(10)
 @pytest.mark.parametrize(
     "old, new, sentence",
     [
@@ -148,6 +149,7 @@ depth_m = 10.0
 """
 
 
+@pytest.mark.long
 def test_a_sensor_that_is_lost_reads_nothing_while_it_is_and_the_others_the_same():
     whole, holed = mission().run(), mission(MISSION + LOST, "lost.toml").run()
     time = whole.dataset.sensor_dvl_time.values

@@ -271,7 +271,7 @@ def test_an_actuator_saturates_lags_and_never_moves_faster_than_its_rate():
     assert 0 < both[-1] < both[20] < both[10] < 0.5 * 0.05
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("lag", [None, 0.1])
 @pytest.mark.parametrize("rate", [None, 0.2, 5.0])
 @pytest.mark.parametrize("x", [-0.25, 0.29, 0.3])
@@ -292,6 +292,7 @@ def test_over_a_step_an_actuator_is_what_many_short_steps_make_of_it(lag, rate, 
     assert float(found.mean) == pytest.approx(np.mean(0.5 * (np.array(path[1:]) + path[:-1])), abs=1e-7)
 
 
+@pytest.mark.long
 def test_an_actuator_that_is_at_its_command_answers_a_small_change_of_it():
     part = fin((0, 1, 0), lag=0.1, rate=5.0)
     own = co.Parameters(**part.parameters())

@@ -105,6 +105,7 @@ def test_every_sensor_reads_at_its_own_rate_and_with_its_own_latency():
     assert len(read["gps"]) == 0 and read["gps"].values.shape == (0, 2)  # never at the surface
 
 
+@pytest.mark.long
 def test_readings_at_nodes_are_of_the_motion_there():
     found, records = readings(run(), seed=1), run().records
     node = 160  # 8 s: a node, and a reading of imu and of depth
@@ -206,7 +207,7 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
     assert float(first.split(",")[2]) == pytest.approx(np.degrees(read["imu"].values[0, 0]), rel=1e-10)
 
 
-@pytest.mark.cases(8)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     "make, sentence",
     [

@@ -111,6 +111,7 @@ def test_a_body_of_the_waters_own_density_drifts_with_an_accelerated_current():
     np.testing.assert_allclose(run.dataset.xi, 0.0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_body_of_the_waters_own_density_goes_round_with_an_eddy():
     """c = Ω × q: where ν = c, ν̇ = Dc/Dt, and there is no lift."""
     spin = 0.3
@@ -122,6 +123,7 @@ def test_a_body_of_the_waters_own_density_goes_round_with_an_eddy():
     np.testing.assert_allclose(run.dataset.q, exact, atol=2e-4)
 
 
+@pytest.mark.long
 def test_a_sphere_in_linear_shear_has_the_lift_coefficient_of_one_half():
     """Auton, Hunt and Prud'homme: (m + C_M ρV) v̇ = C_L ρV (c − v) × ω, C_L = ½, where c·∇c = 0.
 

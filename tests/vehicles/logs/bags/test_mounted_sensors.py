@@ -82,6 +82,7 @@ def declaration(axes="NED/FRD"):
     }
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("axes", ["NED/FRD", "ENU/FLU"])
 def test_a_declared_mounting_is_that_of_the_vehicle_file(dive, bag, tmp_path, axes):
