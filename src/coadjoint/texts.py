@@ -39,6 +39,8 @@ def told_text(path: Path, what: str = "file", most: int = LARGEST) -> str:
         raise
     except OSError as error:
         raise FileError(f"The {what} {path} cannot be read: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise FileError(f"There is no {what} {path}: no file can have this name, for it holds a NUL.") from error
 
 
 def too_large(name: object, most: int) -> FileError:

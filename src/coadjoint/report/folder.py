@@ -116,13 +116,16 @@ def require_free(folder: Path, configuration: str, inputs: Mapping[str, Path] | 
     `configuration` is the text of the run's run.toml; two runs are the same if their TOML means the same, and their
     input files are the same.
     """
-    if folder.exists() and not folder.is_dir():
-        raise FileError(f"{folder} is a file, not a folder: choose another output folder with --out.")
     try:
-        if not folder.is_dir():
-            return
+        os.stat(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        return
     except OSError as error:
         raise FileError(f"The folder {folder} cannot be looked at: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise FileError(f"No folder can have the name {folder}, for it holds a NUL: choose another one.") from error
+    if not folder.is_dir():
+        raise FileError(f"{folder} is a file, not a folder: choose another output folder with --out.")
     held = held_manifest(folder)
     if held is None and (folder / SUMMARY).exists() | any(folder.glob("*.nc")) | (folder / UNFINISHED).exists():
         raise FileError(

@@ -247,7 +247,7 @@ def _begins(source: Path, word: bytes) -> bool:
 
 
 def _path(given: Any) -> Path:
-    if not isinstance(given, (str, os.PathLike)) or not str(given):
+    if not isinstance(given, (str, os.PathLike)) or not str(given) or "\0" in str(given):
         raise ArgumentError(f'Argument `path` must be the name of a file, such as "run.nc", but is {shown(given)}.')
     return Path(given)
 

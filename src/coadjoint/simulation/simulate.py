@@ -120,7 +120,7 @@ def simulate(
         many = count_of(system, start) is not None
         require_full(many, method.variable, store is not None, until is not None or bool(events))
     kernels.require_backend(backend)
-    if store is not None and not isinstance(store, (str, os.PathLike)):
+    if store is not None and (not isinstance(store, (str, os.PathLike)) or "\0" in os.fsdecode(store)):
         raise ArgumentError(f"Argument `store` must be the path of a folder, but is {shown(store)}.")
     start, told = continued(system, start, keep)
     if store is not None and (events or (until is not None and count_of(system, start) is not None)):
