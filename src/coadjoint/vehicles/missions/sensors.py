@@ -50,11 +50,11 @@ def sensors_section(file: MissionFile, vehicle: Any) -> SensorsSection | None:
         raise ArgumentError(f"[sensors] seed must be a whole number of at least 0, but is {seed!r}.")
     bottom = _bottom(file, given)
     names = _names(given, vehicle)
-    altimeters = [one.name for one in vehicle.sensors if one.kind == "altimeter" and one.name in names]
-    if altimeters and bottom is None:
+    over = [one for one in vehicle.sensors if "bottom" in one.required and one.name in names]
+    if over and bottom is None:
         raise ArgumentError(
-            f"The altimeter {altimeters[0]} needs the depth of the bottom: give [sensors] bottom_m or [water.bottom], "
-            "or leave it out of [sensors] names."
+            f"The {over[0].kind} {over[0].name} needs the depth of the bottom: give [sensors] bottom_m or "
+            "[water.bottom], or leave it out of [sensors] names."
         )
     return SensorsSection(names, seed, bottom)
 

@@ -29,6 +29,7 @@ class Altimeter(Sensor):
 
     kind: ClassVar[str] = "altimeter"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("range", ("range",), u.LENGTH, "m"),)
+    required: ClassVar[tuple[str, ...]] = ("bottom",)
     lowest: Any = measured(u.LENGTH, not_negative, default=None)
     highest: Any = measured(u.LENGTH, positive, default=None)
     range: Errors = field(default_factory=Errors)

@@ -12,6 +12,7 @@ from coadjoint.groups.group import Array
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned
+from coadjoint.vehicles.sensors.message import Message, MessageField
 from coadjoint.vehicles.sensors.sensor import Sensor, tilt, turn, wrapped
 
 
@@ -50,6 +51,11 @@ class Ahrs(Sensor):
     channels: ClassVar[tuple[Channel, ...]] = (
         Channel("tilt", ("roll", "pitch"), u.ANGLE, "rad", angle=True),
         Channel("heading", ("heading",), u.ANGLE, "rad", angle=True),
+    )
+    message: ClassVar[Message | None] = Message(
+        "sensor_msgs/Imu",
+        (MessageField("orientation", "attitude", ("tilt", "heading")),),
+        unknown=("angular_velocity_covariance", "linear_acceleration_covariance"),
     )
     declination: Any = measured(u.ANGLE, turn, default=0.0)
     tilt: Errors = field(default_factory=Errors)

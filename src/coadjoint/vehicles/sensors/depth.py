@@ -13,6 +13,7 @@ from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics
+from coadjoint.vehicles.sensors.message import Message, MessageField
 from coadjoint.vehicles.sensors.sensor import Sensor
 
 
@@ -26,6 +27,9 @@ class Depth(Sensor):
 
     kind: ClassVar[str] = "depth"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("depth", ("depth",), u.LENGTH, "m"),)
+    message: ClassVar[Message | None] = Message(
+        "sensor_msgs/FluidPressure", (MessageField("fluid_pressure", "pressure", ("depth",)),)
+    )
     density: Any = measured(u.DENSITY, positive, default=None)
     limit: Any = measured(u.LENGTH, positive, default=None)
     depth: Errors = field(default_factory=Errors)

@@ -15,6 +15,7 @@ from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.compass import upright
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned
+from coadjoint.vehicles.sensors.message import Message, MessageField
 from coadjoint.vehicles.sensors.sensor import Sensor, along_beams, angle_within, tilt, turn
 
 
@@ -35,6 +36,11 @@ class Dvl(Sensor):
     kind: ClassVar[str] = "dvl"
     channels: ClassVar[tuple[Channel, ...]] = (
         Channel("velocity", tuple(f"velocity_{x}" for x in "xyz"), u.SPEED, "m/s", vector=True),
+    )
+    message: ClassVar[Message | None] = Message(
+        "geometry_msgs/TwistWithCovarianceStamped",
+        (MessageField("twist.twist.linear", "vector", ("velocity",)),),
+        silent=("twist.twist.angular",),
     )
     track: Any = measured(None, None, words=("bottom", "water"), default="bottom")
     lowest: Any = measured(u.LENGTH, not_negative, default=None)
@@ -70,6 +76,7 @@ class DvlBeams(Dvl):
     channels: ClassVar[tuple[Channel, ...]] = (
         Channel("velocity", tuple(f"beam_{i}" for i in range(1, 5)), u.SPEED, "m/s"),
     )
+    message: ClassVar[Message | None] = None
     beam_angle: Any = measured(u.ANGLE, _acute)
     azimuth: Any = measured(u.ANGLE, turn, default=0.0)
 

@@ -11,6 +11,7 @@ from coadjoint.models.quantities import number
 from coadjoint.vehicles.parts.measured import measured
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics
+from coadjoint.vehicles.sensors.message import Message, MessageField
 from coadjoint.vehicles.sensors.sensor import Sensor
 
 
@@ -23,6 +24,7 @@ class Gps(Sensor):
 
     kind: ClassVar[str] = "gps"
     channels: ClassVar[tuple[Channel, ...]] = (Channel("fix", ("north", "east"), u.LENGTH, "m"),)
+    message: ClassVar[Message | None] = Message("sensor_msgs/NavSatFix", (MessageField("", "fix", ("fix",)),))
     deepest: Any = measured(u.LENGTH, number, default=0.0)
     fix: Errors = field(default_factory=Errors)
 

@@ -11,6 +11,7 @@ from coadjoint import units as u
 from coadjoint.groups.group import Array
 from coadjoint.vehicles.sensors.errors import Channel, Errors
 from coadjoint.vehicles.sensors.kinematics import Kinematics, turned
+from coadjoint.vehicles.sensors.message import Message, MessageField
 from coadjoint.vehicles.sensors.sensor import Sensor
 
 
@@ -27,6 +28,14 @@ class Imu(Sensor):
     channels: ClassVar[tuple[Channel, ...]] = (
         Channel("gyroscope", tuple(f"angular_velocity_{x}" for x in "xyz"), u.ANGULAR_VELOCITY, "rad/s", vector=True),
         Channel("accelerometer", tuple(f"specific_force_{x}" for x in "xyz"), u.ACCELERATION, "m/s²", vector=True),
+    )
+    message: ClassVar[Message | None] = Message(
+        "sensor_msgs/Imu",
+        (
+            MessageField("angular_velocity", "vector", ("gyroscope",)),
+            MessageField("linear_acceleration", "vector", ("accelerometer",)),
+        ),
+        unknown=("orientation_covariance",),
     )
     gyroscope: Errors = field(default_factory=Errors)
     accelerometer: Errors = field(default_factory=Errors)

@@ -22,6 +22,7 @@ from coadjoint.vehicles.parts.measured import check_fields, measured, place, sha
 from coadjoint.vehicles.parts.numbers import Numbers
 from coadjoint.vehicles.sensors.errors import Channel, Errors, checked
 from coadjoint.vehicles.sensors.kinematics import Kinematics
+from coadjoint.vehicles.sensors.message import Message
 
 
 def angle_within(most: float, words: str) -> Callable[[Any, str], Any]:
@@ -76,6 +77,10 @@ class Sensor(Numbers, ABC):
     """Its word in vehicle files."""
     channels: ClassVar[tuple[Channel, ...]] = ()
     """What it reads, in the order of a reading."""
+    message: ClassVar[Message | None] = None
+    """What it sends in logs of ROS 2; None for a message of its own, which has its numbers by their names."""
+    required: ClassVar[tuple[str, ...]] = ()
+    """Fields of the motion that may be None and without which it cannot read, such as the depth of the `bottom`."""
     name: str
     rate: Any = measured(u.FREQUENCY, positive)
     latency: Any = measured(u.TIME, not_negative, default=0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from coadjoint.vehicles.logs.bags.definitions import NUMBERS, STRING, Definition, definition, short
 
 _STAMPED = "std_msgs/Header header\n"
@@ -40,33 +42,37 @@ BODIES = {
     "uint8 position_covariance_type\n",
 }
 """The text of each type without those inside."""
-OWN_TYPES = {
-    "compass": f"{_STAMPED}float64 heading\n",
-    "altimeter": f"{_STAMPED}float64 range\n",
-    "usbl": f"{_STAMPED}float64 range\nfloat64 bearing\nfloat64 elevation\n",
-    "dvl_beams": f"{_STAMPED}float64 beam_1\nfloat64 beam_2\nfloat64 beam_3\nfloat64 beam_4\n",
-}
-"""Types such as `coadjoint_msgs/DvlBeams` of sensors that ROS has no type for; SI units and rad."""
-OWN_NAMES = {kind: f"coadjoint_msgs/{''.join(map(str.capitalize, kind.split('_')))}" for kind in OWN_TYPES}
-BODIES |= {OWN_NAMES[kind]: body for kind, body in OWN_TYPES.items()}
+PACKAGE = "coadjoint_msgs"
+"""That of types such as `coadjoint_msgs/DvlBeams`, of sensors that ROS has no type for; SI units and rad."""
+
+
+def stamped(fields: Iterable[str]) -> str:
+    """The definition of a type of numbers under these names, behind a header."""
+    return _STAMPED + "".join(f"float64 {name}\n" for name in fields)
+
+
 _LINE = "=" * 80
 
 
-def schema(name: str) -> str:
-    """The text of a type, `pkg/Name`, with those of all types inside, as MCAP files hold it."""
+def schema(name: str, body: str | None = None) -> str:
+    """The text of a type, `pkg/Name`, with those of all types inside, as MCAP files hold it.
+
+    body: its definition, where it is none of `BODIES`.
+    """
+    body = BODIES[name] if body is None else body
     inside: list[str] = []
 
-    def gather(of: str) -> None:
-        for line in BODIES[of].splitlines():
+    def gather(text: str) -> None:
+        for line in text.splitlines():
             kind = line.split()[0].partition("[")[0]
             if kind not in NUMBERS and kind != STRING and kind not in inside:
                 inside.append(kind)
-                gather(kind)
+                gather(BODIES[kind])
 
-    gather(name)
-    return BODIES[name] + "".join(f"{_LINE}\nMSG: {kind}\n{BODIES[kind]}" for kind in inside)
+    gather(body)
+    return body + "".join(f"{_LINE}\nMSG: {kind}\n{BODIES[kind]}" for kind in inside)
 
 
-def known(name: str) -> Definition:
-    """The definition of a type that is written."""
-    return definition(name, schema(short(name)), name)
+def known(name: str, body: str | None = None) -> Definition:
+    """The definition of a type that is written; `body` as for `schema`."""
+    return definition(name, schema(short(name), body), name)

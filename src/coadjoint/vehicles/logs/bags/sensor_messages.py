@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from coadjoint.groups import attitude
 from coadjoint.vehicles import axes as border
 from coadjoint.vehicles.axes import Axes
+from coadjoint.vehicles.files.kinds import kinds
 from coadjoint.vehicles.logs.bags.converted import GRAVITY, WaterAbove, fixes
-from coadjoint.vehicles.logs.bags.schemas import OWN_NAMES, OWN_TYPES
+from coadjoint.vehicles.logs.bags.schemas import PACKAGE, stamped
 from coadjoint.vehicles.logs.bags.written import Written, quaternion, quaternions, signed, vector
+from coadjoint.vehicles.sensors.message import Message
+from coadjoint.vehicles.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray
@@ -45,9 +49,13 @@ def sensor_rows(
         }
         kind = str(next(iter(channels.values())).attrs.get("kind", ""))
         numbers = {channel: np.asarray(values.values, float) for channel, values in channels.items()}
-        type_, values = _message(kind, numbers, axes, origin, water)
+        message = declared(kind)
+        if message is None:
+            type_, body, values = _own(name, kind, channels)
+        else:
+            (type_, values), body = _Writer(axes, origin, water).message(message, numbers), None
         time, arrival = np.asarray(dataset[key].values), np.asarray(dataset[text].values)
-        found.append(Written(f"{FOLDER}{name}", type_, {"header.frame_id": name} | values, time, arrival))
+        found.append(Written(f"{FOLDER}{name}", type_, {"header.frame_id": name} | values, time, arrival, body))
     return found
 
 
@@ -63,41 +71,81 @@ def mounts(dataset: xarray.Dataset) -> dict[str, str]:
     return found
 
 
-def _message(
-    kind: str, numbers: Mapping[str, np.ndarray], axes: Axes, origin: tuple[float, float] | None, water: WaterAbove
-) -> tuple[str, dict[str, Any]]:
-    """Type and fields of a kind of sensor."""
-    body = border.body_axes(axes)
-    if kind == "imu":
-        return "sensor_msgs/Imu", {
-            "orientation_covariance": _UNKNOWN,
-            **vector("angular_velocity", signed(numbers["gyroscope"], body)),
-            **vector("linear_acceleration", signed(numbers["accelerometer"], body)),
-        }
-    if kind == "ahrs":
-        (roll, pitch), heading = numbers["tilt"].T, numbers["heading"][:, 0]
-        turn = quaternions(np.asarray(attitude.zyx(heading, pitch, roll)), axes)
-        silent = {"angular_velocity_covariance": _UNKNOWN, "linear_acceleration_covariance": _UNKNOWN}
-        return "sensor_msgs/Imu", {**silent, **quaternion("orientation", turn)}
-    if kind == "depth":
-        pressure = water.surface + water.density * GRAVITY * numbers["depth"][:, 0]
-        return "sensor_msgs/FluidPressure", {"fluid_pressure": pressure}
-    if kind == "dvl":
-        speed = signed(numbers["velocity"], body)
-        unknown = dict.fromkeys((f"twist.twist.angular.{axis}" for axis in "xyz"), np.nan)
-        return "geometry_msgs/TwistWithCovarianceStamped", {**vector("twist.twist.linear", speed), **unknown}
-    if kind == "gps":
-        place = np.concatenate([numbers["fix"], np.zeros((len(numbers["fix"]), 1))], axis=1)
-        if origin is not None:
-            latitude, longitude = fixes(place, origin)
-            return "sensor_msgs/NavSatFix", {"latitude": latitude, "longitude": longitude}
-        unknown = np.full((len(place), 4), np.nan)
-        place = signed(np.where([True, True, False], place, np.nan), border.space_axes(axes))
+def declared(kind: str) -> Message | None:
+    """The message that sensors of a kind declare, of the library or of one's own; None where they declare none."""
+    known = kinds("sensors")
+    if kind in known:
+        return known[kind].message
+    pending: list[type[Sensor]] = [Sensor]
+    while pending:
+        one = pending.pop()
+        if kind and one.kind == kind:
+            return one.message
+        pending += one.__subclasses__()
+    return None
+
+
+class _Writer(NamedTuple):
+    """What numbers of channels become in a message: in these axes, about this origin, under this water."""
+
+    axes: Axes
+    origin: tuple[float, float] | None
+    water: WaterAbove
+
+    def vector(self, path: str, along: np.ndarray) -> dict[str, Any]:
+        return vector(path, signed(along, border.body_axes(self.axes)))
+
+    def attitude(self, path: str, tilt: np.ndarray, heading: np.ndarray) -> dict[str, Any]:
+        (roll, pitch), yaw = tilt.T, heading[:, 0]
+        return quaternion(path, quaternions(np.asarray(attitude.zyx(yaw, pitch, roll)), self.axes))
+
+    def pressure(self, path: str, depth: np.ndarray) -> dict[str, Any]:
+        return {path: self.water.surface + self.water.density * GRAVITY * depth[:, 0]}
+
+    def fix(self, path: str, place: np.ndarray) -> dict[str, Any]:
+        """Latitude and longitude where an origin is known."""
+        assert self.origin is not None
+        latitude, longitude = fixes(np.pad(place, ((0, 0), (0, 1))), self.origin)
+        return {"latitude": latitude, "longitude": longitude}
+
+    def place(self, place: np.ndarray) -> tuple[str, dict[str, Any]]:
+        """A position with no attitude, where no origin is known."""
+        unknown, gone = np.full((len(place), 4), np.nan), np.full((len(place), 1), np.nan)
+        along = signed(np.concatenate([place, gone], axis=1), border.space_axes(self.axes))
         return "geometry_msgs/PoseWithCovarianceStamped", {
             "header.frame_id": "map",
-            **vector("pose.pose.position", place),
+            **vector("pose.pose.position", along),
             **quaternion("pose.pose.orientation", unknown),
         }
-    fields = [line.split()[1] for line in OWN_TYPES[kind].splitlines()[1:]]
-    table = np.concatenate([numbers[channel] for channel in numbers], axis=1)
-    return OWN_NAMES[kind], dict(zip(fields, table.T, strict=True))
+
+    def message(self, message: Message, numbers: Mapping[str, np.ndarray]) -> tuple[str, dict[str, Any]]:
+        """Type and fields of what a sensor declares."""
+        found: dict[str, Any] = dict.fromkeys(message.unknown, _UNKNOWN)
+        found |= {f"{path}.{axis}": np.nan for path in message.silent for axis in "xyz"}
+        for field in message.fields:
+            channels = [numbers[name] for name in field.channels]
+            if field.as_ == "fix" and self.origin is None:
+                return self.place(*channels)
+            found |= getattr(self, field.as_)(field.path, *channels)
+        return message.type, found
+
+
+def _own(name: str, kind: str, channels: Mapping[str, Any]) -> tuple[str, str, dict[str, Any]]:
+    """Type, definition and fields of a sensor that declares no message: its numbers by their names."""
+    parts = [(str(one), column) for values in channels.values() for one, column in _columns(values)]
+    fields = {_word(one, f"value_{place}"): column for place, (one, column) in enumerate(parts)}
+    if len(fields) < len(parts):
+        fields = {f"value_{place}": column for place, (_, column) in enumerate(parts)}
+    title = "".join(part.capitalize() for part in _word(kind or name, "sensor").split("_"))
+    return f"{PACKAGE}/{title}", stamped(fields), fields
+
+
+def _columns(values: Any) -> list[tuple[str, np.ndarray]]:
+    names = values[values.dims[1]].values
+    return list(zip(names, np.asarray(values.values, float).T, strict=True))
+
+
+def _word(text: str, other: str) -> str:
+    """A word that ROS takes for the name of a field: small letters, numbers and single underscores."""
+    found = re.sub("[^a-z0-9]+", "_", text.lower()).strip("_")
+    return found if found[:1].isalpha() else other

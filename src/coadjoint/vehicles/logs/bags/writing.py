@@ -135,14 +135,15 @@ def _content(rows: list[Written], time: np.ndarray, facts: dict[str, str]) -> by
 def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
     """All messages, in the order of their times."""
     logged: list[np.ndarray] = []
-    schemas: dict[str, int] = {}
+    schemas: dict[tuple[str, str | None], int] = {}
     channels: list[int] = []
     contents: list[list[bytes]] = []
     for row in rows:
         package, name = row.type.split("/")
-        if row.type not in schemas:
-            schemas[row.type] = to.register_schema(f"{package}/msg/{name}", "ros2msg", schema(row.type).encode())
-        channels.append(to.register_channel(row.topic, "cdr", schemas[row.type]))
+        if (kind := (row.type, row.body)) not in schemas:
+            text = schema(*kind).encode()
+            schemas[kind] = to.register_schema(f"{package}/msg/{name}", "ros2msg", text)
+        channels.append(to.register_channel(row.topic, "cdr", schemas[kind]))
         if row.logged is not None and np.max(row.logged, initial=0.0) >= LATEST:
             raise ArgumentError(
                 f"Messages of {row.topic} are there up to {np.max(row.logged):.3g} s, but MCAP is written up to "
@@ -154,7 +155,7 @@ def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
         stamped = {
             f"{head}.stamp.{part}": n for head in ("header", "transforms[0].header") for part, n in seconds.items()
         }
-        contents.append(serialized(known(row.type), len(own), {**stamped, **row.values}))
+        contents.append(serialized(known(row.type, row.body), len(own), {**stamped, **row.values}))
     times = np.concatenate([np.zeros(0, np.int64), *logged])
     which = np.repeat(np.arange(len(rows)), [len(one) for one in logged])
     number = np.concatenate([np.zeros(0, int), *(np.arange(len(one)) for one in logged)])

@@ -15,7 +15,8 @@ from coadjoint.vehicles.axes import Axes
 class Written(NamedTuple):
     """Messages of one topic: the type, `pkg/Name`, and the values of its fields.
 
-    time, logged: when each was stamped and logged, (messages,) s; None at the times of the run.
+    time, logged: when each was stamped and logged, (messages,) s; None at the times of the run. body: the definition
+    of a type that is none of ROS.
     """
 
     topic: str
@@ -23,6 +24,7 @@ class Written(NamedTuple):
     values: Mapping[str, Any]
     time: np.ndarray | None = None
     logged: np.ndarray | None = None
+    body: str | None = None
 
 
 def signed(vectors: np.ndarray, turn: np.ndarray) -> np.ndarray:

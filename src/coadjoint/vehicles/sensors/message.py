@@ -1,0 +1,32 @@
+"""How readings of a sensor stand in a message of ROS 2."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+As = Literal["vector", "attitude", "pressure", "fix"]
+
+
+class MessageField(NamedTuple):
+    """Where channels stand in a message: `path` of the field, by what they are written `as_`.
+
+    channels: their names. "vector": one channel along the axes of the sensor. "attitude": roll and pitch, and heading,
+    as a quaternion. "pressure": a depth, as that of the water there. "fix": north and east of a satellite's fix.
+    """
+
+    path: str
+    as_: As
+    channels: tuple[str, ...]
+
+
+class Message(NamedTuple):
+    """What a sensor sends: the type, `pkg/Name`, and its fields; what it does not measure is marked as ROS does.
+
+    unknown: covariances whose first number, −1, says that the field is not measured. silent: vectors that are NaN.
+    A sensor without one sends a message of its own, with its numbers by their names in SI units and rad.
+    """
+
+    type: str
+    fields: tuple[MessageField, ...]
+    unknown: tuple[str, ...] = ()
+    silent: tuple[str, ...] = ()
