@@ -3,6 +3,7 @@ are imported, with the copy first on the path, also for the processes that tests
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -77,6 +78,7 @@ def load() -> None:
     for name, module in list(sys.modules.items()):
         if Path(getattr(module, "__file__", None) or "/").parent == TESTS:
             del sys.modules[name]  # each run of tests imports its own
+    gc.freeze()  # the pages of what is loaded stay shared
 
 
 def run(copy: Copy, arguments: Sequence[str], plugin: Callable[[], object], seconds: int, log: Path) -> int:
