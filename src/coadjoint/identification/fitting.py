@@ -217,11 +217,10 @@ def _lost(fit: Fit, solution: Solution, trips: int) -> str:
         return f"{said}. {doubts}"
     missed = _missed(fit, solution)
     if (handed := fit.shooting.handed) and not missed:
-        names = " and ".join(f"`{name}`" for name in handed)
+        names = ", ".join(f"`{name}`" for name in handed)
         return (
-            f"{said}: the internal state {names} {'depends' if len(handed) == 1 else 'depend'} on the motion, so that "
-            "what a parameter does to it is not followed from one segment into the next; take the log as one run, "
-            "segment=None or --segment 0."
+            f"{said}: the internal state {names} depends on the motion, so that what a parameter does to it is not "
+            "followed from one segment into the next; take the log as one run, segment=None or --segment 0."
         )
     if missed:
         whole = ", or, because internal states depend on the motion, segment=None" if handed else ""

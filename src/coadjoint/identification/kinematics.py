@@ -65,7 +65,9 @@ def inconsistent(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Map
                     f"`{name}` moves some {_times(factor)} as the velocity says: it looks like {unit} read as m; name "
                     f"the column `{name}_{unit}`, or give metres."
                 )
-    return found or _heading(time, columns)
+    # Where an angle turns as its rate says, and positions move as the heading has it, the heading is right.
+    right = _is(turned.get(("heading", "r"), 0.0), 1.0) or all(_is(moved.get(n, 0.0), 1.0) for n in ("north", "east"))
+    return found if found or right else _heading(time, columns)
 
 
 def undecided(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:

@@ -164,9 +164,9 @@ class Shooting:
         begun = self.template.internal
         if self.runs == 1 or begun is None:
             return ()
-        paths = [jax.tree_util.keystr(path).lstrip(".") for path, _ in jax.tree_util.tree_leaves_with_path(begun)]
+        paths = [jax.tree_util.keystr(path[:1]).lstrip(".") for path, _ in jax.tree_util.tree_leaves_with_path(begun)]
         driven_alone = self.actuators.leaves if self.actuators else ()
-        return tuple(path for i, path in enumerate(paths) if i not in driven_alone)
+        return tuple(dict.fromkeys(path for i, path in enumerate(paths) if i not in driven_alone))
 
     @cached_property
     def inner(self) -> tuple[int, ...]:
