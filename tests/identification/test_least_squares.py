@@ -54,3 +54,26 @@ def test_starts_that_the_log_does_not_see_stay_though_round_off_moves_residuals_
     left, taken = reduced(J, 3)
     expected, others = reduced(seen, 2)
     assert np.allclose(left, expected, atol=1e-9) and np.allclose(taken, others, atol=1e-9)
+
+
+class Ledged(Shadowed):
+    """A plain problem whose residuals are larger by one part in 10⁶ everywhere but at one place near the optimum."""
+
+    def __init__(self, place: float):
+        super().__init__()
+        self.A, self.b, self.ledge = self.A / 6e8, self.b / 1e3, place
+
+    def residual(self, place: Estimates):
+        (found,), way = super().residual(place)
+        return (found if place.shared[0] == self.ledge else found * (1 + 1e-6))[None], way
+
+
+def test_a_search_that_a_kink_holds_near_the_optimum_has_converged():
+    smooth = Ledged(np.nan)
+    best = least_squares(smooth, Estimates(np.zeros(1), np.zeros((1, 1))))
+    assert best is not None and best.converged
+    _, _, (error,) = step(best.jacobian, best.residual, 1, 0.0)
+    for off in (1e-3, 1e-5):
+        at = best.place.shared + off * error
+        found = least_squares(Ledged(at[0]), Estimates(at, best.place.own))
+        assert found is not None and found.converged

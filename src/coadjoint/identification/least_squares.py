@@ -100,6 +100,8 @@ def least_squares(
         J = problem.jacobian(place, way)
         # Damping that is small against a parameter's column may be large against what the starts leave of it.
         converged = converged and (roughly or stationary(J, r, place.own.shape[1]))
+    # Where a kink or round-off is all that keeps steps from being accepted, it has ended as well.
+    converged = converged or (not roughly and stationary(J, r, place.own.shape[1]))
     return Solution(place, r, J, squares, trip, converged)
 
 
