@@ -138,8 +138,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path, vehicle, monkeypa
     assert_same(co.resume(tmp_path / "run", vehicle), whole)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_run_does_not_depend_on_its_chunks(vehicle, backend):
     run = co.simulate(vehicle, interrupted.start(vehicle), **{**RUN, "steps": 500}, backend=backend)
     plan, state = run.plan, run.start

@@ -92,8 +92,7 @@ SOME = [
 ]
 
 
-@pytest.mark.long
-@pytest.mark.cases(4)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("number", "name", "kind"), SOME, ids=[f"{row[0]} {row[2]}" for row in SOME])
 def test_an_error_in_a_function_of_a_row_is_detected(number, name, kind):
     """A few mutations of every part of the table; the next test has all."""
