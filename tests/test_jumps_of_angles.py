@@ -8,6 +8,7 @@ import pytest
 from coadjoint.units import jumps_by_degrees
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("angles", "jump"),
     [

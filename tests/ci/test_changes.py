@@ -119,6 +119,7 @@ def test_changed_files_are_those_committed_edited_new_and_deleted_since_the_base
     assert changes.changed(git("rev-parse", "main~2"), root) == expected
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("file", "packages", "own", "importing"),
     [

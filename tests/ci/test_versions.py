@@ -56,7 +56,7 @@ def test_the_selection_for_other_versions_touches_every_package_of_the_library_a
     assert sorted(tests - chosen - left_out) == []
 
 
-@pytest.mark.cases(14)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("line", SELECTION)
 def test_what_is_selected_is_there_and_runs_by_default(line):
     file, _, name = line.partition("[")[0].partition("::")

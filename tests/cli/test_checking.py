@@ -16,7 +16,7 @@ from coadjoint.vehicles.files.registry import load_vehicle, vehicle_text
 from coadjoint.vehicles.missions.mission import load_mission
 
 
-@pytest.mark.cases(8)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     "change",
     [

@@ -107,7 +107,7 @@ def test_a_bar_of_progress_shows_a_title_as_text(capsys):
     assert not (set(capsys.readouterr().err) & (BAD - {"\x1b"}))
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "arguments",
     [("vehicles", "show"), ("vehicles", "show", "--json"), ("vehicles", "show", "--toml"), ("vehicles", "mission")],

@@ -36,7 +36,7 @@ def ended(code: str):
     return subprocess.run([sys.executable, "-c", BEGINNING + code + END], capture_output=True, text=True)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("number", "status", "word"), [("SIGINT", 130, "Interrupted"), ("SIGTERM", 143, "Terminated")])
 @pytest.mark.parametrize("module", ["coadjoint.cli.main", "tyro", "jax", "numpy.linalg"])
 def test_a_module_of_python(module, number, status, word):

@@ -77,6 +77,7 @@ def test_two_runs_are_compared_in_the_order_in_which_they_are_given(monkeypatch,
 # stability
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("changes", "says"),
     [

@@ -51,7 +51,7 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(8)
+@pytest.mark.cases(5)
 @pytest.mark.parametrize("name", WRONG)
 def test_an_ill_posed_problem_is_told_in_one_sentence(name):
     changes, told = WRONG[name]
@@ -78,6 +78,7 @@ def test_wrong_inputs_and_bounds_are_told(make, told):
         make()
 
 
+@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("options", "told"),
     [

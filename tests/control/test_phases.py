@@ -231,7 +231,7 @@ PLANE = co.System(
 )
 
 
-@pytest.mark.cases(7)
+@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("ask", "words"),
     [

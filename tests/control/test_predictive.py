@@ -282,6 +282,7 @@ WRONG = {
 }  # fmt: skip
 
 
+@pytest.mark.cases(11)
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_no_controller_is_told_in_one_sentence(name):
     of_problem, of_controller, told = WRONG[name]

@@ -26,6 +26,7 @@ def left(u: float, end: tuple[float, float]) -> float:
     return violation(made, np.array([[1.0, 1.0], end]), np.array([[u]]))
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("u", "end", "size"),
     [

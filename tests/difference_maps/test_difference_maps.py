@@ -44,7 +44,7 @@ def pair(request):
     return tau, group, xi * min(1.0, 0.95 / max(far, 1e-300)), chi, mu
 
 
-@pytest.mark.cases(18)
+@pytest.mark.cases(13)
 def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
     """τ(0) = e, τ(ξ)⁻¹ = τ(−ξ) (Definition 3), and τ(ξ) ∈ G."""
     tau, group, xi, *_ = pair
@@ -60,13 +60,13 @@ def test_a_map_starts_at_the_identity_and_inverts_with_its_argument(pair):
     assert defect <= ROUND_OFF * 10
 
 
-@pytest.mark.cases(22)
+@pytest.mark.cases(16)
 def test_tangent_at_zero_is_the_identity(pair):
     tau, group, _, chi, _ = pair
     close(evaluate(lambda chi: tau.dtau(group, jnp.zeros(group.dim), chi), chi), chi)
 
 
-@pytest.mark.cases(18)
+@pytest.mark.cases(13)
 def test_tangent_is_right_trivialised(pair):
     """Dτ(ξ)·χ = (dτ_ξ χ) τ(ξ) (P32)."""
     tau, group, xi, chi, _ = pair
@@ -85,7 +85,7 @@ def test_inverse_tangent_inverts_the_tangent(pair):
     close(evaluate(lambda xi, chi: tau.dtau_inverse(group, xi, tau.dtau(group, xi, chi)), xi, chi), chi, 30)
 
 
-@pytest.mark.cases(16)
+@pytest.mark.cases(11)
 def test_tangent_intertwines(pair):
     """dτ_ξ = Ad_{τ(ξ)} dτ_{−ξ} (P33)."""
     tau, group, xi, chi, _ = pair
@@ -124,7 +124,7 @@ def test_duals_pair(pair):
     close(*evaluate(both, xi, chi, mu), size=10)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
     """The base class solves with the matrix of dτ_ξ, itself by differentiation of τ."""
     tau, group, xi, _, mu = pair
@@ -136,12 +136,13 @@ def test_closed_form_equals_the_derivation_from_the_map_alone(pair):
     close(evaluate(lambda xi, mu: tau.dtau_inverse_dual(group, xi, mu), xi, mu), evaluate(derived, xi, mu), 30)
 
 
-@pytest.mark.cases(9)
+@pytest.mark.cases(6)
 def test_every_map_here_fits_every_group_here(pair):
     tau, group, *_ = pair
     tau.require_fit(group)
 
 
+@pytest.mark.cases(8)
 @pytest.mark.parametrize("pair_of_names", sorted(UNFIT_PAIRS), ids="-".join)
 def test_every_other_map_is_refused(pair_of_names):
     group, tau = pair_of_names
@@ -255,7 +256,7 @@ def _with_two_derivatives(function, x, v):
     return line(0.0), slope(0.0), jax.jvp(slope, (0.0,), (1.0,))[1]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("angle", ANGLES)
 def test_exponential_and_two_derivatives_on_both_sides_of_every_switch(moving, angle):
     group, turn, shift, along = moving

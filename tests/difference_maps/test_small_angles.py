@@ -39,7 +39,7 @@ def exact(name: str, t: float, order: int) -> float:
     return float(total)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", SERIES)
 @pytest.mark.parametrize("t", [0.0, 1e-18, 1e-6, 0.3, 3.999999, 4.0, 4.000001, 6.0, 9.0])
 def test_value_and_two_derivatives(name, t):

@@ -154,7 +154,7 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(21)
+@pytest.mark.cases(15)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_is_told(case):
     call, sentence = WRONG[case]

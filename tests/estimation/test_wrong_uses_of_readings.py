@@ -109,7 +109,7 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("call", "says"), WRONG.values(), ids=WRONG)
 def test_a_wrong_use_of_readings_is_told(call, says):
     with pytest.raises(co.CoadjointError, match=says) as caught:

@@ -31,12 +31,14 @@ def inside(group, *key, size=2.0) -> np.ndarray:
     return xi * size / max(float(np.max(np.linalg.svd(hats, compute_uv=False))), 1e-300)
 
 
+@pytest.mark.cases(6)
 def test_it_is_the_inverse_of_the_exponential_from_tiny_to_large(group):
     for size in (1e-9, 0.3, 3.0):
         xi = inside(group, size, size=size)
         assert np.max(np.abs(group.log(evaluate(group.exp, xi)) - xi)) < 4e-15 * max(1.0, np.max(np.abs(xi)))
 
 
+@pytest.mark.cases(6)
 def test_it_changes_its_sign_with_the_inverse_and_turns_with_conjugation(group):
     """log(g⁻¹) = −log g, log(hgh⁻¹) = Ad_h log g."""
     xi, eta = inside(group, 1), inside(group, 2, size=0.7)
@@ -58,6 +60,7 @@ def test_it_is_the_matrix_logarithm_of_scipy(name):
     np.testing.assert_allclose(evaluate(group.hat, group.log(g)), expected, rtol=0, atol=2e-13)
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("size", [0.0, 0.9272, 0.9273, 2.9, 3.14, np.pi - 1e-6])
 @pytest.mark.parametrize("name", TURNING)
 def test_two_derivatives_are_right_beside_every_switch_up_to_the_branch(name, size):

@@ -147,6 +147,7 @@ WRONG = {
 }
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_use_raises_one_sentence(case):
     call, kind, sentence = WRONG[case]

@@ -24,7 +24,7 @@ def same(power, product):
     )
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("factor", [co.SO3(), co.SE3(), co.SE2(), co.UnitQuaternion()], ids=repr)
 def test_a_power_is_the_product_of_its_links(factor):
     power, product = co.Power(factor, 3), co.DirectProduct(*[factor] * 3)

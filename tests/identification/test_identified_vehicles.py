@@ -130,6 +130,7 @@ def test_the_command_refuses_in_a_sentence(remus, tmp_path, capsys, monkeypatch,
     assert sentence in capsys.readouterr().err
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("header", "sentence"),
     [

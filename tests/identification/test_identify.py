@@ -253,7 +253,7 @@ def test_the_card_and_the_figure(fine):
         found.plot(["speed"])
 
 
-@pytest.mark.cases(7)
+@pytest.mark.cases(5)
 @pytest.mark.parametrize(
     ("change", "told"),
     [

@@ -83,7 +83,7 @@ def test_theorem_2_holds_at_every_state(forced):
     close(*evaluate(both, state), size=10)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 def test_total_body_momentum_obeys_its_equation(forced):
     """ṁ = ad*_ξ m + ∂_aℓ⋄a + T − f⋄n."""
     system, state = forced
@@ -96,7 +96,7 @@ def test_total_body_momentum_obeys_its_equation(forced):
     close(*evaluate(both, state), size=10)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 def test_energy_changes_by_the_power_of_the_forces(forced):
     """Ė = ⟨T, ξ⟩ + ⟨f, ν⟩ − ∂_tℓ."""
     system, state = forced

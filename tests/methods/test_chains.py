@@ -270,7 +270,7 @@ def test_a_coupling_that_could_not_be_checked_is_told():
         co.Midpoint().begin(system, start, 0.05)
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("joined", [0.0, 0.1], ids=["links alone", "links with kinetic energy together"])
 @pytest.mark.parametrize("coupling", ["chain", "ring"])
 def test_a_link_without_mass_is_named(coupling, joined):

@@ -44,7 +44,7 @@ BACKENDS = pytest.mark.parametrize("run", [by_native, by_numpy], ids=["native", 
 RULES = pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint()], ids=["left", "midpoint"])
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @BACKENDS
 @RULES
 def test_rotation_does_not_depend_on_the_speed_of_a_slider_it_does_not_feel(method, run):

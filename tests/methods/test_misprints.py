@@ -49,6 +49,7 @@ def test_printed_argument_of_alpha_destroys_the_kelvin_noether_quantity():
         assert kept <= 4e-13
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("scheme", [Cayley(), Exponential()], ids=lambda s: s.name)
 def test_left_rule_with_velocity_start_is_the_paper_s_scheme(scheme):
     """(P73), (P74) step by step; after 40 steps of 0.05 s round-off has grown by the fast rotation."""

@@ -47,7 +47,7 @@ def _check(world, tau, rule):
         assert error <= ROUND_OFF * max(scale, 1.0), name
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("world", "tau", "rule"), SINGLE)
 def test_node_form_is_the_derivative_of_the_discrete_lagrangian(world, tau, rule):
     _check(world, tau, rule)

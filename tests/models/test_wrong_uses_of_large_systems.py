@@ -252,7 +252,7 @@ WRONG = {
 }
 
 
-@pytest.mark.cases(29)
+@pytest.mark.cases(18)
 @pytest.mark.parametrize(("call", "says"), WRONG.values(), ids=WRONG)
 def test_a_wrong_use_is_told_in_a_sentence(call, says):
     with pytest.raises(CoadjointError, match=says) as caught:

@@ -43,7 +43,7 @@ OPERATORS = [
 ]
 
 
-@pytest.mark.cases(14)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(("operator", "line", "changed"), OPERATORS, ids=[line for _, line, _ in OPERATORS])
 def test_an_operator_makes_its_errors_of_a_line(operator, line, changed):
     text = f"# é\n{line}\n"

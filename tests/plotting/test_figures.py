@@ -193,7 +193,7 @@ def test_bad_arguments_are_refused_in_one_sentence(call, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", [*figure_names(films=False), "variable"])
 @pytest.mark.parametrize("group", ["SO3()", "SE3()"])
 def test_nothing_is_cut_off_at_the_edge_of_a_figure(name, group):

@@ -33,6 +33,7 @@ def test_a_whole_number_of_at_least_1_is_kept(value):
     assert arguments.whole(value, "steps") == value and type(arguments.whole(value, "steps")) is int
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("value", [0, -1, 1.0, True, "1", None, np.timedelta64(3)])
 def test_another_number_of_steps_is_refused(value):
     refused("`steps` must be a whole number of at least 1", arguments.whole, value, "steps")
@@ -44,6 +45,7 @@ def test_more_steps_than_numbers_tell_apart_are_refused():
     assert arguments.grid(0.5, 2.0**52, None) == (0.5, 2**53)
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("value", [0, -0.1, INF, np.nan, True, "1", None])
 def test_a_step_is_positive_and_finite(value):
     refused("`dt` must be positive, but is", arguments.grid, value, 1.0, None)
@@ -84,6 +86,7 @@ def test_what_is_no_system_no_start_or_no_method_is_named():
 # Sections.
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
@@ -108,6 +111,7 @@ def test_a_grid_at_its_limits_is_kept():
     assert RunSection(dt=0.1, duration=0.3).duration == 0.3 and RunSection(dt=1e-300, steps=1, save_every=1).steps == 1
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("kind", "given", "sentence"),
     [

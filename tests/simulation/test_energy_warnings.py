@@ -53,6 +53,7 @@ def test_a_burst_between_two_saved_nodes_is_named_with_at_least_half_of_its_ener
     assert 0.5 * np.sum(np.maximum(np.diff(work), 0)) < energy <= 1.001 * np.sum(np.maximum(np.diff(work), 0))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("save_every", [1, 100])
 def test_brakes_that_only_brake_are_not_named(save_every):
     system = body("brake", "fins").replace(wrong=-1.0)

@@ -77,7 +77,7 @@ def leaves(chunk):
     return jax.tree.leaves([getattr(chunk, name) for name in names])
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("records", "every", "length"), [(40, 1, 7), (8, 5, 7), (8, 5, 13), (1, 40, 3), (3, 17, 17)])
 def test_machine_code_in_pieces_gives_the_same_bits(monkeypatch, cut, records, every, length):
     system, start = top()
@@ -251,7 +251,7 @@ def test_a_trajectory_keeps_its_nodes(monkeypatch, cut, backend):
     np.testing.assert_allclose(more.final.mu, whole.final.mu, rtol=1e-11)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("members", "threads"), [(None, 1), (40, 1), (40, 2)])
 def test_a_stepper_stands_where_all_members_have_come_to(monkeypatch, cut, members, threads):
     system, start = top()

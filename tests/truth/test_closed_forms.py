@@ -34,7 +34,7 @@ def title(thing: Problem | co.Method) -> str:
     return thing.title
 
 
-@pytest.mark.cases(13)
+@pytest.mark.cases(9)
 @pytest.mark.parametrize("problem", PROBLEMS, ids=title)
 def test_the_start_has_the_state_and_the_energy_of_the_closed_form(problem: Problem):
     for name, values in problem.exact(np.zeros(1)).items():

@@ -28,7 +28,7 @@ def found(matrix, right, curved=0.0):
     return native.run(Still((Equations(curved),)), matrix, right, 0.1, 1, 1)
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 7, 9])
 @pytest.mark.parametrize("curved", [0.0, 0.1], ids=["affine", "curved"])
 def test_newton_solves_systems_of_every_size(n, curved):
@@ -62,6 +62,7 @@ class CurvedAtTheEnd(Equations):
         return p @ z - s + self.curved * jnp.concatenate([0 * z[:-1], jnp.sin(z[-1:])])
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("n", [5, 6, 8])
 def test_a_singular_corner_behind_an_unknown_that_stands_alone_is_solved_with_pivots(n):
     random = np.random.default_rng(3)

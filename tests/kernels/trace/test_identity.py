@@ -139,6 +139,7 @@ def changed_code(patch):
     patch.setattr(library.edited, "__code__", (lambda: False).__code__)
 
 
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("change", [changed_function, changed_constant, changed_method, inherited_method, changed_code])
 def test_a_library_that_is_changed_in_memory_has_no_digest(change, monkeypatch):
     co.SO3().hat(np.zeros(3))

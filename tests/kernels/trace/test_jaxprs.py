@@ -96,7 +96,7 @@ CONTROL = {
 CARRY = {"u": np.float64(1.5), "v": np.arange(3.0)}
 
 
-@pytest.mark.cases(5)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("name", CONTROL)
 def test_a_primitive_with_a_body_does_as_jax_does(name, monkeypatch):
     theirs = by_jax(CONTROL[name])

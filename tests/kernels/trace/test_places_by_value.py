@@ -39,6 +39,7 @@ def added_clipped(x, at):
     return x.at[at[0].astype(int), at[1].astype(int)].add(2.5, mode="clip")
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("constant", [False, True], ids=["of values", "of constants"])
 @pytest.mark.parametrize("function", [slices, clipped, filled, added, added_clipped], ids=lambda f: f.__name__)
 def test_elements_are_those_of_jax(function, constant):

@@ -146,7 +146,7 @@ RODS = {
 }
 
 
-@pytest.mark.cases(3)
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("call", "says"), RODS.values(), ids=RODS)
 def test_a_wrong_use_of_a_rod_is_told_in_a_sentence(call, says):
     with pytest.raises(CoadjointError, match=says) as caught:

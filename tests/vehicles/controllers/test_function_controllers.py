@@ -157,7 +157,7 @@ def test_a_controller_that_divides_by_zero_is_named():
         fly(sinking, duration=1.0)
 
 
-@pytest.mark.cases(5)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [

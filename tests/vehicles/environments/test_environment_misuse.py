@@ -15,7 +15,7 @@ from coadjoint.vehicles.environments.actions import Actions
 NAME = "bluerov2_heavy_von_benzon"
 
 
-@pytest.mark.cases(17)
+@pytest.mark.cases(12)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

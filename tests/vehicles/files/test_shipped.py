@@ -182,7 +182,7 @@ def _planar(name: str, delta: float):
     ]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "growth", "turn"),
     [("remus_100_prestero", 0.995, 10.38), ("remus_100_sgarioto", 0.995, 10.38), ("remus_100", -0.194, 10.69)],

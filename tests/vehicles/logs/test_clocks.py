@@ -198,6 +198,7 @@ def test_a_correct_log_is_not_doubted(kept):
     assert not doubts(t, spin)
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
 @pytest.mark.parametrize("left_out", [{}, {"q": None, "r": None}, {"north": None, "east": None, "depth": None}])
 def test_times_in_another_unit_are_betrayed_by_speeds_or_rates(factor, unit, left_out):

@@ -42,6 +42,7 @@ def test_set_points_are_numbers_that_stay_or_values_by_time_in_si_units():
     assert legs.inputs(mission(thrusters=[1, 2, 3]), UNITS)["thrusters"].tolist() == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
@@ -171,6 +172,7 @@ def test_an_actuator_stands_somewhere_or_where_it_is_from_a_time_or_a_depth_on()
     assert gap == pytest.approx(5.0 - 3.048)
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

@@ -73,7 +73,7 @@ def test_a_mission_leaves_what_its_sensors_read_in_the_dataset_and_in_the_folder
     assert not Path("dive/sensor_compass.csv").exists()
 
 
-@pytest.mark.cases(10)
+@pytest.mark.cases(7)
 @pytest.mark.parametrize(
     "old, new, sentence",
     [

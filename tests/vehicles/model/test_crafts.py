@@ -304,7 +304,7 @@ def drifting(**inputs: Any):
     return co.simulate(craft.system, craft.start(speed=1.0), dt=0.05, steps=2, inputs=inputs)
 
 
-@pytest.mark.cases(12)
+@pytest.mark.cases(8)
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -362,7 +362,7 @@ def test_what_no_craft_can_do_is_said_in_one_sentence(call, sentence):
         call()
 
 
-@pytest.mark.cases(9)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [

@@ -20,7 +20,7 @@ IMPOSSIBLE |= {"radius": -1.0, "circulations": 0.0, "moments": -1.0}
 WITHOUT_PARAMETERS = ["toda_lattice"]
 
 
-@pytest.mark.cases(14)
+@pytest.mark.cases(10)
 @pytest.mark.parametrize("name", [name for name in catalogue if name not in ("remus_100", *WITHOUT_PARAMETERS)])
 def test_models_refuse_a_replaced_parameter_as_they_refuse_it_when_they_are_made(name):
     system = catalogue[name].make()

@@ -207,7 +207,7 @@ def test_the_dataset_and_the_table_name_times_units_and_components():
     assert float(first.split(",")[2]) == pytest.approx(np.degrees(read["imu"].values[0, 0]), rel=1e-10)
 
 
-@pytest.mark.cases(6)
+@pytest.mark.cases(4)
 @pytest.mark.parametrize(
     "make, sentence",
     [

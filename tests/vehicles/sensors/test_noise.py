@@ -39,6 +39,7 @@ def test_the_allan_deviation_of_an_imu_at_rest_is_that_of_its_noise_densities():
         require_variance(row**2, density**2 / tau, white_freedom(count, round(tau * rate)))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "errors, times",
     [

@@ -107,6 +107,7 @@ def test_two_services_that_answer_each_other_fall_silent(fresh, data):
     assert here.counts["ignored"] + there.counts["ignored"] == 1
 
 
+@pytest.mark.cases(6)
 @pytest.mark.parametrize(
     "request_",
     [

@@ -249,7 +249,7 @@ DENSITIES = {
 }
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("density", DENSITIES.values(), ids=DENSITIES)
 def test_the_head_of_pressure_is_the_integral_of_the_density(density):
     own = Named(**density.parameters())

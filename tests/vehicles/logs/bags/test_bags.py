@@ -79,7 +79,7 @@ def written(folder, kind):
     return path
 
 
-@pytest.mark.cases(4)
+@pytest.mark.cases(3)
 @pytest.mark.parametrize("kind", ["mcap", "sqlite", "ros1", "ros1_bz2", "ros1_lz4"])
 def test_a_bag_of_any_format_is_read_to_the_bit_as_it_is_declared(tmp_path, kind):
     log = read_log(written(tmp_path, kind), sensors=DECLARED)
