@@ -16,13 +16,15 @@ from coadjoint.sweeps.sweep import execute
 from coadjoint.sweeps.task import Task, compute
 
 FACTORY = """
+from pathlib import Path
 import coadjoint as co
 import spring_of_sweep_test as spring
+C = float(Path(__file__).with_name("c.txt").read_text())
 
 def make(c=1.0, k=2.0):
     stiff = spring.K * k if c > 1.0 else k
     s = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ xi + 0.5 * p.c * xi[0] ** 2 + p.k * xi[1] ** 2,
-                  parameters={"c": 2 * c, "k": stiff})
+                  parameters={"c": C * c, "k": stiff})
     return s, s.state(xi=[0.3, 0.2 * c, 1.0])
 """
 SWEEP = """
@@ -42,6 +44,7 @@ figures = false
 @pytest.fixture
 def sweep(tmp_path, monkeypatch) -> Sweep:
     (tmp_path / "spring_of_sweep_test.py").write_text("K = 2.0\n")
+    (tmp_path / "c.txt").write_text("2.0")
     (tmp_path / "f.py").write_text(FACTORY)
     (tmp_path / "r.toml").write_text('[system]\nfactory = "f.py:make"\n[run]\ndt = 0.01\nsteps = 5\n')
     (tmp_path / "s.toml").write_text(SWEEP)
@@ -68,7 +71,8 @@ def begun(sweep, tmp_path, monkeypatch) -> Path:
 
 
 def test_a_sweep_goes_on_with_the_same_model_alone(sweep, begun, tmp_path):
-    assert (begun / "inputs" / "1" / "spring_of_sweep_test.py").exists()
+    kept = {path.name for path in (begun / "inputs" / "1").iterdir()}
+    assert kept == {"f.py", "spring_of_sweep_test.py", "c.txt"}
     edited(tmp_path, "K = 4.0\n")
     with pytest.raises(co.FileError, match=r"spring_of_sweep_test\.py has other contents there"):
         execute(sweep, begun, workers=1, progress=False)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
-from coadjoint.report.beside import keep_beside
+from coadjoint.report.beside import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.units import in_si, unknown
 
@@ -95,7 +95,8 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
     sys.path.insert(0, str(home))
     before = set(sys.modules)
     try:
-        specification.loader.exec_module(module)
+        with kept_that_is_read(source):
+            specification.loader.exec_module(module)
     except CoadjointError:
         raise
     except (Exception, SystemExit) as error:
@@ -126,7 +127,8 @@ def _keywords(function: Callable[..., Any], parameters: dict[str, Any]) -> dict[
 
 def _called(function: Callable[..., Any], source: Path, keywords: dict[str, Any]) -> Any:
     try:
-        return function(**keywords)
+        with kept_that_is_read(source):
+            return function(**keywords)
     except CoadjointError:
         raise
     except (Exception, SystemExit) as error:
