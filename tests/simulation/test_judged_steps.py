@@ -191,3 +191,13 @@ def test_a_trajectory_is_judged_where_its_numbers_are_known():
 def test_accuracy_must_be_true_or_false(given):
     with pytest.raises(co.ArgumentError, match="`accuracy` must be True or False"):
         stepper(0.01, accuracy=given)
+
+
+def test_warnings_name_the_line_that_called(tmp_path):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        made = co.Stepper(BODY, BODY.state(xi=SPIN), dt=0.3)
+        co.load_stepper(made.save(tmp_path / "fast.step"))
+        co.trajectory(BODY, BODY.state(xi=SPIN), dt=0.3, steps=3)
+        co.Stepper(BODY, BODY.state(xi=SPIN), dt=0.1).step(n=40)
+    assert [one.filename for one in said] == [__file__] * 4

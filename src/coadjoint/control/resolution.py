@@ -45,7 +45,7 @@ class JudgedMotions:
             self._z = z[some]
             times = t + h * some[:, None]
             if sentence := sample.judge(np.concatenate([x[some], u[some], times], axis=1), h):
-                warnings.warn(sentence, stacklevel=4)
+                warnings.warn(sentence, stacklevel=3)
             if sentence or sample.over:
                 self._sample = None
 

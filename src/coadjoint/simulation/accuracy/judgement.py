@@ -141,7 +141,7 @@ def unresolved_records(plan: Plan, records: State) -> str | None:
     errors, sizes = doubling.errors(rows, h)
     if not errors.good.any():
         return None
-    found = verdict(doubling, rows, h, None, errors, sizes, plan.h)
+    found = verdict(doubling, rows, h, None, errors, sizes, plan.h, turns=False)
     return sentence(plan.h, found.reasons, min(found.fine)) if found.reasons else None
 
 

@@ -63,7 +63,7 @@ class SampledSteps:
             if not errors.good.any() or not np.all(np.isfinite(errors.largest)):
                 return None
             self._sizes = larger(self._sizes, sizes)
-            found = verdict(self.parts, rows, length, members, errors, sizes, h)
+            found = verdict(self.parts, rows, length, members, errors, sizes, h, turns=False)
         if not found.reasons:
             return None
         return sentence(h, found.reasons, min(found.fine))

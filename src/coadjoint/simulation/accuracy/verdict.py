@@ -35,15 +35,20 @@ class Verdict(NamedTuple):
 
 
 def verdict(
-    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: Any, errors: Errors, sizes: Any, dt: float
-) -> Verdict:
-    """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name."""
+    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: Any, errors: Errors, sizes: Any, dt: float,
+    turns: bool = True,
+) -> Verdict:  # fmt: skip
+    """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.
+
+    turns: whether the turn is wanted where nothing depends on it, which costs eigenvalues of large groups.
+    """
     good, order = errors.good, parts.order
     worst = int(np.argmax(errors.largest))
-    turn = float((np.abs(h) * parts.ruler.turning(rows[:, list(parts.ruler.xi)])).max())
     limit = TOO_MUCH if order > 1 else TOO_MUCH_OF_ORDER_ONE
     size, part, when = float(errors.largest[worst]), errors.part[worst], float(rows[good][worst, parts.ruler.time])
-    reasons, fine = [], []
+    reasons, fine, turn = [], [], 0.0
+    if turns or size > EXACT * limit:
+        turn = float((np.abs(h) * parts.ruler.turning(rows[:, list(parts.ruler.xi)])).max())
     if not size < limit:
         reasons.append(f"one step is off by {size:.0%} of what it moves ({part}, t = {when:.4g} s)")
         given = rows[good][[worst]], h[good][[worst]], whose(members, good, worst)

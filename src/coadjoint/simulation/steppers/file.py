@@ -135,7 +135,7 @@ def _opened(archive: zipfile.ZipFile, header: dict[str, Any], kind: type[Steppin
     made._stand(Face(**face), engine, Buffers(**arrays), origin, header["threads"], header["kin"])
     made.event = header["event"]
     if "accuracy" in header:
-        made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())))
+        made._begin_sample(from_plain(header["accuracy"], made._steps(InternalPlaces())), depth=6)
     return made
 
 

@@ -49,12 +49,15 @@ class Standing:
 
     # The accuracy of its steps.
 
-    def _begin_sample(self, parts: PartsOfSteps) -> None:
-        """Judge the step from here, and some of those that will be taken, and warn once; parts: what compares them."""
+    def _begin_sample(self, parts: PartsOfSteps, depth: int = 3) -> None:
+        """Judge the step from here, and some of those that will be taken, and warn once.
+
+        parts: what compares them. depth: how many calls below the user's this one is.
+        """
         self._parts, self._sample, self._straight = parts, sample_of(self._engine, parts), 0
         if sentence := self._judgement(self._sample):
             self._end_sample()
-            warnings.warn(sentence, stacklevel=4)
+            warnings.warn(sentence, stacklevel=depth)
 
     def _end_sample(self) -> None:
         """Judge no step any more."""
