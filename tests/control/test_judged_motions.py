@@ -46,7 +46,7 @@ def estimated(dt):
         estimator({"rate": SPIN}, inputs={"torque": np.zeros(3)} if k else None)
 
 
-@pytest.mark.parametrize("run", [controlled, lambda stated: stated.solve()])
+@pytest.mark.parametrize("run", [controlled, pytest.param(lambda stated: stated.solve(), marks=pytest.mark.long)])
 def test_plans_and_optima_of_long_steps_warn_once(run):
     said = told(lambda: run(problem(0.5)))
     assert len(said) == 1 and said[0].startswith("dt = 0.5 ")
@@ -57,6 +57,7 @@ def test_an_estimator_of_long_steps_warns_once():
     assert len(told(lambda: estimated(0.5))) == 1 and told(lambda: estimated(0.03)) == []
 
 
+@pytest.mark.long
 def test_none_is_judged_that_shall_not_be():
     from dataclasses import replace
 

@@ -61,6 +61,7 @@ def test_path_points_hold_on_the_dense_output_of_the_run(course):
     assert optimum.cost > rough.cost
 
 
+@pytest.mark.long
 def test_path_points_hold_with_an_actuator_that_lags_and_a_method_of_two_stages():
     """A part of a step takes the internal state along its own course, with unknowns of both stages."""
 
@@ -84,6 +85,7 @@ def test_path_points_hold_with_an_actuator_that_lags_and_a_method_of_two_stages(
     assert optimum.within["clear"].excess == pytest.approx(max(true, 0.0), abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_path_that_holds_within_steps_is_said_to():
     system = point()
     near = Problem(

@@ -34,13 +34,16 @@ def followed(dt, **more):
     return error / filter.deviations["g[2]"], [str(one.message) for one in said]
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize(
+    "dt", [pytest.param(0.01, marks=pytest.mark.long), 0.05, pytest.param(0.1, marks=pytest.mark.long), 0.3]
+)
 def test_predictions_that_leave_the_claimed_deviations_warn_once_with_a_dt_that_would_do(dt):
     error, said = followed(dt)
     assert error > 3 and len(said) == 1 and f"dt = {dt:g} does not resolve this motion" in said[0]
     assert followed(dt, accuracy=False)[1] == []
 
 
+@pytest.mark.long
 def test_the_dt_that_is_proposed_keeps_the_claim():
     _, said = followed(0.05)
     proposed = float(said[0].split("Take dt = ")[1].split(" or less")[0])
@@ -57,6 +60,7 @@ def test_a_log_is_judged(dt, count):
     assert len(said) == count
 
 
+@pytest.mark.long
 def test_a_measured_attitude_takes_the_error_of_the_steps_away():
     """Measured ten times as closely as the steps of 0.01 s are off, the attitude claims no more than it keeps."""
     see = {"R": Measurement(lambda motion: motion.g.ravel(), 0.02**2)}

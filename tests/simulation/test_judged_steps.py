@@ -41,7 +41,7 @@ def stepper(dt, **more):
     return co.Stepper(BODY, BODY.state(xi=SPIN), dt=dt, observe={"xi": lambda s: s.xi}, **more)
 
 
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_stepper_whose_first_step_is_too_long_warns_when_it_is_made(backend):
     with told() as said:
         made = stepper(0.3, backend=backend)
@@ -67,7 +67,7 @@ def test_steps_that_become_too_long_warn_once_while_they_are_taken():
     assert len(said) == 1 and not body.judging
 
 
-@pytest.mark.parametrize("n", [1, 7, 6000])
+@pytest.mark.parametrize("n", [pytest.param(1, marks=pytest.mark.long), 7, 6000])
 def test_judging_changes_no_bit_and_ends(n):
     judged, plain = stepper(0.005), stepper(0.005, accuracy=False)
     assert judged.judging and not plain.judging
@@ -78,6 +78,7 @@ def test_judging_changes_no_bit_and_ends(n):
     assert not judged.judging
 
 
+@pytest.mark.long
 def test_a_resolved_motion_is_judged_at_few_steps(monkeypatch):
     body = stepper(0.005)
     seen = []
@@ -149,6 +150,7 @@ def test_a_loaded_stepper_is_judged_without_jax(tmp_path):
     assert len(said) == 1
 
 
+@pytest.mark.long
 def test_what_a_file_measures_of_positions_is_what_a_stepper_measures():
     """q = g·n of a point that turns, of one that moves with a body, and of a named one."""
     from coadjoint.kernels.packing import layout, pack
