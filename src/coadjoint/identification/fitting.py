@@ -78,7 +78,7 @@ def fitted(asked: Setting, segment: float | None, given: dict[str, float]) -> Fi
         found = _rounds(fit, place, open_, trips, attempt == ATTEMPTS)
         if not found.solution.converged:
             if attempt == ATTEMPTS:
-                raise CoadjointError(_lost(fit, found.solution, found.trips))
+                raise CoadjointError(lost(fit, found.solution, found.trips))
             # Starts that were led astray, and a noise that was judged by them, are given up; parameters are kept.
             fit.sigma, attempt, trips = sigma, attempt + 1, found.trips
             fit.times = np.zeros(len(sigma))
@@ -203,7 +203,7 @@ def _far(fit: Fit, solution: Solution) -> list[str]:
     return [unknown.label for unknown, x in pairs if abs(x) > FAR]
 
 
-def _lost(fit: Fit, solution: Solution, trips: int) -> str:
+def lost(fit: Fit, solution: Solution, trips: int) -> str:
     """Why there is no estimate."""
     doubts = " ".join(fit.log.doubts)
     if far := _far(fit, solution):
