@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from coadjoint.groups.group import Array
+from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.state import NodeMotion
 
@@ -29,6 +30,10 @@ class InternalRule(ABC):
 
     def warnings(self, h: Array, p: Parameters | None) -> list[str]:
         """A warning for each concern about steps of length h, one number in s, before a run, one sentence each."""
+        return []
+
+    def driven(self, inputs: Inputs, begin: float, end: float, p: Parameters | None) -> list[str]:
+        """A warning for each concern about the inputs of a run from `begin` to `end` (s), before it."""
         return []
 
     def failure(self, t: float, h: float) -> str | None:

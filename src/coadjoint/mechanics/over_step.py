@@ -216,6 +216,13 @@ def internal_warnings(system: System, h: Any) -> list[str]:
     return declared(system.internal).warnings(h, system.parameters)
 
 
+def driven_warnings(system: System, begin: float, end: float) -> list[str]:
+    """The warnings of the rule of the system about the inputs of a run from `begin` to `end`, s."""
+    if system.inputs is None:
+        return []
+    return declared(system.internal).driven(system.inputs, begin, end, system.parameters)
+
+
 def failure(system: System, t: float, h: float) -> str | None:
     """What the rule says of the step of length h from t that has failed."""
     return declared(system.internal).failure(t, h)

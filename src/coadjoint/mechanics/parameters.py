@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
+import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.each import Each
@@ -51,6 +52,8 @@ def _checked(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
             value = Parameters.tree_unflatten(tuple(inner), inner.values())
         elif not isinstance(value, (Each, Parameters)):
             value = float64(value, f"Parameter `{prefix}{name}`")
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False  # of a copy: who changes it in place would change a system
         found[name] = value
     return found
 

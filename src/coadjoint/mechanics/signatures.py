@@ -14,14 +14,23 @@ def keyword_only(known: Mapping[str, inspect.Parameter], key: str) -> bool:
     return key in known and known[key].kind is inspect.Parameter.KEYWORD_ONLY
 
 
+GIVEN = frozenset(("xi", "mu", "n", "nu", "pi", "a", "p", "t", "inputs", "internal", "state", "motion"))
+"""What functions may be given: an argument of such a name is no constant, whatever its default."""
+
+
 def require_signature(function: Callable[..., Any], what: str, expected: list[str]) -> None:
-    """Raise LagrangianError unless the function can be called with the expected positional arguments."""
+    """Raise LagrangianError unless the function can be called with the expected positional arguments.
+
+    Further arguments with defaults, as of closures `def l(xi, k=k)`, are the constants that they stand for.
+    """
     try:
         signature = inspect.signature(function)
     except Exception as error:
         raise LagrangianError(f"{what} must be a Python function, but is {shown(function)}.") from error
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    takes = [p.name for p in signature.parameters.values() if p.kind in kinds]
+    places = [p for p in signature.parameters.values() if p.kind in kinds]
+    constant = {p.name for p in places[len(expected) :] if p.default is not p.empty and p.name not in GIVEN}
+    takes = [p.name for p in places if p.name not in constant]
     extra = [
         p.name
         for p in signature.parameters.values()

@@ -17,7 +17,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.noether import KelvinNoether, isotropy_algebra
-from coadjoint.mechanics.over_step import internal_warnings, require_internal
+from coadjoint.mechanics.over_step import driven_warnings, internal_warnings, require_internal
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.reading import functions_known
 from coadjoint.mechanics.state import State
@@ -82,7 +82,8 @@ def prepare(
             begun = _checked(system, start, method, h, monitors, noether, watched, reading)
         known.remember(reading, begun)
     state, warnings, program, watching = begun
-    warnings = internal_warnings(system, h) + warnings
+    begin = float(start.t)
+    warnings = internal_warnings(system, h) + driven_warnings(system, begin, begin + h * steps) + warnings
     constants = _constants(system, watching)
     with tracing_once(traces), as_read(program.version):
         chosen = kernels.choose(program, constants, state, monitors or bool(watched), backend)
@@ -237,6 +238,7 @@ def _prepare_members(
         members = replace(members, states=states)
     plan = Plan(chosen, program, constants, h, steps, save_every, monitors, watched, until is not None)
     position = MembersPosition.at_start(members.states, count)
+    warnings = driven_warnings(first, float(state.t), float(state.t) + h * steps) + warnings
     crossed: dict[str, list[list[State]]] = {name: [[] for _ in range(count)] for name, _ in watched[plan.until :]}
     return Ensemble(system, method, start, plan, members, axes, position, Memory(), warnings, TOGETHER, crossed=crossed)
 

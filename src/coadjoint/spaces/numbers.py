@@ -16,7 +16,8 @@ from coadjoint.kernels.trace.jaxprs import Tracer
 def float64(value: Any, name: str) -> Array:
     """A finite float64 array from numbers, arrays and lists of these; raises ArgumentError with `name`.
 
-    Floats of fewer digits, complex numbers, text and booleans are refused. Float64 tracers pass.
+    Floats of fewer digits, those of more where digits would be lost, complex numbers, text and booleans are refused.
+    Float64 tracers pass.
     """
     if isinstance(value, Tracer):
         return _float64_tracer(value, name)
@@ -88,6 +89,12 @@ def _require_real(leaf: Any, name: str) -> None:
             f"{name} must be float64, but is {array.dtype}, which has lost digits already: 5.46 becomes 5.460000038; "
             "make it with NumPy, or with jax.numpy inside `with co.float64():`."
         )
+    elif array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        if np.any((array.astype(np.float64) != array) & np.isfinite(array)):
+            raise ArgumentError(
+                f"{name} is {array.dtype}, whose digits float64 does not have: round it by .astype(float) if that is "
+                "what you mean."
+            )
     elif array.dtype.kind not in "fiu":
         said = shown(leaf) if len(shown(leaf)) < 60 else f"an array of {array.dtype}"
         raise ArgumentError(f"{name} must be a number or an array of numbers, but is {said}.")

@@ -19,6 +19,7 @@ from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64
+from coadjoint.vehicles.model.command_limits import clipped, require_in_range
 from coadjoint.vehicles.model.controller import Controller, Feedback
 from coadjoint.vehicles.model.controller_checks import require_declared
 from coadjoint.vehicles.model.controller_mistakes import called, steer
@@ -141,6 +142,10 @@ class Rule(InternalRule):
             f"step. Take dt "
             f"of {period:g} s or less."
         ]
+
+    def driven(self, inputs: Any, begin: float, end: float, p: Any) -> list[str]:
+        """A sentence for each part whose commands are clipped."""
+        return [] if traced(p) else list(clipped(self.vehicle, inputs, begin, end, p))
 
     def report(self, motion: NodeMotion, p: Any) -> dict[str, Any]:
         """`current`, the velocity of the water where the craft is, space axes; nothing in still water.
@@ -308,24 +313,5 @@ def starting_actuators(vehicle: Vehicle, given: Any, p: Any) -> dict[str, Any]:
         if shape != known[name].shape:
             raise ArgumentError(f"`{name}` in `actuators` must be {_shape(known[name].shape)}, but has shape {shape}.")
         part = vehicle.part(name)
-        _require_in_range(part, value, getattr(p, name))
+        require_in_range(part, value, getattr(p, name))
     return {name: values.get(name, np.full(command.shape, command.start)) for name, command in known.items()}
-
-
-def _require_in_range(part: Part, value: Any, own: Named) -> None:
-    """Raise ArgumentError for a start that the actuator cannot reach, as of degrees for radians.
-
-    A range that is another for each member, or that is being differentiated, is not looked at.
-    """
-    value = value.values if isinstance(value, Each) else value
-    if count_members(own) is not None or traced(value, own):
-        return
-    ends = part.travel(own)
-    if ends is None:
-        return
-    (low, high), found = ends, np.asarray(value, dtype=float)
-    slack = 1e-9 * (high - low)
-    if np.any((found < low - slack) | (found > high + slack)):
-        wrong = found[(found < low - slack) | (found > high + slack)].flat[0]
-        unit = "" if part.command is None or part.command.unit == "1" else f" {part.command.unit}"
-        raise ArgumentError(f"`{part.name}` cannot start at {wrong:g}{unit}: it goes from {low:g} to {high:g}{unit}.")

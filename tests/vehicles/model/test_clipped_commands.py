@@ -1,0 +1,52 @@
+"""Commands beyond the range of an actuator are clipped, which a run says."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import vehicles
+from coadjoint.mechanics.inputs import inputs_from
+from coadjoint.vehicles.model.command_limits import clipped
+
+ROV = vehicles.load("bluerov2_heavy_von_benzon")
+CRAFT = vehicles.Craft(ROV)
+
+
+def told(source, begin: float = 0.0, end: float = 20.0) -> list[str]:
+    return list(clipped(ROV, inputs_from({"thrusters": source}), begin, end, CRAFT.parameters))
+
+
+def eight(value: float) -> np.ndarray:
+    return np.full(8, value)
+
+
+@pytest.mark.parametrize(
+    ("source", "sentence"),
+    [
+        (eight(0.0), "is clipped to its limits, 1100 to 1900 us: it is 0 us at t = 0 s, the first time beyond them"),
+        (co.Held([0, 5, 9], [eight(1500), eight(2500), eight(800)]), "it is 2500 us at t = 5 s"),
+        (co.Signal(lambda t: jnp.full(8, 1500.0) + 50 * t), "it is 1901 us at t = 8.02 s"),
+        (co.Linear([0, 10], [eight(1500), eight(1000)]), "it is 1000 us at t = 10 s"),
+    ],
+)
+def test_a_command_beyond_the_limits_is_named_with_its_first_time_value_and_limits(source, sentence):
+    (found,) = told(source)
+    assert sentence in found and "`thrusters`" in found and found.endswith("at rest it is 1500 us.")
+
+
+@pytest.mark.parametrize("source", [eight(1500.0), eight(1900.0), co.Held([0, 30], [eight(1500), eight(0)])])
+def test_commands_within_the_limits_while_a_run_lasts_say_nothing(source):
+    assert told(source) == []
+
+
+@pytest.mark.long
+def test_a_run_warns_of_clipped_commands():
+    start = CRAFT.start(position=(0, 0, 9.0))
+    for value, warns in ((0.0, True), (1500.0, False)):
+        run = co.simulate(
+            CRAFT.system, start, dt=0.05, duration=0.5, inputs={"thrusters": eight(value)}, progress=False
+        )
+        assert any("is clipped to its limits" in sentence for sentence in run.warnings) is warns
