@@ -168,7 +168,7 @@ def test_another_chart_is_another_chart():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("q", "v"), [([0, 0, 1], [1, 0, 0]), ([0, 1, 0], [1, 0, 0]), ([0, 0, -1], [0.6, 0.8, 0])])
 def test_a_point_moves_where_it_is_pushed_also_where_the_frame_of_the_sphere_has_its_seam(q, v, backend):
     """At q₁ = 0 the frame changes sign: it must stay that of n while the equations of a step are solved."""

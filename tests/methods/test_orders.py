@@ -54,7 +54,12 @@ class Problem:
         return np.log(coarse / fine) / np.log(factor)
 
 
-@pytest.fixture(scope="module", params=PLACES)
+DEAR = "SE3-exponential-forced"
+
+
+@pytest.fixture(
+    scope="module", params=[*(name for name in PLACES if name != DEAR), pytest.param(DEAR, marks=pytest.mark.long)]
+)
 def problem(request) -> Problem:
     world, tau, forced = PLACES[request.param]
     return Problem(*random_system(world, forced), MAPS[tau])

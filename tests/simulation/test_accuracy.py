@@ -137,7 +137,7 @@ def test_no_accuracy_is_judged_where_none_is_asked_for():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_the_worst_member_of_an_ensemble_is_told(backend):
     def lagrangian(xi, n, nu, p):
         return 0.5 * xi @ np.diag([1.0, 2.0, 3.0]) @ xi + 0.5 * nu @ nu - 0.5 * p.rate**2 * n @ n

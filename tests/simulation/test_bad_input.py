@@ -357,7 +357,7 @@ def test_a_basis_that_is_no_algebra_is_refused():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_force_that_becomes_infinite_stops_the_run_at_that_step_and_keeps_what_was_computed(backend):
     vehicle = system(forces=lambda motion, p: co.Force(torque=motion.xi * jnp.log(0.0525 - motion.t)))
     with pytest.raises(co.StepError, match=r"Step 5 of 30 \(t = 0.05 s\) gave numbers that are not finite") as caught:
@@ -368,7 +368,7 @@ def test_a_force_that_becomes_infinite_stops_the_run_at_that_step_and_keeps_what
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_step_too_large_to_converge_stops_the_run_with_the_remedy(backend):
     def stiff(xi, n, nu, a, p):
         return 0.5 * nu @ nu + 0.5 * xi @ xi - jnp.exp(20.0 * (n @ n))

@@ -60,7 +60,7 @@ def test_events_change_nothing_else(watched):
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_run_that_goes_on_from_an_event_comes_to_the_next_one(backend):
     run, times = START, []
     for _ in range(20):

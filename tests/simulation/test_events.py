@@ -34,7 +34,7 @@ def deep(state):
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("method", [co.LeftRectangle(), co.Midpoint(), co.KahanLi6(co.LeftRight())], ids=repr)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_dive_ends_at_its_depth(vehicle, method, backend):
     if backend == "xla" and not isinstance(method, co.Midpoint):
         pytest.skip("one method is enough for the second path")

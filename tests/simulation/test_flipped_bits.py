@@ -21,7 +21,7 @@ RUN = {"dt": 0.01, "steps": 600, "save_every": 2, "progress": False, "monitors":
 RUN |= {"backend": "native"}
 BODY = co.System(co.SO3(), lambda xi: 0.5 * xi @ (np.array([1.0, 2.0, 3.0]) * xi))
 CHANGES = ["run.steps=30", "run.save_every=2", "output.figures=false", "output.folder=out"]
-FLIPS = [12, pytest.param(200, marks=pytest.mark.long)]
+FLIPS = [4, pytest.param(200, marks=pytest.mark.long)]
 
 
 def simulate(place):

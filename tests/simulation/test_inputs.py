@@ -284,7 +284,7 @@ def test_a_single_input_has_no_name():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("held", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_the_energy_budget_closes_when_inputs_reach_the_lagrangian(held):
     """Signals through −∂_tℓ, held inputs through the jumps of ℋ."""
     inputs = (lambda motion: {"spin": spin(motion.t), "torque": torque(motion.t)}) if held else SMOOTH

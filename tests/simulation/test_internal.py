@@ -47,7 +47,7 @@ def test_an_actuator_with_a_lag_follows_its_closed_form_and_pushes_the_body():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_the_rule_is_applied_once_a_step_whatever_the_stages_and_the_backend(backend):
     system = body(lambda motion, h, p: {"rudder": motion.internal.rudder + h})
     start = system.state(internal={"rudder": 0.0})
@@ -219,7 +219,7 @@ def test_what_cannot_be_an_internal_state_is_refused_in_one_sentence(make, words
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_rule_is_applied_once_a_step_and_not_again_where_a_run_goes_on_from_a_record(backend):
     system = body(lambda motion, h, p: {"rudder": co.jumped(motion.internal.rudder + 1)})
     given = {"dt": 0.1, "progress": False, "backend": backend}

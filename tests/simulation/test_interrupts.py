@@ -233,7 +233,7 @@ def test_a_run_on_disk_writes_a_checkpoint_and_goes_on_to_the_same_bits(monkeypa
         np.testing.assert_array_equal(run.dataset[name], whole.dataset[name])
 
 
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_trajectory_keeps_its_nodes(monkeypatch, cut, backend):
     system, start = top()
     given = {"dt": 0.01, "steps": 60, "save_every": 5, "backend": backend}

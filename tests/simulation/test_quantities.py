@@ -26,7 +26,7 @@ def top(**quantities) -> tuple[co.System, co.State]:
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("backend", ["native", "xla"])
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
 def test_a_quantity_is_watched_at_every_step_and_saved_at_every_record(backend):
     system, start = top(height=height)
     run = co.simulate(system, start, dt=0.01, steps=300, save_every=50, backend=backend)

@@ -45,7 +45,12 @@ def falling() -> co.Stepper:
 @pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("direction", "quarter", "backend"),
-    [("falling", 1, "native"), ("rising", 3, "native"), ("both", 1, "native"), ("rising", 3, "xla")],
+    [
+        ("falling", 1, "native"),
+        ("rising", 3, "native"),
+        ("both", 1, "native"),
+        pytest.param("rising", 3, "xla", marks=pytest.mark.long),
+    ],
 )
 def test_an_event_of_a_direction_is_that_of_a_run(direction, quarter, backend):
     until = co.Event(first_momentum, direction)
@@ -114,7 +119,10 @@ def test_each_of_many_stops_at_the_node_before_its_event():
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize(("direction", "backend"), [("rising", "native"), ("both", "native"), ("falling", "xla")])
+@pytest.mark.parametrize(
+    ("direction", "backend"),
+    [("rising", "native"), ("both", "native"), pytest.param("falling", "xla", marks=pytest.mark.long)],
+)
 def test_where_the_function_has_no_value_a_step_fails_with_a_sentence(backend, direction):
     body = stepper(co.Event(lambda s: 1.0 + jnp.sqrt(0.52 - s.t), direction), backend=backend)
     with pytest.raises(StepError, match=r"Step 10 .* gave numbers that are not finite.*`until`"):

@@ -144,6 +144,7 @@ def test_an_action_of_a_special_group_does_not_pass_for_one_of_its_subclass():
         ad = staticmethod(lambda xi, eta: 0.5 * jnp.cross(xi, eta))
         ad_dual = staticmethod(lambda xi, mu: 0.5 * jnp.cross(mu, xi))
         exp = staticmethod(lambda xi: co.SO3().exp(0.5 * xi))
+        _log = staticmethod(lambda g: 2 * co.SO3()._log(g))
         angle_squared = staticmethod(lambda xi: 0.25 * (xi @ xi))
         rotation_angle = staticmethod(lambda xi: 0.5 * jnp.sqrt(xi @ xi))
 

@@ -34,9 +34,8 @@ def one_by_one(steps):
     return state, records
 
 
-@pytest.mark.long
 @pytest.mark.cases(1)
-@pytest.mark.parametrize("kernel", [native, xla])
+@pytest.mark.parametrize("kernel", [native, pytest.param(xla, marks=pytest.mark.long)])
 def test_a_composed_step_is_its_substeps_in_turn(kernel):
     chunk = kernel.run(Composed(), PAPER, start(H), H, 3, 2)
     final, records = one_by_one(6)
@@ -71,8 +70,7 @@ BOUNDED = Composed(stages=(BoundedStage(),))
 """Fails with its chart in the step in which t passes 0.13, in a later substep than the first."""
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("kernel", [native, xla])
+@pytest.mark.parametrize("kernel", [native, pytest.param(xla, marks=pytest.mark.long)])
 def test_a_step_whose_later_substep_fails_leaves_the_state_at_its_node(kernel):
     chunk = kernel.run(BOUNDED, PAPER, start(H), H, 8, 1)
     good = kernel.run(Composed(), PAPER, start(H), H, 2, 1)

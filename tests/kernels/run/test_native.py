@@ -167,8 +167,7 @@ class Watching(VehicleProgram):
         return {"clock": jnp.sqrt(0.045 - s.t), "height": s.n[2]}
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("kernel", [native, xla])
+@pytest.mark.parametrize("kernel", [native, pytest.param(xla, marks=pytest.mark.long)])
 def test_a_monitor_that_is_no_number_ends_the_run_at_the_last_good_node(kernel):
     chunk = kernel.run(Watching(), PAPER, start(H), H, 10, 1)
     assert (chunk.code, chunk.steps) == (Code.NOT_FINITE, 5)
