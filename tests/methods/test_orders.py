@@ -54,11 +54,9 @@ class Problem:
         return np.log(coarse / fine) / np.log(factor)
 
 
-DEAR = "SE3-exponential-forced"
-
-
 @pytest.fixture(
-    scope="module", params=[*(name for name in PLACES if name != DEAR), pytest.param(DEAR, marks=pytest.mark.long)]
+    scope="module",
+    params=[pytest.param(name, marks=pytest.mark.long if name.startswith("SE3") else ()) for name in PLACES],
 )
 def problem(request) -> Problem:
     world, tau, forced = PLACES[request.param]

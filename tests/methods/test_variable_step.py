@@ -50,7 +50,9 @@ def test_discrete_energy_is_constant_over_100000_steps(name):
     assert run.relative_change("energy") > 1e-9
 
 
-@pytest.mark.cases(1)
+SOME = [pytest.param(name, marks=() if name == "heavy_top" else pytest.mark.long) for name in MODELS]
+
+
 @pytest.mark.parametrize("name", SOME)
 def test_momenta_are_kept_as_with_fixed_steps(name):
     run, fixed = held(name, co.VariableStep()), held(name, co.Simpson())
