@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import zipfile
 
@@ -24,3 +25,15 @@ def stored_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
             raise ValueError(f"{name} declares {size} bytes, but the file holds {part.file_size}")
     with archive.open(part) as file:
         return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def stored_arrays(content: bytes) -> dict[str, np.ndarray]:
+    """All arrays of an archive by their names; raises ValueError for what declares more than it has, or is damaged."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if sum(part.file_size for part in archive.infolist()) > len(content):
+                raise ValueError("the archive declares more bytes than it has")
+            names = [part.filename.removesuffix(".npy") for part in archive.infolist()]
+            return {name: stored_array(archive, name) for name in names}
+    except (KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise ValueError(f"the archive is damaged: {error}") from error

@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,7 +13,7 @@ from typing import Any, TypeVar
 import jax
 import numpy as np
 
-from coadjoint.archives import stored_array
+from coadjoint.archives import stored_arrays
 from coadjoint.errors import FileError
 from coadjoint.kernels.program import Code
 from coadjoint.manifest import DAMAGED
@@ -43,13 +42,9 @@ def unpacked(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     if hashlib.sha256(body).digest() != sealed:
         raise damaged
     try:
-        with zipfile.ZipFile(io.BytesIO(body)) as archive:
-            names = [part.filename.removesuffix(".npy") for part in archive.infolist()]
-            if sum(part.file_size for part in archive.infolist()) > len(body):
-                raise damaged
-            header = json.loads(bytes(stored_array(archive, "header")))
-            arrays = {name: stored_array(archive, name) for name in names if name != "header"}
-    except (ValueError, KeyError, RecursionError, zipfile.BadZipFile, NotImplementedError) as error:
+        arrays = stored_arrays(body)
+        header = json.loads(bytes(arrays.pop("header")))
+    except (ValueError, KeyError, RecursionError) as error:
         raise damaged from error
     return header, {name.partition("/")[2]: values for name, values in arrays.items()}
 

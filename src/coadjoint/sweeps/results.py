@@ -22,6 +22,7 @@ from coadjoint.sweeps.reduction import KINDS
 from coadjoint.sweeps.sketch import merged
 from coadjoint.sweeps.store import MEMBERS, STATISTICS, statistics
 from coadjoint.sweeps.task import REFUSED
+from coadjoint.texts import LARGEST_SUMMARY, text_of
 
 if TYPE_CHECKING:
     from coadjoint.sweeps.sketch import Sketch
@@ -108,7 +109,9 @@ def _summary(manifest: Manifest) -> dict[str, Any]:
     _require(manifest, SUMMARY)
     path = manifest.folder / SUMMARY
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(text_of(path, LARGEST_SUMMARY))
+    except FileError:
+        raise
     except (OSError, ValueError, RecursionError) as error:
         raise FileError(f"The file {path} cannot be read: {told(error)}.") from error
     kinds = {str: _WORDS, (int, float): _NUMBERS, dict: ("failures", "warnings", "refusals", "versions")}

@@ -24,6 +24,7 @@ from zarr.codecs import Crc32cCodec
 from zarr.storage import MemoryStore
 
 from coadjoint import disk
+from coadjoint.archives import stored_arrays
 from coadjoint.errors import FileError
 from coadjoint.manifest import Manifest, checksum, entry
 from coadjoint.report.folder import UNFINISHED
@@ -184,12 +185,15 @@ class Statistics:
             data = path.read_bytes()
         except OSError as error:
             raise FileError(f"The file {path} cannot be read: {error.strerror or error}.") from error
+        damaged = FileError(f"The file {path} is damaged: the same command again computes it anew.")
         if hashlib.sha256(data[32:]).digest() != data[:32]:
-            raise FileError(f"The file {path} is damaged: the same command again computes it anew.")
-        with np.load(BytesIO(data[32:])) as found:
-            self._arrays = dict(found)
-        self.header: dict[str, Any] = json.loads(self._arrays["header"].tobytes())
-        self.times = self._arrays["times"]
+            raise damaged
+        try:
+            self._arrays = stored_arrays(data[32:])
+            self.header: dict[str, Any] = json.loads(self._arrays["header"].tobytes())
+            self.times = self._arrays["times"]
+        except (ValueError, KeyError, RecursionError) as error:
+            raise damaged from error
 
     def sketches(self) -> dict[str, Sketch]:
         """The statistics of results by name."""
