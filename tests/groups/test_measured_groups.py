@@ -13,7 +13,7 @@ from coadjoint.groups import Spline, geodesic, mean
 from coadjoint.kernels.trace.evaluate import evaluate
 from systems import GROUPS, generator
 
-NAMES = ["SO3", "SE3", "SU2", "SLn3", "SL2_dual"]
+NAMES = ["SO3", "SE3", pytest.param("SLn3", marks=pytest.mark.long), pytest.param("SL2_dual", marks=pytest.mark.long)]
 
 
 def apart(group, *pairs) -> float:
@@ -92,7 +92,7 @@ def test_the_spline_of_vectors_is_the_natural_cubic_spline_or_the_clamped_one():
     np.testing.assert_allclose(Spline(co.Translation(3), t, x, ends).velocity(s), clamped(s, 1), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["SO3", "SE3", "SL2_dual"])
+@pytest.mark.parametrize("name", ["SO3", "SE3", pytest.param("SL2_dual", marks=pytest.mark.long)])
 def test_a_spline_passes_its_elements_with_continuous_velocity_and_acceleration(name):
     group = GROUPS[name]
     t, g = np.array([0.0, 0.7, 2.0, 2.9, 3.5]), elements(group, 5, 0.9)

@@ -115,5 +115,5 @@ def test_a_trajectory_equals_the_run_of_the_driver():
     run = co.simulate(VEHICLE, start(VEHICLE), dt=DT, steps=STEPS, save_every=4)
     path = co.trajectory(VEHICLE, start(VEHICLE), dt=DT, steps=STEPS, save_every=4)
     assert isinstance(path.final.q, np.ndarray)
-    assert np.max(np.abs(path.records.q - run.records.q[:-1])) < 1e-13
+    assert np.max(np.abs(path.records.q - run.records.q)) < 1e-13
     assert np.max(np.abs(path.final.q - run.final.q)) < 1e-13

@@ -74,7 +74,7 @@ def test_a_skater_keeps_the_momentum_and_turns_as_the_closed_form_says(method):
     momentum = P["inertia"] + P["mass"]
     t = run.dataset.time.values
     np.testing.assert_allclose(run.dataset.mu[:, 0], momentum, rtol=1e-14)
-    np.testing.assert_allclose(run.dataset.xi[:, 0], exact(over_step(t), momentum), rtol=1e-13)
+    np.testing.assert_allclose(run.dataset.xi_step[:, 0], exact(over_step(t), momentum), rtol=1e-13)
     np.testing.assert_allclose(run.dataset.internal_radius, radius(t), rtol=1e-15)
     energy = 0.5 * momentum * exact(radius(t), momentum)
     np.testing.assert_allclose(run.dataset.energy, energy, rtol=1e-13)

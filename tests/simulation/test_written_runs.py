@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 
+import jax
 import numpy as np
 import pytest
 
@@ -35,7 +36,8 @@ def test_an_ensemble_is_written_as_a_table_with_its_members(tmp_path):
     fleet = co.simulate(BODY, starts, dt=0.1, steps=5, progress=False)
     found = read(fleet.save(tmp_path / "fleet.csv"))
     np.testing.assert_array_equal(found["member"], np.repeat([0, 1], 6))
-    np.testing.assert_array_equal(found["xi_2"].reshape(2, 6), fleet.records.xi[:, :, 2])
+    np.testing.assert_array_equal(found["xi_2"].reshape(2, 6), fleet.dataset.xi[:, :, 2])
+    np.testing.assert_array_equal(found["xi_step_2"].reshape(2, 6), fleet.records.xi[:, :, 2])
 
 
 @pytest.mark.parametrize("ending", [".json", ".h5", ".mat"])
@@ -57,10 +59,34 @@ def test_a_notebook_shows_the_card(run):
     assert printer.shown == str(run)
 
 
-def test_a_trajectory_has_all_of_its_nodes(run):
-    path = co.trajectory(BODY, BODY.state(xi=[0.1, 0.2, 1.0]), dt=0.1, steps=5)
-    assert len(path.nodes.t) == 6 and len(path.records.t) == 5
-    np.testing.assert_allclose(path.nodes.mu, run.records.mu, rtol=1e-14)
+@pytest.mark.parametrize("save_every", [1, 5])
+def test_a_trajectory_has_the_records_of_a_run(save_every):
+    start, of = BODY.state(xi=[0.1, 0.2, 1.0]), {"dt": 0.1, "steps": 5, "save_every": save_every}
+    expected = co.simulate(BODY, start, **of, monitors=False, accuracy=False).records
+    found = co.trajectory(BODY, start, **of).records
+    for name in ("t", "g", "mu", "xi"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-14)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("save_every", [1, 5])
+@pytest.mark.parametrize("backend", ["native", "xla"])
+def test_a_trajectory_has_the_records_of_a_run_inside_a_transformation_and_out(backend, save_every):
+    start, of = BODY.state(xi=[0.1, 0.2, 1.0]), {"dt": 0.1, "steps": 5, "save_every": save_every}
+    expected = co.simulate(BODY, start, **of, monitors=False, accuracy=False).records
+
+    def records(spin):
+        path = co.trajectory(BODY, BODY.state(xi=spin), **of, backend=backend)
+        return path.records.t, path.records.mu, path.records.xi
+
+    with co.float64():
+        inside = jax.jit(records)(np.asarray(start.xi))
+        slope = jax.jacrev(lambda spin: records(spin)[2][-1])(np.asarray(start.xi))
+        near = [records(start.xi + sign * 1e-5 * np.eye(3)[0])[2][-1] for sign in (1, -1)]
+    for found in (records(start.xi), inside):
+        for one, other in zip(found, (expected.t, expected.mu, expected.xi), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-13)
+    np.testing.assert_allclose(slope[:, 0], (near[0] - near[1]) / 2e-5, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("path", [3, None, ""])

@@ -29,7 +29,7 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
     """
     if keep is not None and keep not in get_args(Keep):
         raise ArgumentError(f'Argument `keep` must be "momentum" or "velocity", but is {keep!r}.')
-    before, plain = start.origin.system, start.replace(origin=Origin())
+    before, plain = start.origin.system, going_on(start)
     if before is None or start.from_velocities:
         if keep == "velocity" and not start.from_velocities:
             raise ArgumentError('keep="velocity" needs a record of a run: of this start only the momentum is known.')
@@ -47,6 +47,18 @@ def continued(system: System, start: State, keep: Keep | None) -> tuple[State, s
         return plain, kept
     xi, nu = _velocities(before, plain)
     return plain.replace(xi=xi, nu=nu, from_velocities=True), kept
+
+
+def going_on(start: State) -> State:
+    """The state from which a run goes on: a record that shows the velocities of the node has those of the step again.
+
+    They are Newton's next guess, with which the run goes on to the same bits as one that was never divided.
+    """
+    plain, unknowns = start.replace(origin=Origin()), start.origin.unknowns
+    if unknowns is None or start.from_velocities or traced(start):
+        return plain
+    shapes = [np.shape(part) for part in (start.xi, start.nu)]
+    return plain.replace(xi=unknowns[0], nu=unknowns[1]) if shapes == [np.shape(part) for part in unknowns] else plain
 
 
 def _velocities(system: System, state: State) -> tuple[Any, Any]:

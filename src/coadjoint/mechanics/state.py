@@ -24,12 +24,15 @@ class Places(NamedTuple):
 
 
 class Origin:
-    """The system whose run a record is of, None of other states; any two count as equal, so that states go together."""
+    """The system whose run a record is of, None of other states; any two count as equal, so that states go together.
 
-    __slots__ = ("system",)
+    unknowns: (ξ, ν) of the step that starts at a record whose own ξ and ν are those of the node: Newton's next guess.
+    """
 
-    def __init__(self, system: Any = None):
-        self.system = system
+    __slots__ = ("system", "unknowns")
+
+    def __init__(self, system: Any = None, unknowns: tuple[Array, Array] | None = None):
+        self.system, self.unknowns = system, unknowns
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Origin)

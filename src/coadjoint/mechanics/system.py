@@ -73,8 +73,6 @@ class System(ReducedFunctions, Portable):
             `co.jumped` that it jumps at the node. Forces read that mean as `motion.internal.name`, ℓ, ℋ or Λ as
             `internal.name`; μ and π are continuous at the nodes. A `co.InternalRule` declares warnings, datasets and
             random numbers as well.
-        node_velocities: whether runs observe ξ and ν of the momenta at the nodes, in addition to those of the steps; by
-            default False.
         name: for cards, files and figures, by default the name of the function.
         units: units of dataset variables, as in {"q": "m", "energy": "J"}, and of parameters by their names, as in
             {"hull.length": "m"}; by default none.
@@ -99,7 +97,6 @@ class System(ReducedFunctions, Portable):
     hamiltonian: Callable[..., Any] | None
     quantities: Quantities
     internal: Callable[..., Any] | None
-    node_velocities: bool
     name: str
     units: tuple[tuple[str, str], ...]
     inputs: Inputs | None
@@ -122,7 +119,6 @@ class System(ReducedFunctions, Portable):
         hamiltonian: Callable[..., Any] | None = None,
         quantities: Mapping[str, Callable[..., Any]] | None = None,
         internal: Callable[..., Any] | None = None,
-        node_velocities: bool = False,
         name: str = "",
         units: Mapping[str, str] | None = None,
         verify: bool = True,
@@ -145,7 +141,6 @@ class System(ReducedFunctions, Portable):
             "hamiltonian": hamiltonian,
             "quantities": quantities_from(quantities),
             "internal": internal,
-            "node_velocities": node_velocities,
             "name": name or getattr(given[0] if given else None, "__name__", "system"),
             "units": tuple(dict(units or {}).items()),
             "inputs": None,

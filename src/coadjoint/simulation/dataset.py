@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -17,6 +18,7 @@ from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.simulation.card import accuracy_numbers
+from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes
 from coadjoint.simulation.monitors import watched
 from coadjoint.simulation.step_sizes import times
 from coadjoint.simulation.watched import Monitor
@@ -28,8 +30,10 @@ if TYPE_CHECKING:
 
 _MEANINGS = {
     "n": "n = g⁻¹q, body frame",
-    "nu": "ν = g⁻¹q̇ of the step that starts at the node, body frame",
-    "xi": "ξ = g⁻¹ġ of the step that starts at the node, body frame",
+    "nu": "ν = g⁻¹q̇ at the node, of its momenta, body frame",
+    "nu_step": "ν = g⁻¹q̇ of the step that starts at the node, body frame",
+    "xi": "ξ = g⁻¹ġ at the node, of its momenta, body frame",
+    "xi_step": "ξ = g⁻¹ġ of the step that starts at the node, body frame",
     "xi_spatial": "Ad_g ξ, space frame",
     "q": "q = g·n, space frame",
     "qdot": "q̇ = g·ν, space frame",
@@ -40,8 +44,10 @@ _MEANINGS = {
 }
 _MEANINGS_RIGHT = {
     "n": "n = g·q, space frame",
-    "nu": "ν = g·q̇ of the step that starts at the node, space frame",
-    "xi": "ξ = ġg⁻¹ of the step that starts at the node, space frame",
+    "nu": "ν = g·q̇ at the node, of its momenta, space frame",
+    "nu_step": "ν = g·q̇ of the step that starts at the node, space frame",
+    "xi": "ξ = ġg⁻¹ at the node, of its momenta, space frame",
+    "xi_step": "ξ = ġg⁻¹ of the step that starts at the node, space frame",
     "xi_body": "Ad_{g⁻¹} ξ, body frame",
     "q": "q = g⁻¹n, body frame",
     "qdot": "q̇ = g⁻¹ν, body frame",
@@ -68,7 +74,8 @@ def _seen_from_there(system: System) -> str:
 def reserved(system: System) -> set[str]:
     """Names of variables that every dataset of the system has, or may have."""
     group, Q, V = system.places
-    parts = [Q.components(group, name) for name in ("n", "nu", "pi", "q", "qdot")] + [V.components(group, "a")]
+    of_Q = ("n", "nu", "nu_step", "pi", "q", "qdot")
+    parts = [Q.components(group, name) for name in of_Q] + [V.components(group, "a")]
     always = {"time", "step", "member", "code", "steps_done", "balance", "newton_residual", *group.leaf_names}
     return always.union(_told(system), *parts)
 
@@ -79,7 +86,7 @@ Variables = dict[str, tuple[tuple[str, ...], Any]]
 def dataset(run: Run) -> xarray.Dataset:
     """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`."""
     made = xarray.Dataset(
-        variables(run.system, run.records, run.monitors),
+        variables(run.system, run.records, run.monitors, partial(derivation(run), run.system.parameters)),
         coords={
             "time": times(run.plan.program, run.start, run.dt, run.steps_saved, run.records),
             "step": ("time", run.steps_saved),
@@ -98,12 +105,14 @@ def outline(run: Run | Ensemble) -> xarray.Dataset:
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
     observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}
     records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
-    return xarray.Dataset(variables(run.system, records, observed), attrs={"system": run.system.name})
+    derive = partial(derivation(run), run.system.parameters)
+    return xarray.Dataset(variables(run.system, records, observed, derive), attrs={"system": run.system.name})
 
 
 def ensemble_dataset(ensemble: Ensemble) -> xarray.Dataset:
     """The records of an ensemble, as `dataset` with a dimension `member`; NaN where a member has failed."""
-    found = member_variables(ensemble.system, ensemble.records, ensemble.monitors)
+    records, monitors = ensemble.records, ensemble.monitors
+    found = member_variables(ensemble.system, records, monitors, derivation(ensemble), members_of(records, 0))
     made = xarray.Dataset(
         {name: (("member", *dims), values) for name, (dims, values) in found.items()},
         coords={
@@ -129,11 +138,12 @@ def member_variables(
     system: System,
     records: State,
     monitors: Mapping[str, np.ndarray],
-    derive: Callable[[State], dict[str, Any]] | None = None,
+    derive: Derivation,
+    members: np.ndarray,
 ) -> Variables:
     """As `variables`, for records with two leading axes, of members and nodes; NaN where a member has failed.
 
-    The dimensions are those of one member.
+    The dimensions are those of one member. members: the member of each record, with the same axes.
     """
     leading = np.shape(records.t)
     good = np.isfinite(records.t).ravel()
@@ -147,19 +157,27 @@ def member_variables(
         return whole.reshape(*leading, *values.shape[1:])
 
     of_good = {name: rows(values) for name, values in monitors.items()}
-    found = variables(system, jax.tree.map(rows, records), of_good, derive)
+    of_rows = partial(derive, system.parameters, members=rows(members))
+    found = variables(system, jax.tree.map(rows, records), of_good, of_rows)
     return {name: (dims, spread(values)) for name, (dims, values) in found.items()}
+
+
+def members_of(records: State, axis: int) -> np.ndarray:
+    """The member of each record, of which they are an axis, in the shape of the leading axes."""
+    shape = np.shape(records.t)
+    return np.broadcast_to(np.expand_dims(np.arange(shape[axis]), 1 - axis), shape)
 
 
 def variables(
     system: System,
     records: State,
     monitors: Mapping[str, np.ndarray],
-    derive: Callable[[State], dict[str, Any]] | None = None,
+    derive: Callable[[State], dict[str, Any]],
 ) -> Variables:
-    """Dimensions and values of every variable, one row a record; `derive` is `derived` of all of them at once.
+    """Dimensions and values of every variable, one row a record; `derive` gives what a `Derivation` does.
 
-    What has no components, as ξ on the group {e}, is no variable.
+    ξ and ν are those of the nodes, and of the steps as `xi_step` and `nu_step`; where those of the nodes are not known,
+    those of the steps. What has no components, as ξ on the group {e}, is no variable.
     """
     group, Q, V = system.places
     found: Variables = {}
@@ -168,13 +186,14 @@ def variables(
     for name, leaf in leaves:
         own = range(leaf.ndim - 1 - len(links))
         found[name] = (("time", *links, *(f"{name}_{axis}" for axis in own)), leaf)
-    more = evaluate(derived, records) if derive is None else derive(records)
-    rotation = more.pop("rotation", None)
-    for name in ("xi", "mu"):
-        found[name] = _coordinates(group, getattr(records, name))
+    more = {"xi": records.xi, "nu": records.nu, **derive(records)}
+    rotation, known = more.pop("rotation", None), known_at_nodes(system, records)
+    for name, values in (("xi", more.pop("xi")), ("mu", records.mu), *([("xi_step", records.xi)] if known else [])):
+        found[name] = _coordinates(group, values)
+    more |= {"nu_step": records.nu} if known else {}
     if "xi_there" in more:
         found[_seen_from_there(system)] = _coordinates(group, more.pop("xi_there"))
-    for space, pairs in ((Q, {"n": records.n, "nu": records.nu, "pi": records.pi, **more}), (V, {"a": records.a})):
+    for space, pairs in ((Q, {"n": records.n, "nu": more.pop("nu"), "pi": records.pi, **more}), (V, {"a": records.a})):
         for name, values in pairs.items():
             found.update(_parts(space, group, name, values))
     inputs = evaluate(jax.vmap(system.inputs_at), records.t, records.inputs) if system.inputs else records.inputs
@@ -204,35 +223,18 @@ def reported(system: System, records: State) -> Variables:
     return {name: (("time", *(f"{name}_{axis}" for axis in range(x.ndim - 1))), x) for name, x in found.items()}
 
 
-def derived(records: State) -> dict[str, Any]:
-    """Ad_g ξ, q = g·n, q̇ = g·ν, in the frame that ξ is not in, and the rotation in g, if any, of every record.
-
-    Nothing of records without g.
-    """
-    if records.g is None:
-        return {}
-
-    def one(state: State) -> dict[str, Any]:
-        group, Q, _ = state.places
-        return {
-            "xi_there": group.Ad(state.g, state.xi),
-            "q": Q.act(group, state.g, state.n),
-            "qdot": Q.push(group, state.g, state.n, state.nu),
-            "rotation": group.rotation(state.g),
-        }
-
-    return jax.vmap(one)(records)
-
-
 def meanings(made: Mapping[Any, Any], system: System) -> dict[str, dict[str, Any]]:
     """Unit and meaning of each variable, where known, and the limits of an internal state."""
     units = {"time": "s", "euler_angles": "rad", **dict(system.units)}
     units = {one.name: one.unit or units[one.like] for one in watched() if one.unit or one.like in units} | units
     found: dict[str, dict[str, Any]] = {}
     own, known = dict(system.quantities), _told(system)
+    if not any(str(name).startswith(("xi_step", "nu_step")) for name in made):  # ξ and ν are those of steps
+        known |= {name: known[f"{name}_step"] for name in ("xi", "nu")}
     for name in (*map(str, made), "time"):
-        base = name if name in known or name in own else name.split("_")[0]
-        unit = units.get(name, units.get(base))
+        of_step = next((step for step in ("xi_step", "nu_step") if name.startswith(step)), None)
+        base = of_step or (name if name in known or name in own else name.split("_")[0])
+        unit = units.get(name, units.get(base if of_step is None else base.removesuffix("_step")))
         attrs = {"units": unit, "long_name": meaning(own[name]) if name in own else known.get(base)}
         found[name] = {key: value for key, value in attrs.items() if value is not None}
     for name, ends in declared(system.internal).limits(system.parameters).items():

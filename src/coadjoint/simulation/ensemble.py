@@ -22,6 +22,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.accuracy.judgement import Accuracy
+from coadjoint.simulation.derived import at_nodes, derivation
 from coadjoint.simulation.driver import Extrema, Memory, Plan
 from coadjoint.simulation.ensemble_driver import MembersPosition
 from coadjoint.simulation.finished import Finished, Shown
@@ -208,11 +209,11 @@ class Ensemble(Finished):
 
     @property
     def final(self) -> State:
-        """The records of all members at the last node, or at the event that ended them."""
+        """The records of all members at the last node, or at the event that ended them, with ξ and ν at the node."""
         last = jax.tree.map(lambda rows: np.array(rows[:, -1]), self.records)
         for index, state in self.ended.items():
             jax.tree.map(lambda rows, leaf, index=index: rows.__setitem__(index, leaf), last, state)
-        return last
+        return at_nodes(derivation(self), self.system, last, np.arange(len(self.codes)))
 
     @property
     def event(self) -> np.ndarray | None:

@@ -20,6 +20,8 @@ from coadjoint.simulation.formats import LAST_RECORD
 from coadjoint.spaces.named import Named
 
 if TYPE_CHECKING:
+    import xarray
+
     from coadjoint.simulation.run import Run
 
 _VECTORS = ("n", "nu", "pi", "a", "mu", "xi")
@@ -31,7 +33,7 @@ def written(run: Run) -> dict[str, Any]:
 
     Each is a row of numbers with the paths and shapes of its parts as the attribute `parts`.
     """
-    last = run.final.replace(memory=None, ledger=None)
+    last = run.last_record.replace(memory=None, ledger=None)
     return {name: _row(name, tree) for name, tree in zip(LAST_RECORD, (last, run.system.parameters), strict=True)}
 
 
@@ -42,9 +44,10 @@ def _row(name: str, tree: Any) -> tuple[str, np.ndarray, dict[str, str]]:
     return f"{name}_numbers", numbers, {"parts": json.dumps(parts)}
 
 
-def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System | None) -> State:
-    """The record that `written` put into a file. Raises ArgumentError without a system and for another one, and
-    FileError where the file lacks the record.
+def read(found: Mapping[str, Any], dataset: xarray.Dataset, system: System | None) -> State:
+    """The record that `written` put into the file of a dataset, with the velocities at its node.
+
+    Raises ArgumentError without a system and for another one, and FileError where the file lacks the record.
     """
     if any(name not in found for name in LAST_RECORD):
         raise FileError(
@@ -55,6 +58,7 @@ def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System
         raise ArgumentError(
             "A record to go on from needs the system, which a file does not hold: load it with co.load(path, system)."
         )
+    attributes = dataset.attrs
     where = f"{attributes.get('group')}" + (", right-invariant" if attributes.get("invariance") == "right" else "")
     if where != in_words(system.places):
         raise ArgumentError(
@@ -66,7 +70,20 @@ def read(found: Mapping[str, Any], attributes: Mapping[str, Any], system: System
             "This file was written by an older version, in which internal states were held from node to node: begin "
             "anew, from system.state(…)."
         )
-    return _state(record, system).replace(origin=Origin(replace_parameters(system, _parameters(parameters, system))))
+    of_run = replace_parameters(system, _parameters(parameters, system))
+    last = _state(record, system).replace(origin=Origin(of_run))
+    return _at_node(dataset, system, last)
+
+
+def _at_node(dataset: xarray.Dataset, system: System, last: State) -> State:
+    """The record with the velocities at its node; files of older versions hold only those of steps."""
+    if not any(str(name).startswith(("xi_step", "nu_step")) for name in dataset):
+        return last
+    group, Q, _ = system.places
+    xi = np.ravel(dataset["xi"].values[-1]) if "xi" in dataset else last.xi
+    parts = [dataset[name].values[-1] for name in Q.components(group, "nu") if name in dataset]
+    nu = np.concatenate(parts) if parts else last.nu
+    return last.replace(xi=xi, nu=nu, origin=Origin(last.origin.system, (last.xi, last.nu)))
 
 
 def _parts(row: Any) -> dict[tuple[str, ...], np.ndarray]:

@@ -12,6 +12,7 @@ from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous, inverse_legendre
 from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
+from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -60,17 +61,6 @@ def legendre_energy(system: System, step: Step, record: State, h: Array, constan
 
 
 @monitor(
-    Watched("node_xi", "ξ at the node, of its momenta, body frame", like="xi", axis="algebra"),
-    Watched("node_nu", "ν at the node, of its momenta, body frame", like="nu", axis="additional"),
-    when=lambda system, method, state: system.node_velocities,
-)
-def node_velocities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-    """(ξ, ν) at the node itself, of its momenta: ∂_ξℓ = μ_k, ∂_νℓ = π_k; the discrete ones belong to the step."""
-    xi, nu = continuous.velocities(system, record)
-    return {"node_xi": xi, "node_nu": nu}
-
-
-@monitor(
     Watched("work", "energy that this has put in since the start", like="energy"),
     Watched(
         "energy_budget", "Legendre energy less what was put in", like="energy", line="budget", title="energy budget"
@@ -105,8 +95,9 @@ def kelvin_noether(system: System, step: Step, record: State, h: Array, constant
 
 @monitor(when=lambda system, method, state: bool(system.quantities))
 def quantities(system: System, step: Step, record: State, h: Array, constants: Any) -> dict[str, Array]:
-    """The system's own scalars."""
-    return {name: jnp.asarray(value(system, function, record)) for name, function in system.quantities}
+    """The system's own scalars, of the node: ξ and ν are those of its momenta."""
+    node = at_node(system, record)
+    return {name: jnp.asarray(value(system, function, node)) for name, function in system.quantities}
 
 
 @dataclass(frozen=True)
@@ -155,7 +146,7 @@ def group_defect(system: System, step: Step, record: State, h: Array, constants:
     return {"group_defect": jnp.asarray(system.group.defect(record.g))}
 
 
-BEFORE = (legendre_energy, discrete_energy, node_velocities)
+BEFORE = (legendre_energy, discrete_energy)
 """What is observed of a step before its Kelvin–Noether quantities, in the order of datasets."""
 AFTER = (energy_budget, step_size, group_defect, quantities)
 """And what after them."""

@@ -136,7 +136,7 @@ class SavedRun(Recording):
         """
         from coadjoint.simulation.last_record import read
 
-        return read(self._written, self.dataset.attrs, self._system)
+        return read(self._written, self.dataset, self._system)
 
     @property
     def event(self) -> float | None:

@@ -15,6 +15,7 @@ from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants
 from coadjoint.simulation.accuracy.judgement import Accuracy
+from coadjoint.simulation.derived import derivation, one_at_node
 from coadjoint.simulation.driver import Memory, Plan, Position
 from coadjoint.simulation.finished import Finished, Shown
 
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 class Run(Finished):
     """What `co.simulate` returns; `print` it for the certificate.
 
-    records: the saved states, with a leading axis of nodes in every leaf. final: the last of them. monitors: name →
+    records: the saved states, with a leading axis of nodes in every leaf; ξ and ν are those of the step that starts at
+    the node. final: the last of them, with ξ and ν at the node itself, as in the dataset. monitors: name →
     (nodes,) or (nodes, k). extrema: name → (minimum, maximum) of every monitored scalar over all steps, saved or not.
     accuracy: how well the steps that were judged resolve the motion. dataset: the same as an xarray.Dataset with names
     and units. plot: figures. `save(path)` writes the dataset, `at(times)` gives the motion between the nodes.
@@ -112,9 +114,14 @@ class Run(Finished):
         """Every monitored scalar at the first and at the last record, of the shape of one row of `monitors`."""
         return {name: (rows[0], rows[-1]) for name, rows in self.monitors.items()}
 
-    @property
+    @cached_property
     def final(self) -> State:
-        """The last record."""
+        """The last record, with the velocities at the node in place of those of the step that starts there."""
+        return one_at_node(derivation(self), self.system, self.last_record)
+
+    @property
+    def last_record(self) -> State:
+        """The last record as a row of `records`."""
         return jax.tree.map(lambda rows: rows[-1], self.records)
 
     @property

@@ -30,7 +30,6 @@ from zarr.storage import MemoryStore
 from coadjoint import disk
 from coadjoint.errors import FileError
 from coadjoint.kernels.run.backend import monitor_shapes
-from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.log import logger
 from coadjoint.manifest import Manifest, entry
 from coadjoint.mechanics.state import State
@@ -38,7 +37,8 @@ from coadjoint.methods.program import EVENTS, Constants
 from coadjoint.methods.step import in_records
 from coadjoint.simulation import checkpoint
 from coadjoint.simulation.chunks import Chunks, unset
-from coadjoint.simulation.dataset import Variables, derived, meanings, member_variables, variables
+from coadjoint.simulation.dataset import Variables, meanings, member_variables, members_of, variables
+from coadjoint.simulation.derived import derivation
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.lock import Lock
 from coadjoint.simulation.reading import RECORDS
@@ -46,10 +46,6 @@ from coadjoint.simulation.run import Run
 from coadjoint.simulation.step_sizes import times
 
 _log = logger(__name__)
-
-BATCH = 1024
-"""Records whose derived variables are computed at once. Always this many, so that no value depends on which others
-were computed with it."""
 
 BLOCK_BYTES, BLOCK_ROWS = 8 << 20, 8192
 """The most that a chunk of all variables together may take in memory."""
@@ -81,7 +77,7 @@ class Store:
         self._pending: list[tuple[np.ndarray, State, Mapping[str, np.ndarray]]] = []
         self._chunks = Chunks(manifest)
         self._slot = 0
-        self._derive: Callable[[State], dict[str, Any]] | None = None
+        self._derive = derivation(run)
         self._due, self._kept = 0.0, 0
 
     @property
@@ -117,7 +113,7 @@ class Store:
         backend = self.plan.backend if self.members is None else "xla"  # the kernel of many does not know one
         shapes = monitor_shapes(self.plan.program, constants, state, backend) if self.plan.monitors else {}
         seen = {name: np.zeros((1, *shape)) for name, shape in shapes.items() if name != EVENTS}
-        found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._derived)}
+        found = {**self._grid(np.zeros(1, np.int64), rows), **variables(self.system, rows, seen, self._of_first)}
         known = meanings(found, self.system)
         length, across = self._blocks(sum(values[0].nbytes for _, values in found.values()))
         made: dict[str, Any] = {}
@@ -222,19 +218,14 @@ class Store:
 
     def _variables(self, steps: np.ndarray, records: State, monitors: Mapping[str, np.ndarray]) -> Variables:
         """`time`, `step` and the variables of `run.dataset`."""
-        of = variables if self.members is None else member_variables
-        return {**self._grid(steps, records), **of(self.system, records, monitors, self._derived)}
+        grid = self._grid(steps, records)
+        if self.members is None:
+            return {**grid, **variables(self.system, records, monitors, self._of_first)}
+        return {**grid, **member_variables(self.system, records, monitors, self._derive, members_of(records, 1))}
 
-    def _derived(self, records: State) -> dict[str, Any]:
-        """`derived` of every record, BATCH of them at a time."""
-        count, parts = len(records.t), []
-        for start in range(0, max(count, 1), BATCH):
-            cut = jax.tree.map(lambda x, start=start: x[start : start + BATCH], records)
-            rows = len(cut.t)
-            filled = jax.tree.map(lambda x: np.resize(x, (BATCH, *x.shape[1:])), cut)
-            self._derive = self._derive or tabulate(derived, filled)
-            parts.append(jax.tree.map(lambda x, rows=rows: x[:rows], self._derive(filled)))
-        return jax.tree.map(lambda *found: np.concatenate(found), *parts)
+    def _of_first(self, records: State) -> dict[str, Any]:
+        """What follows from records of a run, or of the first member."""
+        return self._derive(self.system.parameters, records)
 
     def _absorb(self) -> None:
         if not self._pending:

@@ -10,6 +10,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.dataset import attributes, ensemble_attributes, member_coordinates
+from coadjoint.simulation.derived import at_nodes, derivation
 from coadjoint.simulation.driver import Extrema
 from coadjoint.simulation.ensemble import Ensemble
 from coadjoint.simulation.reading import stored_dataset
@@ -59,7 +60,7 @@ class StreamedRun(_OnDisk, Run):
     """What `co.simulate(…, store=DIR)` and `co.resume(DIR, …)` return: as `Run`, but read from the disk when used."""
 
     @property
-    def final(self) -> State:
+    def last_record(self) -> State:
         if self.store.last is None:
             raise ArgumentError("This run holds no records: its first step failed.")
         return self._of_this(self.store.last)
@@ -78,7 +79,7 @@ class StreamedEnsemble(_OnDisk, Ensemble):
         """The records of all members at the last node."""
         if self.store.last is None:
             raise ArgumentError("This ensemble holds no records: it has not begun.")
-        return self.store.last
+        return at_nodes(derivation(self), self.system, self.store.last, np.arange(len(self.codes)))
 
     @cached_property
     def dataset(self) -> xarray.Dataset:

@@ -49,22 +49,17 @@ from coadjoint.simulation.native_trajectory import Blocks, native_trajectory
 class Trajectory:
     """The nodes of a trajectory.
 
-    records: the states at nodes 0, save_every, …, (k,) on a leading axis; ξ and ν are those of the step that starts
-    there. final: the state after the last step, whose ξ and ν are those of that last step. code: 0 where every step
-    converged, otherwise a `kernels.program.Code`; after a failed step the state stays at the last good node.
-    iterations: Newton's iterations over all steps. `nodes` are the records and the final state behind them.
+    records: the states at nodes 0, save_every, …, steps, (k,) on a leading axis, as `run.records`; ξ and ν are those of
+    the step that starts there. Those of `Stepper.trajectory` are of the start alone. final: the state after the last
+    step, whose ξ and ν are those of that last step. code: 0 where every step converged, otherwise a
+    `kernels.program.Code`; after a failed step the state stays at the last good node. iterations: Newton's iterations
+    over all steps.
     """
 
     records: State
     final: State
     code: Any
     iterations: Any
-
-    @property
-    def nodes(self) -> State:
-        """The records and the final state behind them, one row more than `records`."""
-        join = jnp.concatenate if traced(self.final) else np.concatenate
-        return jax.tree.map(lambda rows, last: join([rows, last[None]]), self.records, self.final)
 
 
 @heeded()
@@ -131,7 +126,7 @@ def trajectory(
     begun = with_ledger(system, method.begin(system, start, h), False)
     program = StepProgram(replace_parameters(system, None), method, version=digest)
     constants = Constants(system.parameters, None)
-    found = computed(program, constants, begun, h, (steps // save_every, save_every), backend)
+    found = computed(program, constants, begun, h, (steps // save_every, save_every), backend, last=True)
     if truth(accuracy, "accuracy") and not traced(constants, begun, h):
         chosen = _choose(program, constants, begun, backend, False)
         plan = Plan(chosen, program, constants, float(h), steps, save_every, False)
@@ -141,9 +136,20 @@ def trajectory(
 
 
 def computed(
-    program: StepProgram, constants: Constants, begun: State, h: Any, blocks: Blocks, backend: Backend
+    program: StepProgram,
+    constants: Constants,
+    begun: State,
+    h: Any,
+    blocks: Blocks,
+    backend: Backend,
+    *,
+    last: bool = False,
 ) -> Trajectory:
-    """blocks = (records, save_every) of a program from a state that was begun: what `trajectory` returns."""
+    """blocks = (records, save_every) of a program from a state that was begun: what `trajectory` returns.
+
+    last: whether a record of the last node follows, for whose ξ and ν the step from there is solved, too. Where it has
+    no solution they are those of the step before.
+    """
     inside = traced(constants, begun, h)
     if inside and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise ArgumentError(
@@ -155,7 +161,7 @@ def computed(
     if chosen == "xla" and not inside:
         begun = program.method.begin_by_xla(program.skeleton, begun)
     with jax.enable_x64(True):
-        found = _run(chosen, program, constants, begun, h, blocks, inside)
+        found = _run(chosen, program, constants, begun, h, blocks, inside, last)
     if inside:
         return found
     found = jax.tree.map(np.asarray, found)
@@ -205,24 +211,49 @@ def _choose(program: StepProgram, constants: Constants, state: State, backend: B
 
 
 def _run(
-    backend: Backend, program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, inside: bool
+    backend: Backend,
+    program: StepProgram,
+    constants: Constants,
+    start: State,
+    h: Any,
+    blocks: Blocks,
+    inside: bool,
+    last: bool,
 ) -> Trajectory:
     if backend == "xla" and inside:
-        return _scan(program, constants, start, h, blocks)
+        return _scan(program, constants, start, h, blocks, last)
     if not inside:
         run = xla.run_long if backend == "xla" else partial(native.run, monitors=False)
         try:
-            return _of_chunk(run(program, constants, start, float(h), *blocks))
+            found = _of_chunk(run(program, constants, start, float(h), *blocks))
         except Cut as cut:
             raise _interrupted(cut.result, blocks) from None
+        if not last or found.code:
+            return found
+        return _with_last(found, _of_chunk(run(program, constants, found.final, float(h), 1, 1)))
 
-    def by_xla(arguments):
-        path = _scan(program, arguments[0], arguments[1], arguments[2], blocks)
-        return path.records, path.final
+    def path(start: State, blocks: Blocks) -> Trajectory:
+        def by_xla(arguments):
+            path = _scan(program, arguments[0], arguments[1], arguments[2], blocks)
+            return path.records, path.final
 
-    found = native_trajectory(program, (constants, start, h), blocks, by_xla)
-    records, final, code, iterations = found
-    return Trajectory(records, final, code.astype(int), iterations.astype(int))
+        records, final, code, iterations = native_trajectory(program, (constants, start, h), blocks, by_xla)
+        return Trajectory(records, final, code.astype(int), iterations.astype(int))
+
+    found = path(start, blocks)
+    return _with_last(found, path(found.final, (1, 1))) if last else found
+
+
+def _with_last(found: Trajectory, one: Trajectory) -> Trajectory:
+    """The trajectory with a record of its last node: that of one step from there, where it has a solution."""
+    inside = traced(found.final)
+    good, numbers = one.code == 0, jnp if inside else np
+    if not inside and not good:  # records of a failed step may be none
+        record = jax.tree.map(lambda rows, leaf: np.asarray(leaf)[None], found.records, found.final)
+    else:
+        record = jax.tree.map(lambda row, leaf: numbers.where(good, row, leaf[None]), one.records, found.final)
+    records = jax.tree.map(lambda rows, row: numbers.concatenate([rows, row]), found.records, record)
+    return Trajectory(records, found.final, found.code, found.iterations)
 
 
 def _of_chunk(chunk: Chunk) -> Trajectory:
@@ -241,26 +272,41 @@ def _interrupted(chunk: Any, blocks: Blocks) -> KeyboardInterrupt:
     )
 
 
-def _scan(program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks) -> Trajectory:
-    def one(carry, _):
+def _scan(
+    program: StepProgram, constants: Constants, start: State, h: Any, blocks: Blocks, last: bool = False
+) -> Trajectory:
+    """last: as in `computed`; then there is one more block, of which the first step gives its record alone."""
+    count, every = blocks
+
+    def one(carry, number):
         def go(carry):
             state, _, iterations = carry
             result = xla.step(program, constants, state, h, certify=False)
-            return (result.after, result.code, iterations + result.iterations), result.record
+            there, record = (result.after, result.code, iterations + result.iterations), result.record
+            if not last:
+                return there, record
+            alone = state if record.memory is not None else state.replace(memory=None)
+            record = _where((number < count * every) | (result.code == 0), record, alone)
+            return _where(number < count * every, there, carry), record
 
         kept = jax.eval_shape(go, carry)[1].memory is not None  # factors that are carried over are in no record
 
         def stay(carry):
             return carry, carry[0] if kept else carry[0].replace(memory=None)
 
-        return jax.lax.cond(carry[1] == 0, go, stay, carry)
+        return jax.lax.cond((carry[1] == 0) & (number <= count * every), go, stay, carry)
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def block(carry, _):
-        carry, records = jax.lax.scan(one, carry, None, length=blocks[1])
+    def block(carry, numbers):
+        carry, records = jax.lax.scan(one, carry, numbers)
         return carry, jax.tree.map(lambda rows: rows[0], records)
 
     start = jax.tree.map(jnp.asarray, start)
-    step = one if blocks[1] == 1 else block
-    (final, code, iterations), records = jax.lax.scan(step, (start, jnp.asarray(0), jnp.asarray(0)), None, blocks[0])
+    numbers = jnp.arange((count + last) * every)
+    step, numbers = (one, numbers) if every == 1 else (block, numbers.reshape(-1, every))
+    (final, code, iterations), records = jax.lax.scan(step, (start, jnp.asarray(0), jnp.asarray(0)), numbers)
     return Trajectory(records, final, code, iterations)
+
+
+def _where(condition: Any, one: Any, other: Any) -> Any:
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), one, other)

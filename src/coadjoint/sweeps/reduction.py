@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,12 +12,13 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.attitude import UNIT
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.copies import replaced
+from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.internal_rule import InternalRule
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.runs.units import unknown
-from coadjoint.simulation.dataset import Variables, derived, reported, variables
+from coadjoint.simulation.dataset import Variables, reported, variables
+from coadjoint.simulation.derived import Derivation
 from coadjoint.simulation.driver import Memory
 from coadjoint.sweeps.sketch import Sketch
 
@@ -29,6 +31,8 @@ COURSE_CENTROIDS = 64
 """How many centroids a shard keeps of each number at each node."""
 BLOCK_BYTES = 64 << 20
 """What the nodes of all members that are looked at together may take."""
+TOGETHER = 64
+"""Members that are looked at together. Always this many, so that no value depends on how members are divided."""
 
 
 class Observer:
@@ -37,23 +41,24 @@ class Observer:
     def __init__(self, system: System, chosen: Sequence[str]):
         self.system, self.chosen = system, tuple(chosen)
         self._plain = replaced(system, internal=None, inputs=None)
-        self._made: dict[int, Any] = {}
-        self._reports = False
+        self._derive = Derivation(replace_parameters(system, None), TOGETHER)
+        self._report: dict[int, Any] = {}
 
-    def __call__(self, records: State) -> Variables:
+    def __call__(self, records: State, members: np.ndarray | None = None) -> Variables:
+        """members: the member of each record, by default all of them in order."""
         count = len(records.t)
-        if count not in self._made:
-            self._reports = not set(self.chosen) <= {*self._without(records, _blank(records))}
-            self._made[count] = tabulate(self._traced, records)
-        found = self._made[count](records)
-        named = self._without(records, found["derived"])
-        for name, values in (found["reported"] or {}).items():
-            named[name] = (("time", *(f"{name}_{axis}" for axis in range(values.ndim - 1))), values)
+        members = np.arange(count) if members is None else members
+        named = self._without(records, self._derive(self.system.parameters, records, members))
+        if not set(self.chosen) <= {*named} and isinstance(self.system.internal, InternalRule):
+            if count not in self._report:
+                self._report[count] = tabulate(self._reported, records)
+            for name, values in self._report[count](records).items():
+                named[name] = (("time", *(f"{name}_{axis}" for axis in range(values.ndim - 1))), values)
         return {name: (named[name][0][1:], named[name][1]) for name in self.chosen}
 
     def _without(self, records: State, found: Mapping[str, Any]) -> Variables:
         """What is not reported. Angles are NaN where there is no rotation, as in members that failed."""
-        rotation = found["rotation"]
+        rotation = found.get("rotation")
         if rotation is None:
             return variables(self._plain, records, {}, lambda _: dict(found))
         good = _are_rotations(rotation)
@@ -62,16 +67,14 @@ class Observer:
         dims, angles = made[ANGLES]
         return {**made, ANGLES: (dims, np.where(good[:, None], angles, np.nan))}
 
-    def _traced(self, records: State) -> dict[str, Any]:
-        found: dict[str, Any] = {"derived": derived(records), "reported": None}
-        if self._reports and isinstance(self.system.internal, InternalRule):
-            report = self.system.internal.report
+    def _reported(self, records: State) -> dict[str, Any]:
+        assert isinstance(self.system.internal, InternalRule)
+        report = self.system.internal.report
 
-            def one(s: State) -> dict[str, Any]:
-                return report(self.system.motion_at(s, s.inputs), self.system.parameters)
+        def one(s: State) -> dict[str, Any]:
+            return report(self.system.motion_at(s, s.inputs), self.system.parameters)
 
-            found["reported"] = jax.vmap(one)(records)
-        return found
+        return jax.vmap(one)(records)
 
 
 def _are_rotations(R: np.ndarray) -> np.ndarray:
@@ -81,17 +84,11 @@ def _are_rotations(R: np.ndarray) -> np.ndarray:
         return (defect <= UNIT) & (np.linalg.det(R) > 0)
 
 
-def _blank(records: State) -> dict[str, Any]:
-    """Of the shapes of `derived`, for the names of variables: records may hold NaN."""
-    found = jax.tree.map(lambda leaf: np.zeros(leaf.shape), jax.eval_shape(derived, records))
-    if found["rotation"] is not None:
-        found["rotation"] = np.broadcast_to(np.eye(3), found["rotation"].shape)
-    return found
-
-
 def known(system: System, records: State) -> Variables:
     """All variables of which results can be kept, of some records."""
-    return {**variables(replaced(system, internal=None, inputs=None), records, {}), **reported(system, records)}
+    derive = partial(Derivation(replace_parameters(system, None), len(records.t)), system.parameters)
+    plain = replaced(system, internal=None, inputs=None)
+    return {**variables(plain, records, {}, derive), **reported(system, records)}
 
 
 def choose(chosen: Sequence[str], there: Mapping[str, Any]) -> list[str]:
@@ -166,7 +163,7 @@ class Reduction(Memory):
             return
         taken, good = np.zeros(len(self.taken), bool), np.array(members)
         taken[good] = True
-        for name, (_, values) in Observer(self.observer.system, self.observer.chosen)(records).items():
+        for name, (_, values) in Observer(self.observer.system, self.observer.chosen)(records, good).items():
             spread = np.full((len(taken), *values.shape[1:]), np.nan)
             spread[good] = values
             mean = self.values[name]["mean"]

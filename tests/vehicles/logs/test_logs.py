@@ -163,8 +163,8 @@ def test_a_log_is_read_by_identification_as_what_it_says(run, tmp_path):
         for name, values in (
             ("north", data.q[:, 0]),
             ("depth", data.q[:, 2]),
-            ("w", data.node_nu[:, 2]),
-            ("r", data.node_xi[:, 2]),
+            ("w", data.nu[:, 2]),
+            ("r", data.xi[:, 2]),
         ):
             assert np.allclose(log.columns[name], values, atol=1e-8), name
         assert np.allclose(np.sin(log.columns["heading"]), np.sin(data.euler_angles[:, 0]), atol=1e-8)
@@ -183,5 +183,5 @@ def test_what_is_no_vehicle_has_no_log(tmp_path):
 def test_speed_through_the_water_leaves_the_current_out(run):
     log = VehicleRecords(run.dataset)
     rotation = np.asarray(run.dataset.R)
-    expected = np.asarray(run.dataset.node_nu) - np.einsum("kji,j->ki", rotation, [0.1, 0.2, 0.0])
+    expected = np.asarray(run.dataset.nu) - np.einsum("kji,j->ki", rotation, [0.1, 0.2, 0.0])
     assert np.allclose(log.through_water, expected, atol=1e-12)

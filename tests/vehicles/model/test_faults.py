@@ -37,12 +37,12 @@ def test_what_is_dropped_takes_its_momentum_along_and_no_velocity_changes() -> N
     run = dropped(0.01)
     data, k = run.dataset, 200
     assert data.internal_payload_dropped.values[k - 1] == 0.0 and data.internal_payload_dropped.values[k] == 1.0
-    nu, xi, R = (data[name].values[k] for name in ("node_nu", "node_xi", "R"))
+    nu, xi, R = (data[name].values[k] for name in ("nu", "xi", "R"))
     v = R @ (nu + np.cross(xi, PLACE))
     np.testing.assert_allclose(data.internal_payload_momentum.values[k], 4.0 * v, rtol=1e-12)
     np.testing.assert_allclose(data.internal_payload_momentum.values[-1], 4.0 * v, rtol=1e-12)
     # Accelerations are below 3 m/s² and 3 rad/s²; with continuous momenta v alone would jump by 0.1 m/s.
-    for name in ("node_nu", "node_xi"):
+    for name in ("nu", "xi"):
         assert np.max(np.abs(np.diff(data[name].values[k - 2 : k + 3], axis=0))) < 0.03
     depth = data.q.values[k, 2] + (R @ PLACE)[2]
     lost = 0.5 * 4.0 * v @ v + (1026 * 0.002 - 4.0) * 9.81 * depth
@@ -61,9 +61,9 @@ def test_after_a_drop_a_craft_moves_as_one_that_never_had_it() -> None:
         craft = Craft(BODY)
         begun = craft.start(
             position=node.q.values,
-            velocity=node.node_nu.values,
+            velocity=node.nu.values,
             euler_zyx=np.array(co.attitude.zyx_angles(node.R.values)),
-            angular_velocity=node.node_xi.values,
+            angular_velocity=node.xi.values,
         )
         after = co.simulate(craft.system, begun, dt=dt, duration=2.0)
         gaps.append(np.linalg.norm(after.final.q - run.final.q))

@@ -246,7 +246,7 @@ def test_a_random_current_carries_a_body_of_the_waters_own_density_exactly():
     # q̇ is that of a step, over which the current goes straight from node to node.
     z = run.dataset.internal_water_z.values
     current = np.array([0.3, 0.0, 0.0]) + np.array([0.2, 0.1, 0.0]) * 0.5 * (z[1:] + z[:-1])
-    np.testing.assert_allclose(run.dataset.qdot[:-1], current, atol=1e-12)
+    np.testing.assert_allclose(run.records.qdot[:-1], current, atol=1e-12)
 
 
 @pytest.mark.long

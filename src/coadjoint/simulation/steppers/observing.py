@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.quantities import Quantities, quantities_from, value
 from coadjoint.mechanics.reading import require_float64
 from coadjoint.mechanics.state import State
@@ -22,14 +23,18 @@ Observe = Mapping[str, Callable[..., Any]]
 
 
 class Watch(NamedTuple):
-    """(parameters, state) → what each function observes, as arrays in their order; for tracing, hashable."""
+    """(parameters, state) → what each function observes, as arrays in their order; for tracing, hashable.
+
+    The state that functions see has the velocities of its momenta.
+    """
 
     skeleton: System
     functions: Quantities
 
     def __call__(self, constants: Constants, state: State) -> tuple[Any, ...]:
         system = replace_parameters(self.skeleton, constants.system)
-        return tuple(jnp.asarray(value(system, function, state), dtype=float) for _, function in self.functions)
+        node = at_node(system, state)
+        return tuple(jnp.asarray(value(system, function, node), dtype=float) for _, function in self.functions)
 
 
 def watch(system: System, observe: Observe | None, state: State) -> tuple[Watch, dict[str, tuple[int, ...]]]:

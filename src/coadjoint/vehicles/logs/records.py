@@ -79,13 +79,17 @@ class VehicleRecords:
 
     @property
     def velocity(self) -> np.ndarray:
-        """Surge, sway and heave over ground, body axes, (nodes, 3), m/s; without monitors those of the step after."""
-        return self._values("node_nu" if "node_nu" in self.dataset else "nu")
+        """Surge, sway and heave over ground, body axes, (nodes, 3), m/s."""
+        return self._at_node("nu")
 
     @property
     def rates(self) -> np.ndarray:
-        """Roll, pitch and yaw rates, body axes, (nodes, 3), rad/s; without monitors those of the step after."""
-        return self._values("node_xi" if "node_xi" in self.dataset else "xi")
+        """Roll, pitch and yaw rates, body axes, (nodes, 3), rad/s."""
+        return self._at_node("xi")
+
+    def _at_node(self, name: str) -> np.ndarray:
+        """Velocities at the nodes, which older files have under names of their own."""
+        return self._values(f"node_{name}" if f"node_{name}" in self.dataset else name)
 
     @property
     def current(self) -> np.ndarray | None:

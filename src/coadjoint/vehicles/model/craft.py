@@ -103,7 +103,6 @@ class Craft:
             parameters=self.parameters,
             forces=self._forces() or None,
             internal=self.rule if self._remembers else None,
-            node_velocities=True,
             name=self.vehicle.name,
             units=self._units(),
             checks=self._checked,

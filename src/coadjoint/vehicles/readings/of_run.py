@@ -114,7 +114,7 @@ def _blocks(run: Run) -> Iterator[tuple[State, int]]:
         return
     plan, left = run.plan, run.good_steps
     state = with_ledger(run.system, run.method.begin(run.system, run.start, run.dt), plan.monitors)
-    plain = replace(run.final, origin=Origin())
+    plain = replace(run.last_record, origin=Origin())
     while left >= 0:
         count = min(BLOCK, left)
         parts: list[Any] = []

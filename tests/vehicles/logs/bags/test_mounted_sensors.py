@@ -58,7 +58,7 @@ def test_a_bag_of_this_library_says_where_its_sensors_sit(dive, bag):
     """Speeds, rates and attitudes along the body; places as the sensor's, with r beside them."""
     log = read_log(bag, topics=TOPICS)
     data = dive[2].dataset
-    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "node_xi", "node_nu"))
+    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "xi", "nu"))
     at = np.einsum("kij,j->ki", R, PLACE)
     for names, expected in (
         ("uvw", v + np.cross(omega, PLACE)),
@@ -139,7 +139,7 @@ def test_first_velocities_are_those_of_the_origin_wherever_each_place_is_measure
     """ν = Rᵀq̇ of places at three r, without a velocity in the log."""
     _, _, run = dive
     data, t = run.dataset, np.asarray(run.dataset["time"])
-    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "node_xi", "node_nu"))
+    R, q, omega, v = (np.asarray(data[name].values) for name in ("R", "q", "xi", "nu"))
     levers = {"north": (2.0, 0.3, 0.0), "depth": (-0.4, 0.0, 0.2)}
     qdot, at = np.einsum("kij,kj->ki", R, v), q.copy()
     for i, name in enumerate(("north", "east", "depth")):

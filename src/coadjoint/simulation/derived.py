@@ -1,0 +1,142 @@
+"""What follows from records: the velocities at the nodes, q and q̇, and what is seen in the other frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from coadjoint.groups import Power
+from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.mechanics.copies import replace_parameters
+from coadjoint.mechanics.each import Each, member_of
+from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.system import System
+
+if TYPE_CHECKING:
+    from coadjoint.simulation.ensemble import Ensemble
+    from coadjoint.simulation.run import Run
+
+BATCH = 1024
+"""Records that are looked at together. Always this many, so that no value depends on which others were."""
+MOST_NUMBERS = 1 << 21
+"""And fewer where the matrices of the Legendre transforms of so many would hold more numbers than these."""
+
+
+class Derivation:
+    """Functions of records of a system, traced once for each shape of them.
+
+    skeleton: the system without parameters. most: records that are looked at together.
+    """
+
+    def __init__(self, skeleton: System, most: int = BATCH):
+        self.skeleton, self.most = skeleton, most
+        self._made: dict[Any, Callable[..., Any]] = {}
+
+    def __call__(self, parameters: Any, records: State, members: np.ndarray | None = None) -> dict[str, Any]:
+        """ξ and ν at the node, Ad_g ξ, q, q̇ = g·ν and the rotation in g, if any, of every record.
+
+        parameters: those of the system; of an ensemble with `co.each`, of which `members` says the member of each
+        record, by default the first. Nothing of records without g.
+        """
+        if records.g is None:
+            return {}
+        shared, own = _split(parameters, members)
+        plain = records.replace(memory=None, ledger=None, origin=Origin())
+        size, count = self._rows, len(records.t)
+        parts = []
+        for start in range(0, max(count, 1), size):
+            cut = jax.tree.map(lambda leaf, start=start: leaf[start : start + size], (plain, own))
+            rows = len(cut[0].t)
+            filled = jax.tree.map(lambda leaf: np.resize(leaf, (size, *np.shape(leaf)[1:])), cut)
+            found = self._function(shared, *filled)(shared, *filled)
+            parts.append(jax.tree.map(lambda leaf, rows=rows: leaf[:rows], found))
+        return jax.tree.map(lambda *found: np.concatenate(found), *parts)
+
+    @property
+    def _rows(self) -> int:
+        group, Q, _ = self.skeleton.places
+        wide = group.dim * 3 * group.factor.dim if isinstance(group, Power) else (group.dim + Q.dim(group)) ** 2
+        return max(1, min(self.most, MOST_NUMBERS // max(wide, 1)))
+
+    def _function(self, *arguments: Any) -> Callable[..., Any]:
+        leaves, structure = jax.tree.flatten(arguments)
+        key = structure, *(np.shape(leaf) for leaf in leaves)
+        if key not in self._made:
+            self._made[key] = tabulate(self._traced, *arguments)
+        return self._made[key]
+
+    def _traced(self, shared: Any, records: State, own: dict[int, Any]) -> dict[str, Any]:
+        leaves, structure = jax.tree.flatten(shared, is_leaf=_is_missing)
+
+        def one(state: State, own: dict[int, Any]) -> dict[str, Any]:
+            whole = [own.get(i, leaf) for i, leaf in enumerate(leaves)]
+            return _derived(replace_parameters(self.skeleton, jax.tree.unflatten(structure, whole)), state)
+
+        return jax.vmap(one)(records, own)
+
+
+def derivation(run: Run | Ensemble) -> Derivation:
+    """That of a run's system; what was traced is kept for further runs of the same functions."""
+    program = run.plan.program
+    return _kept(program.skeleton, program.version)
+
+
+@lru_cache(maxsize=32)
+def _kept(skeleton: System, version: str) -> Derivation:
+    return Derivation(skeleton)
+
+
+def at_nodes(derive: Derivation, system: System, records: State, members: np.ndarray | None = None) -> State:
+    """The records with the velocities (ξ, ν) at the nodes in place of those of the steps that start there.
+
+    Their origin keeps the latter, Newton's next guess of a run that goes on from one of them. members: as for `derive`.
+    """
+    found = derive(system.parameters, records, members)
+    origin = Origin(records.origin.system, (records.xi, records.nu))
+    return records.replace(**{name: found[name] for name in ("xi", "nu") if name in found}, origin=origin)
+
+
+def one_at_node(derive: Derivation, system: System, record: State) -> State:
+    """`at_nodes` of one record."""
+    rows = at_nodes(derive, system, jax.tree.map(lambda leaf: np.asarray(leaf)[None], record))
+    origin = Origin(record.origin.system, (record.xi, record.nu))
+    return jax.tree.map(lambda leaf: leaf[0], rows).replace(origin=origin)
+
+
+def known_at_nodes(system: System, records: State) -> bool:
+    """Whether the velocities at nodes are known: those of the momenta, where there is an ℓ or ℋ, and g."""
+    return system.continuous and records.g is not None and records.mu is not None
+
+
+def _derived(system: System, state: State) -> dict[str, Any]:
+    (group, Q, _), node = state.places, at_node(system, state)
+    return {
+        "xi": node.xi,
+        "nu": node.nu,
+        "xi_there": group.Ad(state.g, node.xi),
+        "q": Q.act(group, state.g, state.n),
+        "qdot": Q.push(group, state.g, state.n, node.nu),
+        "rotation": group.rotation(state.g),
+    }
+
+
+def _split(parameters: Any, members: np.ndarray | None) -> tuple[Any, dict[int, Any]]:
+    """The parameters that all records share, with None for the others, and these by their places, a row a record."""
+    if members is None:
+        return member_of(parameters, 0), {}
+    leaves, structure = jax.tree.flatten(parameters)
+    own = {
+        i: jax.tree.map(lambda leaf: np.asarray(leaf)[members], leaf.values)
+        for i, leaf in enumerate(leaves)
+        if isinstance(leaf, Each)
+    }
+    return jax.tree.unflatten(structure, [None if i in own else leaf for i, leaf in enumerate(leaves)]), own
+
+
+def _is_missing(leaf: Any) -> bool:
+    return leaf is None

@@ -1,0 +1,102 @@
+"""ξ and ν of datasets, files, final states, quantities and observations belong to the node."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coadjoint as co
+
+INERTIA = np.array([2.0, 2.0, 1.0])
+BODY = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters={"inertia": INERTIA})
+START = np.array([1.0, 0.0, 2.0])
+
+
+def exact(t):
+    """ω of a symmetric top that nothing acts on: it turns about the third axis by (I₃ − I₁)/I₁ ω₃."""
+    angle = (INERTIA[2] - INERTIA[0]) / INERTIA[0] * START[2] * np.asarray(t)
+    return np.stack([np.cos(angle), np.sin(angle), np.full_like(angle, START[2])], axis=-1)
+
+
+def simulated(dt=0.1, method=None, system=BODY, **more):
+    start = system.state(xi=START)
+    return co.simulate(system, start, dt=dt, duration=5, method=method, accuracy=False, progress=False, **more)
+
+
+def test_velocities_of_a_method_of_order_6_have_order_6():
+    errors = {}
+    for h in (0.1, 0.05):
+        data = simulated(h, co.KahanLi6(co.Midpoint())).dataset
+        errors[h] = [np.max(np.abs(data[name].values - exact(data.time.values))) for name in ("xi", "xi_step")]
+    (node, step), (finer, _) = errors[0.1], errors[0.05]
+    assert node < 3e-7 and 5.5 < np.log2(node / finer) < 6.5
+    assert step > 1e-2
+
+
+def test_the_final_state_has_the_velocities_of_the_last_node_and_goes_on_to_the_same_bits():
+    whole, half = simulated(), co.simulate(BODY, BODY.state(xi=START), dt=0.1, steps=20, accuracy=False)
+    np.testing.assert_array_equal(half.final.xi, half.dataset.xi[-1])
+    np.testing.assert_allclose(half.final.xi, half.final.mu / INERTIA, atol=1e-15)
+    assert np.max(np.abs(half.final.xi - half.records.xi[-1])) > 1e-3
+    rest = co.simulate(BODY, half.final, dt=0.1, steps=30, accuracy=False)
+    for name in ("mu", "xi", "xi_step"):
+        np.testing.assert_array_equal(rest.dataset[name][1:], whole.dataset[name][21:])
+
+
+def test_files_hold_both_and_give_the_same_final_state(tmp_path):
+    run = simulated()
+    saved = co.load(run.save(tmp_path / "run.nc"), BODY)
+    np.testing.assert_array_equal(saved.dataset.xi, run.dataset.xi)
+    np.testing.assert_array_equal(saved.dataset.xi_step, run.records.xi)
+    np.testing.assert_array_equal(saved.final.xi, run.final.xi)
+    streamed = simulated(store=tmp_path / "run")
+    np.testing.assert_array_equal(streamed.dataset.xi, run.dataset.xi)
+    np.testing.assert_array_equal(streamed.final.xi, run.final.xi)
+    assert "xi_step_2" in (run.save(tmp_path / "run.csv")).read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_members_have_the_velocities_of_their_own_parameters(stored, tmp_path):
+    fleet = BODY.replace(inertia=co.each(np.array([[2.0, 2.0, 1.0], [1.0, 1.5, 2.0]])))
+    runs = simulated(system=fleet, **({"store": tmp_path / "fleet"} if stored else {}))
+    for member, inertia in enumerate(([2.0, 2.0, 1.0], [1.0, 1.5, 2.0])):
+        of = runs.dataset.isel(member=member)
+        np.testing.assert_allclose(of.xi, of.mu / np.array(inertia), atol=1e-15)
+        np.testing.assert_allclose(runs.final.xi[member], of.xi[-1], atol=1e-15)
+        assert np.max(np.abs(of.xi_step - of.xi)) > 1e-3
+
+
+@pytest.mark.parametrize("backend", ["native", pytest.param("xla", marks=pytest.mark.long)])
+def test_quantities_and_observations_see_the_node(backend):
+    watched = BODY.watching({"spin": lambda s: s.xi[0]})
+    run = simulated(system=watched, backend=backend)
+    np.testing.assert_allclose(run.dataset.spin, run.dataset.xi[:, 0], atol=1e-15)
+    if backend == "native":
+        stepper = co.Stepper(BODY, BODY.state(xi=START), dt=0.1, observe={"xi": lambda s: s.xi})
+        stepper.step()
+        np.testing.assert_allclose(stepper.observation["xi"], run.dataset.xi[1], atol=1e-15)
+
+
+def test_additional_velocities_and_the_space_frame_are_of_the_node():
+    inertia, mass = np.array([1.0, 2.0, 3.0]), np.array([1.0, 3.0, 2.0])
+    system = co.System(
+        co.SO3(),
+        lambda xi, n, nu, a: 0.5 * xi @ (inertia * xi) + 0.5 * nu.hull @ (mass * nu.hull) - n.hull @ a,
+        additional={"hull": co.Defining()},
+        advected=co.Defining(),
+        units={"xi": "rad/s", "nu": "m/s"},
+    )
+    start = system.state(xi=[0.3, -0.2, 0.5], q={"hull": [1, 0, 0]}, qdot={"hull": [0.2, 0.1, 0]}, a0=[0, 0, 1])
+    data = co.simulate(system, start, dt=0.1, steps=4, accuracy=False).dataset
+    np.testing.assert_allclose(data.nu_hull, data.pi_hull / mass, atol=1e-15)
+    np.testing.assert_allclose(data.qdot_hull, np.einsum("tij,tj->ti", data.R, data.nu_hull), atol=1e-15)
+    np.testing.assert_allclose(data.xi_spatial, np.einsum("tij,tj->ti", data.R, data.mu / inertia), atol=1e-15)
+    assert data.nu_step_hull.attrs["units"] == "m/s" and "of the step" in data.nu_step_hull.attrs["long_name"]
+    assert "at the node" in data.xi.attrs["long_name"] and data.xi_step.attrs["units"] == "rad/s"
+
+
+def test_where_only_steps_have_velocities_these_are_shown_and_said_to_be_so():
+    system = co.System(co.SO3(), discrete_lagrangian=lambda xi, h: 0.5 * h * xi @ (INERTIA * xi))
+    start = system.state(xi=START)
+    data = co.simulate(system, start, dt=0.1, steps=3, method=co.Variational(co.Cayley(), start="velocity")).dataset
+    assert "xi_step" not in data and "of the step that starts" in data.xi.attrs["long_name"]
