@@ -34,6 +34,8 @@ def begun(file: Path, folder: Path, workers: int) -> int:
         try:
             execute(read_sweep(file), folder, workers=workers, progress=False)
             os._exit(0)
+        except BaseException as error:
+            print(repr(error), flush=True)
         finally:
             os._exit(1)
     return child

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import shutil
 import sys
 from pathlib import Path
 
@@ -41,13 +42,27 @@ figures = false
 """
 
 
+@pytest.fixture(scope="module")
+def home(tmp_path_factory) -> Path:
+    """A sweep that was killed before its end, in `out`, with its files."""
+    folder = tmp_path_factory.mktemp("swept_factory")
+    (folder / "spring_of_sweep_test.py").write_text("K = 2.0\n")
+    (folder / "c.txt").write_text("2.0")
+    (folder / "f.py").write_text(FACTORY)
+    (folder / "r.toml").write_text('[system]\nfactory = "f.py:make"\n[run]\ndt = 0.01\nsteps = 5\n')
+    (folder / "s.toml").write_text(SWEEP)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sys, "dont_write_bytecode", True)
+        patched.setattr(store, "enter_chunks", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            execute(read_sweep(folder / "s.toml"), folder / "out", workers=1, progress=False)
+    sys.modules.pop("spring_of_sweep_test", None)
+    return folder
+
+
 @pytest.fixture
-def sweep(tmp_path, monkeypatch) -> Sweep:
-    (tmp_path / "spring_of_sweep_test.py").write_text("K = 2.0\n")
-    (tmp_path / "c.txt").write_text("2.0")
-    (tmp_path / "f.py").write_text(FACTORY)
-    (tmp_path / "r.toml").write_text('[system]\nfactory = "f.py:make"\n[run]\ndt = 0.01\nsteps = 5\n')
-    (tmp_path / "s.toml").write_text(SWEEP)
+def sweep(home, tmp_path, monkeypatch) -> Sweep:
+    shutil.copytree(home, tmp_path, dirs_exist_ok=True)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.delitem(sys.modules, "spring_of_sweep_test", raising=False)
     return read_sweep(tmp_path / "s.toml")
@@ -61,22 +76,20 @@ def edited(folder: Path, text: str) -> None:
 
 
 @pytest.fixture
-def begun(sweep, tmp_path, monkeypatch) -> Path:
-    """A sweep that was killed before its end."""
-    with monkeypatch.context() as patched:
-        patched.setattr(store, "enter_chunks", lambda *_: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            execute(sweep, tmp_path / "out", workers=1, progress=False)
+def begun(tmp_path) -> Path:
     return tmp_path / "out"
 
 
-def test_a_sweep_goes_on_with_the_same_model_alone(sweep, begun, tmp_path):
+def test_a_sweep_does_not_go_on_with_another_model(sweep, begun, tmp_path):
     kept = {path.name for path in (begun / "inputs" / "1").iterdir()}
     assert kept == {"f.py", "spring_of_sweep_test.py", "c.txt"}
     edited(tmp_path, "K = 4.0\n")
     with pytest.raises(co.FileError, match=r"spring_of_sweep_test\.py has other contents there"):
         execute(sweep, begun, workers=1, progress=False)
-    edited(tmp_path, "K = 2.0\n")
+
+
+@pytest.mark.long
+def test_a_sweep_of_a_factory_goes_on_with_the_model_that_it_began_with(sweep, begun):
     made = execute(sweep, begun, workers=1, progress=False)
     assert made.summary["computed_tasks"] == 0 and made.failures == {}
 
