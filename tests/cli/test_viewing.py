@@ -68,7 +68,7 @@ def test_of_a_sweep_it_is_told_what_shows_it(command, tmp_path, capsys):
     folder = tmp_path / "s"
     folder.mkdir()
     (folder / "statistics.nc").write_bytes(b"statistics of members")
-    (folder / "summary.json").write_text(json.dumps({"card": "sweep", "figures": ["parallel.png"]}))
+    (folder / "summary.json").write_text(json.dumps({"card": "sweep", "members": 24, "figures": ["parallel.png"]}))
     facts = {"format": 2, "kind": "results", "inputs": {}, "complete": True, "sweep": {"digest": "0", "members": 24}}
     held = Manifest(folder, facts)
     held.enter("statistics.nc")
