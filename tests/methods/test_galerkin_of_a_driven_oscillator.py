@@ -26,7 +26,7 @@ def test_a_driven_oscillator_and_a_driven_wheel_move_as_their_closed_forms():
     error = 1e-7
     system, start = driven()
     run = co.trajectory(system, start, dt=0.2, steps=10, method=co.Galerkin(degree=3))
-    t = 0.2 * np.arange(10)
+    t = 0.2 * np.arange(11)
     x, v = np.cos(t) + 2 / 3 * np.sin(t) - np.sin(2 * t) / 3, -np.sin(t) + 2 / 3 * (np.cos(t) - np.cos(2 * t))
     R, records = np.asarray(run.records.g), run.records
     assert np.allclose(records.t, t, rtol=0, atol=1e-14)

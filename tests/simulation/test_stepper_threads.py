@@ -96,7 +96,7 @@ def test_copies_and_states_are_never_torn_while_another_thread_steps(many):
     worker.start()
     try:
         other = many.clone()
-        for _ in range(200):
+        for _ in range(40):
             other.restore(body)
             for state in (body.state, body.clone().state, other.state):
                 assert len(set(state.t)) == 1
