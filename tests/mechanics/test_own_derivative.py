@@ -88,6 +88,19 @@ def test_what_is_smooth_between_kinks_passes(name):
     assert system.check(start) == []
 
 
+def test_fine_rounding_raises_where_short_differences_see_nothing_of_it():
+    """Parts of a staircase shrink as those of a kink do; their sum does not."""
+    system = co.System(co.SO3(), lambda xi: kinetic(xi) + kinetic(jnp.round(xi, 6)))
+    with pytest.raises(co.LagrangianError, match="must be continuous, but it holds the operation `round` and jumps"):
+        system.check(system.state(xi=[0.3, 0.2, 1.0]))
+
+
+def test_fine_kinks_pass():
+    """A saw without jumps, with 10⁴ teeth along the line on which jumps are searched for."""
+    system, start = made(lambda xi, a: kinetic(xi) - 1e-4 * jnp.abs(jnp.mod(1e4 * a[2], 1.0) - 0.5))
+    assert system.check(start) == []
+
+
 def test_both_numbers_are_those_along_the_direction():
     system, start = made(lambda xi, a: kinetic(xi) - halved(a[2]))
     with pytest.raises(co.LagrangianError) as raised:

@@ -197,7 +197,7 @@ def _jump(slopes: Slopes, line: Line, length: float) -> tuple[float, float, floa
         change, mean = np.diff(rows[:, 0]), 0.5 * (rows[1:, 1] + rows[:-1, 1]) * np.diff(s)
         unexplained = np.nan_to_num(np.abs(change - mean), nan=0.0, posinf=0.0)
         k, size = int(np.argmax(unexplained)), float(np.max(np.abs(rows[np.isfinite(rows[:, 0]), 0]), initial=0.0))
-        shrinks = level > SEVERAL and unexplained[k] < 0.3 * before  # as at a kink
+        shrinks = level > SEVERAL and unexplained.sum() < 0.3 * before  # as at a kink; fine stairs keep their sum
         if shrinks or unexplained[k] <= 1e3 * ROUND_OFF * size:
             return None
         before = unexplained[k]
