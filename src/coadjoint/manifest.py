@@ -138,6 +138,7 @@ def _is_entry(found: Any) -> bool:
         and len(found) in (2, 4)
         and isinstance(found[1], str)
         and all(type(n) is int and n >= 0 for n in (found[0], *found[2:]))
+        and (len(found) == 2 or found[2] * max(found[3], 1) <= found[0])
     )
 
 

@@ -169,3 +169,12 @@ def test_commands_print_through_one_place_alone():
     found = {name: telling.findall(re.sub(r'""".*?"""', "", text, flags=re.S)) for name, text in texts.items()}
     assert {name for name, calls in found.items() if calls} == PRINTING
     assert found["cli/start.py"] == ["sys.stderr.write"]  # of two words of its own
+
+
+@pytest.mark.parametrize("arguments", [("info", "a.nc", HOSTILE), ("info", "a.nc", f"--{HOSTILE}"), (HOSTILE,)])
+def test_arguments_that_fit_no_command_are_shown_with_escapes(capsys, arguments):
+    """As in `coadjoint info *` in a folder of somebody else."""
+    with pytest.raises(SystemExit):
+        printed(capsys, *arguments)
+    found = capsys.readouterr()
+    assert "own" in found.out + found.err and not (set(found.out + found.err) & BAD)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import io
 import json
@@ -300,3 +301,39 @@ def test_files_that_are_too_large_for_their_kind_are_refused(tmp_path):
     for reading in (lambda: read_mesh(mesh), lambda: Manifest.read(folder), lambda: summary(folder)):
         with pytest.raises(CoadjointError, match=r"larger than|too large"):
             reading()
+
+
+def page_of(kind: int, children: int, cells: list[bytes]) -> bytes:
+    """A page of SQLite's trees: 13 is a leaf, 5 has children, the last of which stands in its head."""
+    head, end, places = 8 if kind == 13 else 12, 4096, []
+    body = bytearray(4096)
+    for cell in cells:
+        end -= len(cell)
+        body[end : end + len(cell)] = cell
+        places.append(end)
+    struct.pack_into(">BHHHB", body, 0, kind, 0, len(cells), end, 0)
+    struct.pack_into(">I", body, 8, children)
+    struct.pack_into(f">{len(cells)}H", body, head, *places)
+    return bytes(body)
+
+
+@pytest.mark.parametrize(("topic", "words"), [(1, "more bytes than the file"), (2, "interrupted")])
+def test_a_database_whose_pages_are_parts_of_many_others_is_refused(tmp_path, topic, words):
+    """A table of 53 kB with 101⁹ · 40 messages without bytes, of a topic that is wanted, or of none."""
+    file = tmp_path / "x.db3"
+    with contextlib.closing(sqlite3.connect(file)) as base:
+        base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format)")
+        base.execute("INSERT INTO topics VALUES(1, '/imu', 'sensor_msgs/msg/Imu', 'cdr')")
+        base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        base.commit()
+        ((root,),) = base.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
+    row = bytes([5, 0, 1, 1, 12, topic, 5])
+    pages = [file.read_bytes(), page_of(13, 0, [bytes([len(row), i]) + row for i in range(1, 41)])]
+    first = len(pages[0]) // 4096 + 1
+    trees = [page_of(5, first + k, [struct.pack(">IB", first + k, i) for i in range(1, 101)]) for k in range(9)]
+    content = bytearray(b"".join([*pages, *trees[:-1]]))
+    content[(root - 1) * 4096 : root * 4096] = trees[-1]
+    struct.pack_into(">I", content, 28, len(content) // 4096)
+    file.write_bytes(content)
+    with pytest.raises(FileError, match=words):
+        read_sqlite(file, lambda *_: True)

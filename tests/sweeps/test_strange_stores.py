@@ -10,6 +10,7 @@ import pytest
 from strange_stores import VALUES, copied, damaged, hostile, made
 
 import coadjoint as co
+from coadjoint.manifest import Manifest
 from coadjoint.report.verification import verify
 from coadjoint.sweeps.figures import columns
 
@@ -97,3 +98,26 @@ def test_arrays_of_version_2_are_refused_before_they_are_opened(whole, tmp_path,
     monkeypatch.setattr("zarr.open_group", None)
     with pytest.raises(co.FileError, match=r"zarr.json|zarr format 3"):
         _ = co.load_sweep(folder).dataset
+
+
+@pytest.mark.parametrize("counts", [[10**15, 0], [10**15, 10**15], [1, 10**9]])
+def test_a_manifest_whose_files_fall_into_more_blocks_than_bytes_is_refused(whole, tmp_path, counts):
+    """Every block is a turn of a loop."""
+    manifest = Manifest.read(copied(whole, tmp_path / "out"))
+    chunk = manifest.files["members.zarr/final_xi/c.1.0"]
+    chunk[2:] = counts
+    manifest.write()
+    with pytest.raises(co.FileError, match="not a manifest that coadjoint wrote"):
+        co.load_sweep(manifest.folder)
+
+
+def test_the_summary_of_a_sweep_is_read_up_to_its_limit(whole, tmp_path):
+    """One of 100 MB of zeros takes no place on the disk."""
+    folder = copied(whole, tmp_path / "out")
+    with open(folder / "summary.json", "r+b") as file:
+        file.truncate(100_000_000)
+    manifest = Manifest.read(folder)
+    manifest.enter("summary.json")
+    manifest.write()
+    with pytest.raises(co.FileError, match="larger than the 64 MB"):
+        co.load_sweep(folder)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated
 
 import tyro
@@ -21,7 +22,7 @@ from coadjoint.cli.sweeping import Sweep
 from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.cli.viewing import View
-from coadjoint.errors import CoadjointError, StepError
+from coadjoint.errors import CoadjointError, StepError, printable
 from coadjoint.interrupts import heeded
 
 USAGE = 2
@@ -87,16 +88,32 @@ def _run(given: list[str]) -> int:
     if given == ["--version"]:
         terminal.line(versions())
         return commands.OK
-    command = tyro.cli(
-        Command,  # pyright: ignore[reportArgumentType]
-        prog="coadjoint",
-        description="Variational integrators on Lie groups from a reduced Lagrangian.",
-        args=given or ["--help"],
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
+    command = _parsed(given or ["--help"])
     status = command()
     sys.stdout.flush()
     return status
+
+
+def _parsed(given: Sequence[str]) -> Callable[[], int]:
+    """The command that arguments ask for; what is wrong with names that hold control characters shows these as escapes.
+
+    Names of files come as arguments, too, where the shell writes them for `*`.
+    """
+    parse = partial(
+        tyro.cli,
+        Command,  # pyright: ignore[reportArgumentType]
+        prog="coadjoint",
+        description="Variational integrators on Lie groups from a reduced Lagrangian.",
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
+    shown = [printable(argument) for argument in given]
+    if shown == [*given]:
+        return parse(args=given)
+    try:
+        return parse(args=given, console_outputs=False)
+    except SystemExit:
+        parse(args=shown)
+        raise
 
 
 def run() -> None:

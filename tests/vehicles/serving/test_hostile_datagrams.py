@@ -187,3 +187,31 @@ def test_frame_rates_are_prepared_once_each_and_others_are_refused():
     assert made == [400, 100, 5, 200] and rates(400) is first
     only = Rates(make, 50.0)
     assert only(300) is only(0) and made[4:] == [50]
+
+
+def test_an_answer_that_reached_no_port_does_not_end_the_loop(monkeypatch):
+    """Windows says so at the next datagram, by an error."""
+    loop, came = Loop("127.0.0.1", 0), iter([ConnectionResetError(10054, "no port"), None])
+    own = loop._socket
+
+    class Windows:
+        def recvfrom(self, most):
+            if error := next(came):
+                raise error
+            return own.recvfrom(most)
+
+        def __getattr__(self, name):
+            return getattr(own, name)
+
+    monkeypatch.setattr(loop, "_socket", Windows())
+    with listening(loop, Echo(), 1) as ask:
+        assert ask(b"good") == b"good"
+
+
+class Echo:
+    """Answers what comes."""
+
+    t = 0.0
+
+    def answer(self, data: bytes) -> bytes:
+        return data

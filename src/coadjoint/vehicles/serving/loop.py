@@ -91,6 +91,8 @@ class Loop:
                     if idle is not None and time.monotonic() - heard > idle:
                         return
                     continue
+                except ConnectionError:  # of Windows, where an answer reached no port; it may be of any datagram before
+                    continue
                 heard = time.monotonic()
                 self._answer(answering, data, sender)
         finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -15,6 +16,11 @@ from coadjoint.vehicles.logs.bags.schemas import BODIES, schema
 
 SMALL = 1_000_000
 """Bytes that a text or message may have in any file; computed columns could make more than the file has."""
+WORK, LEAST, EACH = 100, 10_000_000, 10_000
+"""Instructions of SQLite that reading may take: so many a byte of the file, and as many in any file; how many between
+two looks. Pages that count as parts of many others could make rows without end."""
+ROW = 8
+"""Bytes of the file that a message takes at least, besides its own."""
 MAGIC = b"SQLite format 3\0"
 
 
@@ -38,6 +44,7 @@ def read_sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Bag:
         try:
             base.execute("PRAGMA trusted_schema = OFF")
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(path.stat().st_size, SMALL))
+            base.set_progress_handler(_within(LEAST + WORK * path.stat().st_size), EACH)
             return _read(base, path, wanted)
         finally:
             base.close()
@@ -60,6 +67,7 @@ def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], boo
             _require_texts(path, "message_definitions", row)
             kind, written, text = row
             texts[kind] = written, text.encode()
+    held = 0
     for number, *row in base.execute("SELECT id, name, type, serialization_format FROM topics"):
         _require_texts(path, "topics", row)
         topic, kind, written = row
@@ -67,8 +75,14 @@ def _read(base: sqlite3.Connection, path: Path, wanted: Callable[[str, str], boo
             texts[kind] = "ros2msg", schema(short(kind)).encode()
         found.channels[number] = BagChannel(topic, kind, written, *texts.get(kind, ("", b"")))
         if wanted(topic, short(kind)):
-            _messages(base, number, found)
+            held = _messages(base, number, found, held)
     return found
+
+
+def _within(most: int) -> Callable[[], bool]:
+    """What SQLite asks after every `EACH` instructions: whether it must stop, after more than `most` of them."""
+    looks = count(1)
+    return lambda: next(looks) * EACH > most
 
 
 def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
@@ -77,7 +91,8 @@ def _require_texts(path: Path, table: str, row: Sequence[Any]) -> None:
             raise FileError(f"The bag {path} is damaged: a row of its table `{table}` holds {value!r:.40} for a text.")
 
 
-def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
+def _messages(base: sqlite3.Connection, number: int, found: Bag, held: int) -> int:
+    """Add the messages of a topic; the bytes that they and those before, `held`, take in the file at least."""
     rows, parts, at = [], [], 0
     asked = "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id"
     for time, data in base.execute(asked, (number,)):
@@ -86,6 +101,8 @@ def _messages(base: sqlite3.Connection, number: int, found: Bag) -> None:
         rows.append((at, len(data), time))
         parts.append(data)
         at += len(data)
-        if at > found.size:
+        held += len(data) + ROW
+        if held > found.size:
             raise FileError(f"The bag {found.path} is damaged: its messages have more bytes than the file.")
     found.add(number, memoryview(b"".join(parts)), rows, alone=False)
+    return held
