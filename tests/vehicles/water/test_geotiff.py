@@ -57,6 +57,7 @@ def test_a_plane_in_metres_is_met_about_its_origin(tmp_path: Path) -> None:
         ({34264: ("d", (1.0,) * 16)}, {}, "must have its place by one tie point and a scale"),
         ({}, {"k1024": 2}, "is in degrees"),
         ({}, {"k3076": 9002}, "is not in metres, but in the unit EPSG:9002"),
+        ({33550: ("d", (4.0,))}, {}, "is no GeoTIFF that can be read"),
         ({33550: ("d", (4.0, 0.0, 0.0))}, {}, "has pixels of 4 by 0 m"),
         ({42113: ("s", repr(float(np.float32(-plane(NORTH - 2.5, EAST + 2)))) + "\0")}, {}, "must be finite"),
     ],

@@ -48,12 +48,11 @@ def grid_of(path: Path, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             shape = tuple(page.shape) if not more else (1 + more, *page.shape)
             _require_grid(path, shape, tags, most)
             _require_segments(path, page, most)
-            values = np.asarray(page.asarray(), float)
+            return _placed(path, np.asarray(page.asarray(), float), tags)
     except (FileError, ArgumentError):
         raise
     except Exception as error:
         raise FileError(f"The file {path} is no GeoTIFF that can be read ({told(error)}).") from error
-    return _placed(path, values, tags)
 
 
 def _require_grid(path: Path, shape: tuple[int, ...], tags: dict[int, Any], most: int) -> None:
