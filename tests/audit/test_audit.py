@@ -110,6 +110,7 @@ def test_a_rule_without_potential_is_its_own_adjoint():
     assert not not_shown(found)
 
 
+@pytest.mark.long
 def test_a_false_half_has_order_3_and_no_symmetry():
     """Mathematics, section 6: "with F = cay(hξ) and H = cay(hξ/2) every composition falls to order 3"."""
     found = findings(wrong.FALSE_HALF, co.Cayley())

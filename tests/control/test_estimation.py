@@ -119,6 +119,7 @@ def test_start_and_parameter_lie_within_their_deviations_of_the_truth():
     assert low < np.mean(np.square(off)) < high
 
 
+@pytest.mark.long
 def test_the_motion_is_nearer_to_the_truth_than_the_sensors_and_the_misfit_is_as_large_as_its_noise():
     found, (_, run, attitudes, _) = tumbling().solve(), log(SEED)
     gap = np.abs(np.asarray(found.run.records.g) - np.asarray(run.records.g))

@@ -43,6 +43,7 @@ def test_a_bar_is_shown_on_a_terminal_alone_unless_it_is_not_wanted(log, monkeyp
     assert shown or said == ""
 
 
+@pytest.mark.long
 def test_a_short_identification_shows_none(log, monkeypatch):
     monkeypatch.setattr(progress, "_QUIET_SECONDS", 1e9)
     monkeypatch.setattr(sys, "stderr", Terminal())

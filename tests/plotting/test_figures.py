@@ -154,6 +154,7 @@ def ensemble(members):
     return made.assign_coords(member=np.arange(members))
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("members", [3, 40])
 def test_an_ensemble_shows_every_member(members):

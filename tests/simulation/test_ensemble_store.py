@@ -179,6 +179,7 @@ def test_a_missing_block_of_members_is_told(tmp_path, small_blocks):
         assert str(file) in str(error.value)
 
 
+@pytest.mark.long
 def test_an_ensemble_too_large_for_memory_is_sent_to_a_store(tmp_path, monkeypatch):
     monkeypatch.setattr(ensemble, "MEMORY_LIMIT", 1e5)
     system, begun = fleet()

@@ -133,6 +133,7 @@ def test_the_records_of_one_run_are_no_start_of_an_ensemble():
         co.trajectory(VEHICLE, run.records, dt=0.02, steps=2)
 
 
+@pytest.mark.long
 def test_records_of_members_at_one_node_and_of_several_runs_at_one_time_are_a_start():
     settings = {"dt": 0.02, "steps": 5, "accuracy": False}
     fleet = co.simulate(VEHICLE, start(VEHICLE, xi=co.each(RANDOM.normal(size=(3, 3)))), **settings)

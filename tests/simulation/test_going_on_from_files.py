@@ -51,6 +51,7 @@ def test_what_goes_on_with_other_parameters_says_what_stays(file):
     np.testing.assert_array_equal(kept.records.mu[0], loaded.mu)
 
 
+@pytest.mark.long
 def test_a_file_that_was_loaded_and_saved_again_still_goes_on(file, tmp_path):
     again = co.load(file).save(tmp_path / "again.nc")
     assert same(co.load(again, BODY).final, co.load(file, BODY).final)

@@ -240,6 +240,7 @@ def test_the_fingerprint_does_not_depend_on_what_its_kernel_traced(cache, monkey
     assert fingerprint(run.plan, run.position.state, known=traces) == fingerprint(run.plan, run.position.state)
 
 
+@pytest.mark.long
 def test_what_runs_load_leaves_scipy_out():
     code = "import sys, coadjoint.simulation.simulate, coadjoint.models.heavy_top; print('scipy.linalg' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

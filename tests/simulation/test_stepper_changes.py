@@ -73,6 +73,7 @@ def test_the_start_keeps_its_velocities_too(under_way, remus, craft):
     assert abs(remus.state.pi[0] - start.pi[0]) > 1.0  # a clone changes alone
 
 
+@pytest.mark.long
 def test_momenta_stay_where_that_is_asked_for(under_way):
     state = under_way.state
     under_way.change(mass=25.0, keep="momentum")

@@ -81,6 +81,7 @@ def test_a_check_names_what_members_cannot_differ_in_together(tmp_path, capsys):
     assert "in 1 task of 3" in told and "differ in run.dt" in told and "3 groups in all" in told
 
 
+@pytest.mark.long
 def test_workers_of_a_scheduler_compute_a_sweep(tmp_path):
     quiet = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
     sweep = read_sweep(sweep_file(tmp_path))

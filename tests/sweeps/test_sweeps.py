@@ -179,6 +179,7 @@ def test_two_sweeps_into_one_folder_are_refused(swept, tmp_path):
         lock.release()
 
 
+@pytest.mark.long
 def test_a_disk_that_is_full_is_told_and_the_sweep_goes_on_later(swept, tmp_path, monkeypatch):
     def full(*given):
         raise OSError(28, "No space left on device")

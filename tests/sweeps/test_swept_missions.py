@@ -78,6 +78,7 @@ def test_random_currents_belong_to_members_and_not_to_tasks(tmp_path):
     assert len({*whole.internal.water.z[:, 0].tolist()}) == 6
 
 
+@pytest.mark.long
 def test_members_set_up_alone_are_those_set_up_together(tmp_path):
     sweep = swept(tmp_path, VARY)
     whole, alone = run(sweep, slice(0, 3)), run(sweep, slice(2, 3), quick=False)

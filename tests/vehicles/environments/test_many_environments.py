@@ -97,6 +97,7 @@ def test_members_begin_anew_at_their_next_step(single, envs):
     assert begun >= 2
 
 
+@pytest.mark.long
 def test_without_autoreset_a_mask_says_who_begins_anew():
     many = vector_environment(NAME, TASK, num_envs=COUNT, autoreset="disabled")
     assert many.metadata["autoreset_mode"] == AutoresetMode.DISABLED

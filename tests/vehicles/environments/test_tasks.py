@@ -70,6 +70,7 @@ def test_a_dock_is_entered_slowly_or_struck(dock):
         assert (reward > 40) == success and (reward < -40) == (not success)
 
 
+@pytest.mark.long
 def test_an_episode_begins_behind_the_dock(dock):
     dock.reset(seed=0)
     for _ in range(20):
@@ -138,6 +139,7 @@ def test_every_episode_has_a_current_of_its_own_across_the_way(crossing):
     assert np.all(np.abs(across) <= 0.4) and len(set(across)) == 30 and across.min() < -0.2 and across.max() > 0.2
 
 
+@pytest.mark.long
 def test_a_vehicle_drifts_with_the_current_of_its_episode(crossing):
     crossing.reset(seed=3)
     current = np.asarray(crossing.stepper.parameters.water.velocity)

@@ -117,6 +117,7 @@ def test_readings_at_nodes_are_of_the_motion_there():
     assert found["depth"].exact[24, 0] == pytest.approx(state.q[2], abs=1e-12)
 
 
+@pytest.mark.long
 def test_between_nodes_readings_are_of_the_motion_that_steps_of_the_method_lead_to():
     ahrs = Ahrs(name="ahrs", rate=1.3)
     sensors = [Depth(name="deep", rate=1.3), ahrs, Gps(name="high", rate=1.3, deepest=100.0)]

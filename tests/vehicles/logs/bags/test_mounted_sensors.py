@@ -113,6 +113,7 @@ def test_a_declared_mounting_is_that_of_the_vehicle_file(dive, bag, tmp_path, ax
     assert np.nanmax(np.abs(bare.columns["v"] - log.columns["v"][np.isfinite(log.columns["v"])])) > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("declared", "place", "turn"),
     [
