@@ -46,6 +46,7 @@ WRONG = {
     "floor": lambda xi, a: kinetic(xi) - jnp.floor(4 * a[2]),
     "ceil": lambda xi, a: kinetic(xi) - jnp.ceil(4 * a[2]),
     "sign": lambda xi, a: kinetic(xi) - jnp.sign(a[2] - 0.3),
+    "comparison as a number": lambda xi, a: kinetic(xi) - (a[2] > 0.3) * 2.0,
     "argmax": lambda xi, a: kinetic(xi) - jnp.argmax(a) * 2.0,
     "table at a whole number": lambda xi, a: kinetic(xi) - read_at_whole(5 * a[2]),
 }
@@ -59,6 +60,7 @@ RIGHT = {
     "interp": lambda xi, a: kinetic(xi) - jnp.interp(5 * a[2], KNOTS, TABLE),
     "table between its knots": lambda xi, a: kinetic(xi) - interpolated(5 * a[2]),
     "sign times its argument": lambda xi, a: kinetic(xi) - a[0] * jnp.sign(a[0]),
+    "comparison times a square": lambda xi, a: kinetic(xi) - (a[2] > 0.3) * (a[2] - 0.3) ** 2,
     "sorted": lambda xi, a: kinetic(xi) - jnp.sort(a)[1],
     "an angle that turns": lambda xi, a: kinetic(xi) - jnp.cos(jnp.mod(7 * a[2], 2 * jnp.pi)),
     "small beside a constant": lambda xi, a: 1e-9 * kinetic(xi) - 1e-9 * a[2] + 1e3,

@@ -9,6 +9,7 @@ import pytest
 
 from coadjoint.cli.main import main
 from coadjoint.manifest import Manifest
+from coadjoint.report.verification import verify
 from coadjoint.runs.run_file import read
 from coadjoint.runs.running import execute
 
@@ -73,6 +74,10 @@ def test_what_it_imports_is_copied_and_the_copies_run_alone(folder, tmp_path):
     forget()
     made = read(tmp_path / "out" / "run.toml").set_up()
     assert made.system.forces is not None
+    cached = tmp_path / "out" / "inputs" / "1" / "__pycache__"
+    cached.mkdir(exist_ok=True)
+    (cached / "spring.cpython-311.pyc").write_bytes(b"")
+    assert verify(tmp_path / "out").unknown == []
     assert sys.modules["law_of_a_spring"].__file__ == str(tmp_path / "out" / "inputs" / "1" / "law_of_a_spring.py")
 
 

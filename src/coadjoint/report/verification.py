@@ -54,5 +54,6 @@ def _compare(manifest: Manifest, found: Verification) -> None:
     for path in sorted(manifest.folder.rglob("*")):
         name = path.relative_to(manifest.folder).as_posix()
         known = name in manifest.files or path.name in (MANIFEST, "lock", ".lock") or path.is_relative_to(inner)
-        if path.is_file() and not known:
+        cached = path.parent.name == "__pycache__"  # written by Python where it imports a factory of the folder
+        if path.is_file() and not known and not cached:
             found.unknown.append(str(path))
