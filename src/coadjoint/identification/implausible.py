@@ -23,6 +23,9 @@ WILD, SPREAD, FEWEST = 50.0, 3.0, 10
 """How far a single value is off the mean of its neighbours: in such differences that 90 % of the values stay below, in
 ranges of 98 % of the values about their median; and the fewest values of a column from which that is known."""
 
+OFTEN = 0.5
+"""The part of the samples that a mark for missing values may take."""
+
 FLOORS = {"m": 10.0, "rad": 4 * np.pi, "m/s": 10.0, "rad/s": 50.0}
 """And at least, by the unit; angles that are wrapped differ by a turn."""
 
@@ -70,14 +73,34 @@ def _wrapped_by_radians(degrees: np.ndarray) -> bool:
     return bool(jumps.any() and not np.any((step > 0.5 * turn) & ~jumps) and np.mean(jumps) < SELDOM_JUMP)
 
 
+def _marks(known: np.ndarray, floor: float) -> np.ndarray:
+    """Where the lowest or highest number comes again, far off all others: a mark such as -999 for no value."""
+    for number in (np.min(known), np.max(known)):
+        at = known == number
+        others = known[~at]
+        if not 2 <= np.sum(at) <= OFTEN * len(known) or not np.any(np.diff(np.flatnonzero(~at)) > 1):
+            continue
+        if np.min(np.abs(others - number)) > max(SPREAD * np.ptp(others), floor):
+            return np.flatnonzero(at)
+    return np.array([], int)
+
+
 def wild(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> list[str]:
-    """Sentences on single values far off those before and after. time: s, (n,). columns, units: as of a `Log`."""
+    """Sentences on values far off those around, or off all others. time: s, (n,). columns, units: of a `Log`."""
     found = []
     for name, values in columns.items():
         rows = np.flatnonzero(np.isfinite(values))
         if len(rows) < FEWEST:
             continue
         known = values[rows]
+        marks = _marks(known, FLOORS.get(units.get(name, ""), np.inf))
+        if len(marks):
+            k = int(rows[marks[0]])
+            found.append(
+                f"`{name}` is {values[k]:.6g} in {len(marks)} rows, first in row {k + 1}, at {time[k]:.6g} s, and "
+                "nothing like it elsewhere: where that means no value, leave these cells empty."
+            )
+            continue
         before, after = np.append(known[1], known[:-1]), np.append(known[1:], known[-2])
         off = np.abs(known - (before + after) / 2)
         near = np.sort(np.abs(known - np.median(known)))[: -max(1, len(known) // 50)]

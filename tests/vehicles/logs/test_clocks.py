@@ -249,6 +249,19 @@ def test_a_wild_value_is_named_by_row_and_column():
     assert "and 2 more like it" in told
 
 
+def test_a_number_that_stands_for_no_value_is_named():
+    t, columns = cruise()
+    for rows, mark in (([40, 41, 90, 200], -999.0), ([77, 78], 1e6)):
+        values = columns["depth"].copy()
+        values[rows] = mark
+        (told,) = doubts(t, {**columns, "depth": values})
+        assert told.startswith(f"`depth` is {mark:g} in {len(rows)} rows, first in row {rows[0] + 1}, at ")
+    climbs = np.clip(15 + 20 * np.sin(t), 0.0, 30.0)  # between a deck at 0 m and a bottom at 30 m
+    rests = np.where(t < 20, 0.0, 2e3)  # of a column that is only one step
+    pulses = {"u": np.where(t % 5 < 0.5, 0.0, 2.0), "roll": np.where(t % 5 < 0.5, -3.1, 3.1)}
+    assert not doubts(t, {"depth": climbs, "north": rests, **pulses})
+
+
 def test_steps_pulses_and_heavy_tails_are_not_wild():
     random, t = np.random.default_rng(2), 0.1 * np.arange(2000)
     step = np.where(t > 90, 500.0, 0.0) + random.normal(size=len(t))
