@@ -27,6 +27,11 @@ def halved(x):
 halved.defjvp(lambda primals, tangents: (primals[0] ** 2, primals[0] * tangents[0]))
 
 
+def stairs(x):
+    """One of three heights, by how many edges x is beyond."""
+    return jax.lax.switch(jnp.digitize(x, jnp.array([-0.5, 0.5])), [lambda: 0.0, lambda: 1.0, lambda: 3.0])
+
+
 def read_at_whole(x):
     return jnp.asarray(TABLE)[jnp.clip(x, 0, 7).astype(int)]
 
@@ -47,6 +52,7 @@ WRONG = {
     "ceil": lambda xi, a: kinetic(xi) - jnp.ceil(4 * a[2]),
     "sign": lambda xi, a: kinetic(xi) - jnp.sign(a[2] - 0.3),
     "comparison as a number": lambda xi, a: kinetic(xi) - (a[2] > 0.3) * 2.0,
+    "switch by an interval": lambda xi, a: kinetic(xi) - stairs(a[2]),
     "argmax": lambda xi, a: kinetic(xi) - jnp.argmax(a) * 2.0,
     "table at a whole number": lambda xi, a: kinetic(xi) - read_at_whole(5 * a[2]),
 }
@@ -60,6 +66,9 @@ RIGHT = {
     "interp": lambda xi, a: kinetic(xi) - jnp.interp(5 * a[2], KNOTS, TABLE),
     "table between its knots": lambda xi, a: kinetic(xi) - interpolated(5 * a[2]),
     "sign times its argument": lambda xi, a: kinetic(xi) - a[0] * jnp.sign(a[0]),
+    "cond of functions that meet": lambda xi, a: (
+        kinetic(xi) - jax.lax.cond(a[2] > 0.3, lambda x: (x - 0.3) ** 2, lambda x: 0.0 * x, a[2])
+    ),
     "comparison times a square": lambda xi, a: kinetic(xi) - (a[2] > 0.3) * (a[2] - 0.3) ** 2,
     "sorted": lambda xi, a: kinetic(xi) - jnp.sort(a)[1],
     "an angle that turns": lambda xi, a: kinetic(xi) - jnp.cos(jnp.mod(7 * a[2], 2 * jnp.pi)),

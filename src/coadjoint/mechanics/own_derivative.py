@@ -171,6 +171,8 @@ def _rounds(equation: jaxprs.Equation, given: Sequence[bool]) -> bool:
     kinds = [jaxprs.dtype(atoms[0]).kind for atoms in (equation.inputs, equation.outputs)]
     if equation.name == "convert_element_type":
         return (kinds[0] == "f" and kinds[1] in "iu") or (kinds[0] == "b" and kinds[1] == "f")
+    if equation.name == "cond":
+        return given[0]
     if equation.name in READING:
         return any(given[1:])
     return equation.name in ROUNDING and kinds[0] == "f"
