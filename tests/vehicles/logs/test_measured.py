@@ -228,9 +228,12 @@ def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not_taken_for
     t, pitch = 0.1 * np.arange(400), 0.3 * np.sin(0.1 * np.arange(400))
     (told,) = Log(t, {"pitch": np.degrees(pitch)}).notes
     assert "`pitch` goes beyond 3.14 rad" in told and Log(t, {"pitch": pitch}).notes == ()
-    pitch[::150] = 40.0
+    pitch[::150] = [40.0, 41.0, 42.0]
     (told,) = Log(t, {"pitch": pitch}).notes
     assert told.startswith("`pitch` is 40 in row ") and "2 more like it" in told
+    pitch[::150] = 40.0
+    (told,) = Log(t, {"pitch": pitch}).notes
+    assert told.startswith("`pitch` is 40 in 3 rows")
 
 
 def swaying() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
