@@ -230,7 +230,7 @@ def test_a_pitch_beyond_every_euler_angle_is_told_and_outliers_are_not_taken_for
     assert "`pitch` goes beyond 3.14 rad" in told and Log(t, {"pitch": pitch}).notes == ()
     pitch[::150] = [40.0, 41.0, 42.0]
     (told,) = Log(t, {"pitch": pitch}).notes
-    assert told.startswith("`pitch` is 40 in row ") and "2 more like it" in told
+    assert told.startswith("`pitch` is 42 in row 301") and "2 more like it" in told
     pitch[::150] = 40.0
     (told,) = Log(t, {"pitch": pitch}).notes
     assert told.startswith("`pitch` is 40 in 3 rows")
