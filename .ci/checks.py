@@ -20,7 +20,7 @@ DEADLINE = 80 * 60.0
 """Wall time, s, after which the complete run is ended, and fails."""
 LAST = 45 * 60.0
 """Wall time, s, after which no test marked `long` begins."""
-WITHIN = {"own": (100.0, 400.0), "importing": (80.0, 150.0)}
+WITHIN = {"own": (100.0, 300.0), "importing": (80.0, 150.0)}
 """Processor time, s, after which no test marked `long` begins, for each changed package and at most: of the tests of
 what has changed, and of what imports that."""
 LEAST = 2000
