@@ -183,7 +183,7 @@ PLAIN = {
     "vehicles.serving": ("Inertial", "Reading"),
     "vehicles.importing": ("Report",),
     "vehicles.trim": ("Trim",),
-    "control": ("Answer", "End", "Input", "Measured", "Profile", "Sensitivity", "StateEstimate"),
+    "control": ("MpcSolution", "End", "Input", "Measured", "Profile", "Sensitivity", "StateEstimate"),
 }  # fmt: skip
 
 

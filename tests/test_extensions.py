@@ -10,7 +10,7 @@ import pytest
 
 import coadjoint
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import Registry, located
+from coadjoint.extensions import Registry, import_string
 
 
 def extension(monkeypatch: pytest.MonkeyPatch, **tables: object) -> None:
@@ -25,7 +25,7 @@ def test_a_registry_has_its_own_entries_and_then_those_of_extensions(monkeypatch
     extension(monkeypatch, BELLS={"small": "math:cos"})
     bells: Registry[str] = Registry("BELLS", {"large": "math:sin"})
     assert list(bells) == ["large", "small"]
-    assert located(bells["small"])(0.0) == 1.0
+    assert import_string(bells["small"])(0.0) == 1.0
 
 
 def test_a_name_that_is_taken_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,14 +64,14 @@ if TYPE_CHECKING:
     from coadjoint.mechanics.damping import quadratic_drag as quadratic_drag
     from coadjoint.mechanics.damping import rayleigh as rayleigh
     from coadjoint.mechanics.discrete_connection import DiscreteConnection as DiscreteConnection
-    from coadjoint.mechanics.each import each as each
     from coadjoint.mechanics.internal import sampled as sampled
     from coadjoint.mechanics.internal import sampling as sampling
     from coadjoint.mechanics.internal_rule import InternalRule as InternalRule
+    from coadjoint.mechanics.internal_state import Course as Course
+    from coadjoint.mechanics.internal_state import jumped as jumped
     from coadjoint.mechanics.mechanical_connection import mechanical_connection as mechanical_connection
+    from coadjoint.mechanics.members import each as each
     from coadjoint.mechanics.noether import KelvinNoether as KelvinNoether
-    from coadjoint.mechanics.over_step import Course as Course
-    from coadjoint.mechanics.over_step import jumped as jumped
     from coadjoint.mechanics.parameters import Parameters as Parameters
     from coadjoint.mechanics.poisson import poisson_bracket as poisson_bracket
     from coadjoint.mechanics.signals import Held as Held

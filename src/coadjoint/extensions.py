@@ -47,7 +47,7 @@ class Registry(Mapping[str, T]):
         return len(self._entries)
 
 
-def located(place: str) -> Any:
+def import_string(place: str) -> Any:
     """What stands at "module:name", imported now."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

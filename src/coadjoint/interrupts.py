@@ -33,7 +33,7 @@ class _Hook:
 
 
 @contextmanager
-def heeded() -> Iterator[None]:
+def deferred_interrupts() -> Iterator[None]:
     """While this lasts, `look` raises an interrupt that was lost; so does its end. It decorates functions, too.
 
     In other threads than the main one, which are not interrupted, and inside of another such call it does nothing. A

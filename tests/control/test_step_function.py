@@ -8,8 +8,8 @@ import pytest
 
 import coadjoint as co
 import paper_vehicle
+from coadjoint.control.problem_data import Input
 from coadjoint.control.stage import Begun, step_graph
-from coadjoint.control.statement import Input
 from coadjoint.control.transcription import begun, functions_of
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import signal, stats
-from tests.identification.test_sensing import NEAR, SOUGHT, STATE, SYSTEM, TRUE
+from tests.identification.test_sensor_model import NEAR, SOUGHT, STATE, SYSTEM, TRUE
 from tests.torpedo import NOISE, zigzags
 
 import coadjoint as co

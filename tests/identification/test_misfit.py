@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import signal
-from tests.identification.test_sensing import NEAR, SOUGHT, STATE, SYSTEM
+from tests.identification.test_sensor_model import NEAR, SOUGHT, STATE, SYSTEM
 from tests.torpedo import NOISE, damping, zigzags
 
 import coadjoint as co

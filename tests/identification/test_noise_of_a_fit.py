@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coadjoint.identification.findings import _estimates
 from coadjoint.identification.fitting import _estimated
 from coadjoint.identification.least_squares import Solution
+from coadjoint.identification.result import _estimates
 
 RUNS, SAMPLES, CHANNELS, OWN, SHARED = 2, 5, 2, 2, 3
 

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from tests.identification.outside_logs import INTERVAL, remus
 from tests.identification.test_coloured import markov
-from tests.identification.test_sensing import NEAR, SOUGHT, STATE, SYSTEM, TRUE
+from tests.identification.test_sensor_model import NEAR, SOUGHT, STATE, SYSTEM, TRUE
 from tests.torpedo import NOISE, zigzags
 
 import coadjoint as co
@@ -27,9 +27,9 @@ from coadjoint.identification.process_noise import (
     prediction_errors,
     wander_errors,
 )
+from coadjoint.identification.process_noise_model import _units, wandering, without
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
-from coadjoint.identification.wandering import _units, wandering, without
 
 KNOTS = Knots(("a", "b"), np.array([0, 1]), np.array([0, 1]), 0.5, 12)
 S, TAU = 2.0, 2.0
@@ -267,7 +267,7 @@ def test_nothing_wanders_where_nothing_does(exact):
 def test_noise_that_does_not_settle_is_told(exact, monkeypatch):
     """One round is too few for the noise of the sensors and what wanders."""
     monkeypatch.setattr("coadjoint.identification.fitting.ROUNDS", 1)
-    monkeypatch.setattr("coadjoint.identification.doubtful.ROUNDS", 1)
+    monkeypatch.setattr("coadjoint.identification.diagnostics.ROUNDS", 1)
     found = identify(NEAR, exact.between(0.0, 10.0), start=STATE, parameters=SOUGHT, process_noise=["X"])
     assert not found.settled
     (sentence,) = [one for one in found.warnings if "still changed" in one]

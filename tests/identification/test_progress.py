@@ -7,7 +7,7 @@ import logging
 import sys
 
 import pytest
-from tests.identification.test_sensing import NEAR, STATE, SYSTEM
+from tests.identification.test_sensor_model import NEAR, STATE, SYSTEM
 from tests.torpedo import NOISE, zigzags
 
 import coadjoint as co

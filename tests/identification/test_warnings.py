@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.identification.doubtful import hidden, vague
-from coadjoint.identification.findings import Estimate
+from coadjoint.identification.diagnostics import hidden, vague
+from coadjoint.identification.result import Estimate
 
 
 def test_a_name_in_a_sentence_is_one_of_the_three_strongest():

@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint import models
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 from coadjoint.models import CatalogueEntry, catalogue
 
 ENTRIES = list(catalogue.values())
@@ -39,7 +39,7 @@ def test_listing_names_and_descriptions_imports_no_jax():
 @pytest.mark.parametrize("entry", ENTRIES, ids=entry_name)
 def test_defaults_name_every_argument_of_the_model(entry: CatalogueEntry):
     for path, defaults, skipped in ((entry.maker, entry.parameters, 0), (entry.starter, entry.initial, 1)):
-        assert set(defaults) == set(list(inspect.signature(located(path)).parameters)[skipped:]), path
+        assert set(defaults) == set(list(inspect.signature(import_string(path)).parameters)[skipped:]), path
 
 
 @pytest.mark.cases(1)

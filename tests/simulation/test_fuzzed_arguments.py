@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.mechanics.over_step import require_internal
+from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.simulation.arguments import require_quantities
 from coadjoint.simulation.events import Event, require_event
 from coadjoint.simulation.inputs import with_inputs

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.interrupts import heeded, look
-from coadjoint.kernels.run import ensemble, native, pieces
+from coadjoint.interrupts import deferred_interrupts, look
+from coadjoint.kernels.run import ensemble, interruptible, native
 from coadjoint.simulation.steppers.native import NativeEngine
 
 STEPS = 300
@@ -78,7 +78,7 @@ def test_it_ends_the_call_and_keeps_what_was_computed(monkeypatch, tmp_path, cap
     stepper = co.Stepper(system, start, dt=0.01) if call == "stepper" else None
     monkeypatch.setattr("coadjoint.simulation.driver.PATIENCE", 0.0)
     monkeypatch.setattr("coadjoint.simulation.ensemble_driver.PATIENCE", 0.0)
-    monkeypatch.setattr(pieces.PieceLength, "took", lambda *_: None)
+    monkeypatch.setattr(interruptible.PieceLength, "took", lambda *_: None)
     runs: dict[str, Callable[[], Any]] = {
         "simulate": lambda: co.simulate(system, start, **AT),
         "members": lambda: co.simulate(system, start, **AT),
@@ -122,14 +122,14 @@ def test_it_ends_what_reads_a_lagrangian(at):
 
 @pytest.mark.long
 def test_it_is_told_at_the_end_of_a_call_that_does_not_look_and_not_in_the_next():
-    with pytest.raises(KeyboardInterrupt), heeded():
+    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
         ignored_interrupt()
     look()
-    with pytest.raises(ValueError, match="another"), heeded():
+    with pytest.raises(ValueError, match="another"), deferred_interrupts():
         ignored_interrupt()
         raise ValueError("another")
     look()
-    with heeded(), pytest.raises(KeyboardInterrupt), heeded():
+    with deferred_interrupts(), pytest.raises(KeyboardInterrupt), deferred_interrupts():
         ignored_interrupt()
         look()
 
@@ -142,7 +142,7 @@ def test_what_else_python_ignores_is_told_as_before(monkeypatch):
         def __del__(self):
             raise ValueError
 
-    with heeded():
+    with deferred_interrupts():
         Failing()
     assert told == [ValueError]
 
@@ -151,7 +151,7 @@ def test_a_handler_of_the_caller_stays(monkeypatch):
     came = []
     before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     try:
-        with heeded():
+        with deferred_interrupts():
             signal.raise_signal(signal.SIGINT)
         look()
     finally:

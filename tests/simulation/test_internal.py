@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 
 LAG = 0.3
 H = 0.02

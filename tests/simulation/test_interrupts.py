@@ -12,8 +12,8 @@ from test_store import stopped_after
 
 import coadjoint as co
 from coadjoint.kernels.packing import pack
-from coadjoint.kernels.run import driven, ensemble, native, pieces
-from coadjoint.mechanics.ledger import with_ledger
+from coadjoint.kernels.run import batch, ensemble, interruptible, native
+from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.simulation.driver import Position
 from coadjoint.simulation.event_driver import EventDriver
 
@@ -48,9 +48,9 @@ def cut(monkeypatch):
     """Calls in pieces of so many steps."""
 
     def into(steps):
-        monkeypatch.setattr(pieces.PieceLength, "took", lambda *_: None)
+        monkeypatch.setattr(interruptible.PieceLength, "took", lambda *_: None)
         monkeypatch.setattr(
-            pieces.PieceLength, "steps", property(lambda self: steps, lambda self, value: None), raising=False
+            interruptible.PieceLength, "steps", property(lambda self: steps, lambda self, value: None), raising=False
         )
 
     return into
@@ -64,7 +64,7 @@ def interrupt(monkeypatch, laps):
         if next(left, None) is None:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(pieces.Clock, "lap", lap)
+    monkeypatch.setattr(interruptible.Clock, "lap", lap)
 
 
 def assert_same(one, other):
@@ -121,12 +121,12 @@ def test_xla_in_pieces_gives_the_same_bits(cut):
 
 
 def test_a_piece_grows_to_its_time_and_shrinks_with_the_speed():
-    pace = pieces.PieceLength()
+    pace = interruptible.PieceLength()
     for _ in range(12):
         pace.took(pace.steps, pace.steps * 1e-6)
-    assert pace.steps == pytest.approx(pieces.PIECE / 1e-6, rel=1e-6)
+    assert pace.steps == pytest.approx(interruptible.PIECE / 1e-6, rel=1e-6)
     pace.took(pace.steps, pace.steps * 1e-3)
-    assert pace.steps == pytest.approx(pieces.PIECE / 1e-3, rel=1e-6)
+    assert pace.steps == pytest.approx(interruptible.PIECE / 1e-3, rel=1e-6)
     pace.took(1, 10.0)
     assert pace.steps == 1
 
@@ -305,14 +305,14 @@ def test_tangents_in_pieces_are_the_same_to_the_bit(cut):
     system, start = top()
     plan = co.simulate(system, start, **AT, steps=1).plan
     begun = with_ledger(system, co.Midpoint().begin(system, start, plan.h), True)
-    code = driven.driven(plan.program, plan.constants, begun, [0])
+    code = batch.driven(plan.program, plan.constants, begun, [0])
     p, s = pack(plan.constants)[1], pack(begun)[1]
     starts = np.stack([s, s])
-    table = driven.grouped(np.zeros((40, 2, 0)))
-    path = driven.run(code, p, plan.h, starts, np.zeros(0, int), table)
+    table = batch.grouped(np.zeros((40, 2, 0)))
+    path = batch.run(code, p, plan.h, starts, np.zeros(0, int), table)
     found = []
     for length in (10**6, 7):
         cut(length)
-        found.append(driven.push(code, p, plan.h, path, np.ones((1, 1)), np.zeros((2, 1, s.size))))
+        found.append(batch.push(code, p, plan.h, path, np.ones((1, 1)), np.zeros((2, 1, s.size))))
     np.testing.assert_array_equal(*found)
     assert np.any(found[0])

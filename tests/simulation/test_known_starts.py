@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import CoadjointError
-from coadjoint.mechanics import check, reading
+from coadjoint.mechanics import check, trace_checks
 from coadjoint.simulation import known
 
 INERTIA = np.diag([1.0, 2.0, 3.0])
@@ -182,7 +182,7 @@ def test_a_second_run_reads_every_function_once_and_checks_nothing(monkeypatch):
     first = ended(system, start)
     readings.clear()
     monkeypatch.setattr(check, "require_scalar", None)
-    monkeypatch.setattr(reading, "_again", None)
+    monkeypatch.setattr(trace_checks, "_again", None)
     assert np.array_equal(ended(system, start), first)
     assert readings == ["force"]
 
@@ -248,5 +248,8 @@ def test_only_where_all_functions_are_the_librarys_own_are_they_not_read_to_see_
     own = known.read(system, start, [], (), (), co.Midpoint(), 0.05).own
     assert own == (forces is None)
     random = np.random.default_rng(0)
-    with reading.functions_known(own), contextlib.nullcontext() if own else pytest.raises(CoadjointError, match="pure"):
-        reading.require_float64(lambda x: random.uniform() * x, "It", (np.ones(2),))
+    with (
+        trace_checks.functions_known(own),
+        contextlib.nullcontext() if own else pytest.raises(CoadjointError, match="pure"),
+    ):
+        trace_checks.require_float64(lambda x: random.uniform() * x, "It", (np.ones(2),))

@@ -25,7 +25,7 @@ from theorem_row import Row
 
 from coadjoint import theory
 from coadjoint.groups import LieGroup
-from coadjoint.kernels.run import driven, gradient, native
+from coadjoint.kernels.run import batch, gradient, native
 from coadjoint.mechanics.copies import replaced
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
 from coadjoint.mechanics.system import System
@@ -201,7 +201,7 @@ def forget() -> None:
             for value in list(vars(module).values()):
                 if hasattr(value, "cache_clear") and getattr(value, "__module__", "") == module.__name__:
                     value.cache_clear()
-    for kept in (native._kernels, driven._known, gradient._adjoints):
+    for kept in (native._kernels, batch._known, gradient._adjoints):
         kept.clear()
     jax.clear_caches()
 

@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.groups import SO3, attitude
 from coadjoint.mechanics.continuous import reference
 from coadjoint.mechanics.internal import sampled, sampling
-from coadjoint.mechanics.over_step import Course
+from coadjoint.mechanics.internal_state import Course
 from coadjoint.mechanics.state import Force, State
 from coadjoint.mechanics.system import System
 from coadjoint.spaces import Defining

@@ -23,7 +23,7 @@ from coadjoint.cli.verifying import Verify
 from coadjoint.cli.versions import unexpected, versions
 from coadjoint.cli.viewing import View
 from coadjoint.errors import CoadjointError, StepError, printable
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 
 USAGE = 2
 
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with stoppable() as came:
         try:
-            with heeded(), terminal.warned():
+            with deferred_interrupts(), terminal.warned():
                 return _run(sys.argv[1:] if arguments is None else list(arguments))
         except KeyboardInterrupt as stop:
             folder = [f"; `coadjoint resume {part}` goes on with the run" for part in stop.args if _is_folder(part)]

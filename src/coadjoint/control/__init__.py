@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING
 from coadjoint.lazy import lazy
 
 if TYPE_CHECKING:
-    from coadjoint.control.answers import Answer as Answer
     from coadjoint.control.exported import ExportedStep as ExportedStep
     from coadjoint.control.exported import step_function as step_function
     from coadjoint.control.functions import casadi_function as casadi_function
     from coadjoint.control.inputs_between import Profile as Profile
+    from coadjoint.control.least_squares_cost import squares as squares
     from coadjoint.control.measured import Measured as Measured
     from coadjoint.control.moving_horizon import Estimator as Estimator
     from coadjoint.control.moving_horizon import StateEstimate as StateEstimate
+    from coadjoint.control.mpc_solution import MpcSolution as MpcSolution
     from coadjoint.control.optimum import Optimum as Optimum
     from coadjoint.control.phased_optimum import PhasedOptimum as PhasedOptimum
     from coadjoint.control.phases import Phases as Phases
     from coadjoint.control.predictive import Controller as Controller
     from coadjoint.control.problem import Problem as Problem
+    from coadjoint.control.problem_data import Bounds as Bounds
+    from coadjoint.control.problem_data import End as End
+    from coadjoint.control.problem_data import Input as Input
     from coadjoint.control.sensitivity import Sensitivity as Sensitivity
-    from coadjoint.control.squares import squares as squares
-    from coadjoint.control.statement import Bounds as Bounds
-    from coadjoint.control.statement import End as End
-    from coadjoint.control.statement import Input as Input
 
 __getattr__, __dir__, __all__ = lazy(__name__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -10,8 +10,8 @@ from scipy.sparse import bmat, csc_matrix
 from scipy.sparse.linalg import splu
 
 from coadjoint.control.library import casadi
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram
-from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import Transcription
 from coadjoint.errors import OptimumError
 
@@ -22,7 +22,7 @@ SETTLED = 1e-4
 class SolvedProgram(NamedTuple):
     """What a solver found: the program's problem, and w with the multipliers of g(w) and of the bounds of w."""
 
-    problem: Statement
+    problem: ProblemData
     w: np.ndarray
     of_rows: np.ndarray
     of_bounds: np.ndarray

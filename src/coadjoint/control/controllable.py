@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.control.inputs_between import Profile
-from coadjoint.control.statement import Statement
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.errors import ArgumentError, shown
 
 
@@ -23,7 +23,7 @@ def steps_of(value: Any, dt: float, name: str, least: int) -> int:
     return count
 
 
-def changing_names(problem: Statement, changing: Any) -> tuple[str, ...]:
+def changing_names(problem: ProblemData, changing: Any) -> tuple[str, ...]:
     """The names of parameters that may change; raises ArgumentError for what are none."""
     names = (changing,) if isinstance(changing, str) else changing
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
@@ -36,7 +36,7 @@ def changing_names(problem: Statement, changing: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def require_controllable(problem: Statement) -> None:
+def require_controllable(problem: ProblemData) -> None:
     """Raise ArgumentError where a problem is none of a controller."""
     if problem.cost is None and problem.final_cost is None:
         raise ArgumentError("A controller needs something to make small: give the problem a `cost` or a `final_cost`.")

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from coadjoint.control import starts
+from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.library import casadi
-from coadjoint.control.statement import Input, Statement
+from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.transcription import Transcription
 from coadjoint.control.window import Window
 from coadjoint.errors import ArgumentError, shown
 
 
-def require_estimable(problem: Statement, known: Any) -> None:
+def require_estimable(problem: ProblemData, known: Any) -> None:
     """Raise ArgumentError where a problem is none of an estimator."""
     if not problem.measured:
         raise ArgumentError("An estimator needs something that is measured: give the problem `measured`.")
@@ -72,4 +72,4 @@ def prior_directions(transcription: Transcription, x: np.ndarray, inverse: np.nd
     of_x, of_p = (m.full() for m in slopes(x, np.zeros(sizes[1]), p, ca.DM(transcription.problem.dt)))
     of_eta = of_p[:, -len(transcription.eta) :]
     changes = np.linalg.lstsq(of_x, -of_eta, rcond=None)[0]
-    return inverse @ changes, 1.0 / starts.deviations(transcription.problem) ** 2
+    return inverse @ changes, 1.0 / start_deviations(transcription.problem) ** 2

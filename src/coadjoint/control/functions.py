@@ -12,7 +12,7 @@ from coadjoint.control.library import casadi
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.kernels.untraceable import Untraceable
-from coadjoint.mechanics.reading import in_words
+from coadjoint.mechanics.trace_checks import in_words
 from coadjoint.spaces.numbers import float64
 
 

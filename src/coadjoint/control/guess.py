@@ -8,16 +8,16 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.control.ends import end_state
+from coadjoint.control.boundary_conditions import end_state
 from coadjoint.control.inputs_between import guesses
+from coadjoint.control.problem_data import End
 from coadjoint.control.stage import numbers_of
-from coadjoint.control.statement import End
 from coadjoint.control.transcription import Split, Transcription
 from coadjoint.errors import ArgumentError, GroupError, StepError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.each import each
+from coadjoint.mechanics.members import each
 from coadjoint.mechanics.state import State
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.run import Run

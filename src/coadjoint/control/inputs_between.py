@@ -19,10 +19,10 @@ from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.inputs import Between, Command
-from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.signatures import require_signature
 from coadjoint.mechanics.state import NodeMotion
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.spaces.numbers import float64
 
 COURSES = ("held", "linear")

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.control.ends import place_of
+from coadjoint.control.boundary_conditions import place_of
 from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.program import Block, NonlinearProgram, nonlinear_program
@@ -18,7 +18,7 @@ from coadjoint.control.transcription import Rows, Transcription, functions_of
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coadjoint.control import starts
+from coadjoint.control.boundary_conditions import free_start_sizes
 from coadjoint.control.conditions import SolvedProgram, conditions
 from coadjoint.control.program import nonlinear_program
 from coadjoint.control.transcription import Split, Transcription, transcribe
@@ -52,6 +52,6 @@ def _named(transcription: Transcription, numbers: np.ndarray) -> dict[str, np.nd
     profiles = {name: theta[name] for name in transcription.profiles}
     found, begin = profiles | transcription.chosen(parts), 0
     eta = transcription.moved_by(parts)
-    for name, size in starts.sizes(problem).items():
+    for name, size in free_start_sizes(problem).items():
         found[f"start {name}"], begin = eta[begin : begin + size], begin + size
     return found

@@ -21,13 +21,13 @@ from coadjoint.control.estimable import prior_directions, require_convex, requir
 from coadjoint.control.horizon_limits import HorizonLimits
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.numbers import number
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.resolution import JudgedMotions
-from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.control.window import HorizonMotion, Seen, Window
 from coadjoint.errors import ArgumentError, OptimumError, shown
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.portable import Remade
 
@@ -93,7 +93,7 @@ class Estimator(Remade):
 
     STANDING = ("_motion", "_seen", "_arrival", "_t")
 
-    def __init__(self, problem: Statement, steps: int, known: tuple[str, ...], iterations: int):
+    def __init__(self, problem: ProblemData, steps: int, known: tuple[str, ...], iterations: int):
         self.problem, self.steps, self.known, self.iterations = problem, steps, known, iterations
         require_estimable(problem, known)
         self._transcription = transcription = transcribe(problem, wanted=lambda graph: graph.symbols.state)

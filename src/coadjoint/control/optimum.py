@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coadjoint.control import starts
+from coadjoint.control.boundary_conditions import moved_start
 from coadjoint.control.conditions import SolvedProgram
 from coadjoint.control.inputs_between import at_end, flown_inputs
 from coadjoint.control.library import casadi
@@ -128,7 +128,7 @@ def flight(transcription: Transcription, parts: Split, start: State | None = Non
     problem = transcription.problem
     commands, chosen = transcription.taken(parts), transcription.chosen(parts)
     system = chosen_system(transcription, parts)
-    start = starts.moved(problem, system, transcription.moved_by(parts)) if start is None else start
+    start = moved_start(problem, system, transcription.moved_by(parts)) if start is None else start
     inputs = flown_inputs(problem.inputs, commands, float(start.t), parts.h)
     try:
         run = simulate(

@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.control.answers import Answer, Record
 from coadjoint.control.controllable import changing_names, require_controllable, steps_of
 from coadjoint.control.expansion import Expanding, Expansion, limits_of
 from coadjoint.control.linearised import Simulated
 from coadjoint.control.measured_state import MeasuredState
+from coadjoint.control.mpc_solution import MpcSolution, Record
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.quadratic import QuadraticSolver, StageLayout
 from coadjoint.control.resolution import JudgedMotions
 from coadjoint.control.stage import numbers_of
-from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
@@ -67,7 +67,7 @@ class Controller(Remade):
 
     def __init__(
         self,
-        problem: Statement,
+        problem: ProblemData,
         period: int,
         delay: int,
         iterations: int,
@@ -124,7 +124,7 @@ class Controller(Remade):
             self._prepare(self.steps)
         return time.perf_counter() - began
 
-    def __call__(self, state: State, velocities: bool = False) -> Answer:
+    def __call__(self, state: State, velocities: bool = False) -> MpcSolution:
         """The command for a state, by one real-time iteration.
 
         state: of the problem's system, as `stepper.state`, a run or system.state(…) give it, of one member.
@@ -252,7 +252,7 @@ class Controller(Remade):
         self._plan = MotionPlan(x, u, plan.z - dz)
         return ""
 
-    def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> Answer:
+    def _answer(self, state: State, clock: Timeline, reason: str, began: float, preparation: float) -> MpcSolution:
         """What is said to a state: the plan that was found, or what stands in for it."""
         count, named = self.problem.count, self._transcription.commands
         age, row = clock.age if reason else 0, self._guess
@@ -273,7 +273,7 @@ class Controller(Remade):
         command = {name: value[0] for name, value in rows.items()}
         sentence = f"No new plan: {reason}." if reason else ""
         seconds = time.perf_counter() - began - preparation
-        return Answer(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds)
+        return MpcSolution(command, rows, status, sentence, named(u), x, clock.t, preparation, seconds)
 
     def _instead(self, state: State) -> tuple[str, np.ndarray]:
         """What acts where there is no plan."""
@@ -308,7 +308,7 @@ class Controller(Remade):
 
 
 def controller(
-    problem: Statement, period: Any, delay: Any, iterations: Any, fallback: Any, changing: Any
+    problem: ProblemData, period: Any, delay: Any, iterations: Any, fallback: Any, changing: Any
 ) -> Controller:
     """The controller of a problem; the arguments are those of `Problem.controller`."""
     require_controllable(problem)

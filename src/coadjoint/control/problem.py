@@ -10,8 +10,8 @@ from coadjoint.control.controllable import steps_of
 from coadjoint.control.moving_horizon import Estimator
 from coadjoint.control.optimum import Optimum
 from coadjoint.control.predictive import Controller, controller
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.solve import solve
-from coadjoint.control.statement import Statement
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.arguments import whole
@@ -19,7 +19,7 @@ from coadjoint.simulation.run import Run
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Statement):
+class Problem(ProblemData):
     """The motion of least cost from `start`, by N steps of a method, whose equations are the constraints:
 
         min Σ_k h/2 (L(x_k, u_k) + L(x_{k+1}, u_k)) + M(x_N)   subject to

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.control import starts
+from coadjoint.control.boundary_conditions import start_deviations
 from coadjoint.control.inputs_between import at_end
 from coadjoint.control.library import casadi
 from coadjoint.control.stage import numbers_of
@@ -119,7 +119,7 @@ def _misfit(transcription: Transcription, x: Any, u: Any, p: Any, h: Any) -> Any
         found += 0.5 * ca.sumsqr((seen - ca.DM(values)) * ca.DM(weights))
     if transcription.eta:
         eta = p[-len(transcription.eta) :]
-        found += 0.5 * ca.sumsqr(eta / ca.DM(starts.deviations(transcription.problem)))
+        found += 0.5 * ca.sumsqr(eta / ca.DM(start_deviations(transcription.problem)))
     return found
 
 

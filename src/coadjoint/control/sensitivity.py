@@ -11,8 +11,8 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from coadjoint.control.conditions import SolvedProgram, conditions
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import Split, Transcription, transcribe
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.simulation.run import Run
@@ -58,7 +58,7 @@ def sensitivity(solution: SolvedProgram, run: Run, names: tuple[str, ...], start
     return _named(transcription, data, values, moved, slope)
 
 
-def _require(problem: Statement, names: tuple[str, ...], start: Any) -> None:
+def _require(problem: ProblemData, names: tuple[str, ...], start: Any) -> None:
     if not isinstance(start, (tuple, list)):
         raise ArgumentError(
             f'Argument `start` must be names of parts of a state, such as ("g", "mu"), not {shown(start)}.'

@@ -12,8 +12,8 @@ from coadjoint.control.guess import guessed
 from coadjoint.control.infeasible import resisting
 from coadjoint.control.library import INTERRUPTED, casadi
 from coadjoint.control.optimum import Optimum, flown
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.control.program import NonlinearProgram, nonlinear_program
-from coadjoint.control.statement import Statement
 from coadjoint.control.transcription import transcribe
 from coadjoint.errors import ArgumentError, Interrupted, OptimumError, shown
 from coadjoint.simulation.arguments import whole
@@ -42,7 +42,7 @@ ACCEPTABLE = "Solved_To_Acceptable_Level"
 
 
 def solve(
-    problem: Statement,
+    problem: ProblemData,
     guess: Run | str | None,
     solver: str,
     tolerance: float,

@@ -18,7 +18,7 @@ from coadjoint.kernels.packing import pack
 from coadjoint.kernels.trace.tracer import Tracer, flat
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.inputs import Command
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method

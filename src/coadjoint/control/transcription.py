@@ -15,19 +15,18 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from coadjoint.control import starts
-from coadjoint.control.ends import ends
+from coadjoint.control.boundary_conditions import end_conditions, free_start_sizes, start_residual
 from coadjoint.control.expressions import casadi_expressions
 from coadjoint.control.inputs_between import Columns, Profile, at_end, columns, first, source
 from coadjoint.control.library import casadi
+from coadjoint.control.problem_data import Input, ProblemData
 from coadjoint.control.stage import Begun, StepGraph, step_graph
-from coadjoint.control.statement import Input, Statement
 from coadjoint.control.within_steps import with_points
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.expressions.expression import Expr
 from coadjoint.kernels.trace.tracer import flat
 from coadjoint.mechanics.inputs import inputs_from
-from coadjoint.mechanics.over_step import require_internal
+from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -81,7 +80,7 @@ class Transcription:
     free. data: name → nodes, values (m, K) and 1/σ of what was measured. later: whether x_0 is where another ends.
     """
 
-    problem: Statement
+    problem: ProblemData
     beginning: Begun
     graph: StepGraph
     live: list[int]
@@ -168,7 +167,7 @@ class Transcription:
 
 
 def transcribe(
-    problem: Statement, later: bool = False, wanted: Callable[[StepGraph], list[Expr]] | None = None
+    problem: ProblemData, later: bool = False, wanted: Callable[[StepGraph], list[Expr]] | None = None
 ) -> Transcription:
     """The functions of a problem; raises ArgumentError and LagrangianError for what cannot be stated.
 
@@ -179,13 +178,13 @@ def transcribe(
     cost = _number(graph, problem.cost, "The cost")
     final = _number(graph, problem.final_cost, "The final cost")
     path = {name: graph.of_motion(b.function, f"The constraint `{name}`") for name, b in problem.path.items()}
-    end = {what: graph.at_node(residual, "The end") for what, residual in ends(problem)}
+    end = {what: graph.at_node(residual, "The end") for what, residual in end_conditions(problem)}
     if callable(problem.end):
         end = {"the end": graph.of_motion(problem.end, "The end")}
     measured = {
         name: graph.array_of_motion(m.function, f"What is measured as `{name}`") for name, m in problem.measured.items()
     }
-    eta = flat(graph.tracer.symbols("start ", np.zeros(sum(starts.sizes(problem).values()))))
+    eta = flat(graph.tracer.symbols("start ", np.zeros(sum(free_start_sizes(problem).values()))))
     start = [] if later else _start(graph, problem, eta)
     of_path, of_end = (list(chain.from_iterable(rows.values())) for rows in (path, end))
     seen = {name: flat(array) for name, array in measured.items()}
@@ -205,7 +204,7 @@ def transcribe(
     return Transcription(problem, beginning, graph, live, functions, rows, begins, zeros, eta, data, later)
 
 
-def _data(problem: Statement, name: str, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _data(problem: ProblemData, name: str, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     measured = problem.measured[name]
     nodes = measured.nodes(name, float(problem.start.t), problem.dt, problem.count)
     return nodes, *measured.weights(shape, name)
@@ -226,11 +225,11 @@ def begun(system: System, start: State, h: float, method: Method, inputs: Mappin
     return Begun(system, method, h, method.begin(system, start, h))
 
 
-def _start(graph: StepGraph, problem: Statement, eta: list[Expr]) -> list[Expr]:
+def _start(graph: StepGraph, problem: ProblemData, eta: list[Expr]) -> list[Expr]:
     """What is zero at the first node: of a free start, all of it; where chosen parameters change its momenta, ξ and ν
     less those that were given."""
     if problem.free_start:
-        return graph.at_node(starts.residual(problem), "The start", np.array(eta, object))
+        return graph.at_node(start_residual(problem), "The start", np.array(eta, object))
     if not (problem.parameters and problem.start.from_velocities):
         return []
     xi, nu = np.asarray(problem.start.xi), np.asarray(problem.start.nu)
@@ -252,7 +251,7 @@ def _number(graph: StepGraph, function: Any, what: str) -> list[Expr]:
     return found
 
 
-def _path_rows(name: str, count: int, problem: Statement) -> Rows:
+def _path_rows(name: str, count: int, problem: ProblemData) -> Rows:
     bounds = problem.path[name]
     try:
         lower, upper = (np.broadcast_to(np.ravel(x), count) for x in (bounds.lower, bounds.upper))

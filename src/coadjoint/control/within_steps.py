@@ -10,9 +10,9 @@ import numpy as np
 
 from coadjoint.control.library import casadi
 from coadjoint.control.numbers import number
-from coadjoint.control.statement import Statement
+from coadjoint.control.problem_data import ProblemData
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.accuracy.doubling import Doubling
 from coadjoint.simulation.accuracy.ruler import packed
@@ -77,7 +77,7 @@ def with_points(equations: Any, path: Any, count: int, columns: Any, ends: list[
     )
 
 
-def worst_within(problem: Statement, run: Run) -> dict[str, WorstWithin]:
+def worst_within(problem: ProblemData, run: Run) -> dict[str, WorstWithin]:
     """How far each constraint of the path is violated between the nodes of a run of every step, by its dense output."""
     if not problem.path:
         return {}
@@ -99,7 +99,7 @@ def worst_within(problem: Statement, run: Run) -> dict[str, WorstWithin]:
 
 
 def _excess(
-    problem: Statement, run: Run, doubling: Doubling, rows: np.ndarray, parts: np.ndarray
+    problem: ProblemData, run: Run, doubling: Doubling, rows: np.ndarray, parts: np.ndarray
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Name → how far the constraint is violated after parts (k,) of a step from rows (k, size), and the bounds; −∞
     where a part has no solution."""

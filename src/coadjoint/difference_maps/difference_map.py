@@ -19,7 +19,7 @@ from coadjoint.groups.direct_product import DirectProduct
 from coadjoint.groups.group import Array, Element, LieGroup, require_solution, transpose
 from coadjoint.groups.opposite import Opposite
 from coadjoint.groups.power import Power
-from coadjoint.kernels.run import kept
+from coadjoint.kernels.run import disk_cache
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 
 _NEWTON_STEPS = 12
@@ -159,7 +159,7 @@ class DifferenceMap:
 @lru_cache(maxsize=256)
 def _misfit(difference_map: DifferenceMap, group: LieGroup) -> tuple[float, float]:
     """Over a few random ξ, χ: the largest part of (Dτ(ξ)χ)τ(ξ)⁻¹ outside 𝔤, relative to it, and of τ(ξ)τ(−ξ) − I."""
-    found = kept.recalled(("misfit", difference_map, group), lambda: _measured(difference_map, group))
+    found = disk_cache.recalled(("misfit", difference_map, group), lambda: _measured(difference_map, group))
     return found["outside"], found["asymmetry"]
 
 

@@ -32,7 +32,7 @@ from coadjoint.estimation.timetable import (
     series,
 )
 from coadjoint.kernels.emit.kalman import CORRECT, PREDICT
-from coadjoint.mechanics.reading import in_words
+from coadjoint.mechanics.trace_checks import in_words
 from coadjoint.portable import Remade
 from coadjoint.simulation.arguments import truth
 

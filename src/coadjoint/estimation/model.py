@@ -23,7 +23,7 @@ from coadjoint.kernels.packing import layout, pack
 from coadjoint.kernels.run.kalman import Model
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -23,7 +23,7 @@ from coadjoint.kernels.packing import layout, rows
 from coadjoint.kernels.run.recursion import NativeRecursion
 from coadjoint.kernels.trace.jaxprs import used_by_each
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.over_step import applied
+from coadjoint.mechanics.internal_state import applied
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from coadjoint.identification.findings import Identification
+    from coadjoint.identification.result import Identification
 
 
 def card(found: Identification) -> str:

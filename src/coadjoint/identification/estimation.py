@@ -14,16 +14,16 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.identification.arguments import require_arguments, require_named, require_numbers
 from coadjoint.identification.channels import UNITS, VEHICLE, Channels, is_vehicle
 from coadjoint.identification.commands import require_commands, require_current
-from coadjoint.identification.findings import Identification, judged
 from coadjoint.identification.fitting import fitted
 from coadjoint.identification.implausible import wild
 from coadjoint.identification.log import Log
+from coadjoint.identification.process_noise_model import wandering
+from coadjoint.identification.result import Identification, judged
 from coadjoint.identification.sampling import Between
-from coadjoint.identification.sensing import GROUPS, Attitude, sensing
+from coadjoint.identification.sensor_model import GROUPS, Attitude, sensing
 from coadjoint.identification.setting import setting
 from coadjoint.identification.unknowns import unknowns
-from coadjoint.identification.wandering import wandering
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method
@@ -32,7 +32,7 @@ from coadjoint.simulation.arguments import truth
 from coadjoint.simulation.progress import Progress
 
 
-@heeded()
+@deferred_interrupts()
 def identify(
     system: System,
     log: Log,

@@ -11,7 +11,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.plotting.style import COLOURS, PAGE, PlotFigure, canvas, legend, style, time_axis
 
 if TYPE_CHECKING:
-    from coadjoint.identification.findings import Identification
+    from coadjoint.identification.result import Identification
 
 LAGS = 30
 """Of an autocorrelation that is shown."""

@@ -15,16 +15,16 @@ from coadjoint.identification.channels import POSITION, VELOCITY, Channels
 from coadjoint.identification.log import Log
 from coadjoint.identification.observed import Observed
 from coadjoint.identification.process_noise import KNOT, MOST, Knots
+from coadjoint.identification.process_noise_model import Moved
 from coadjoint.identification.sampling import Between, samples, steps_between
-from coadjoint.identification.sensing import Sensing
+from coadjoint.identification.sensor_model import Sensing
 from coadjoint.identification.shooting import Reference, Shooting, require_inputs
 from coadjoint.identification.smoothing import at_origin, poses
 from coadjoint.identification.unknowns import Unknowns
-from coadjoint.identification.wandering import Moved
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import require_scalar
 from coadjoint.mechanics.version import version
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import StepProgram

@@ -23,7 +23,7 @@ from coadjoint.identification.process_noise import Knots
 from coadjoint.identification.sampling import Interpolation, Samples, StepsBetween
 from coadjoint.identification.unknowns import Unknowns
 from coadjoint.kernels.packing import layout, pack, rows
-from coadjoint.kernels.run import driven
+from coadjoint.kernels.run import batch
 from coadjoint.kernels.run.function import NativeFunction
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
@@ -55,10 +55,10 @@ class Prediction(NamedTuple):
     """
 
     values: np.ndarray
-    path: driven.Path
+    path: batch.Path
     slopes_of_start: np.ndarray
     reading: Interpolation | None
-    wandering: driven.Wandering | None = None
+    wandering: batch.PiecewiseParameters | None = None
     standing: ActuatorsAtStarts | None = None
 
 
@@ -100,9 +100,9 @@ class Shooting:
         return tuple(sorted({*self.unknowns.active, *wandering}))
 
     @cached_property
-    def code(self) -> driven.Driven:
+    def code(self) -> batch.Driven:
         constants = Constants(self.unknowns.system.parameters, None)
-        return driven.driven(self.program, constants, self.template, self.active)
+        return batch.driven(self.program, constants, self.template, self.active)
 
     @cached_property
     def places(self) -> np.ndarray:
@@ -114,7 +114,7 @@ class Shooting:
     @cached_property
     def table(self) -> np.ndarray:
         """What drives every step, in groups of lanes."""
-        return driven.grouped(self.samples.table)
+        return batch.grouped(self.samples.table)
 
     @cached_property
     def held(self) -> Any:
@@ -241,7 +241,7 @@ class Shooting:
         starts, slopes = self.begin(np.concatenate(x, axis=1), rows(self._known(internal)))
         if not np.all(np.isfinite(starts)):
             return None
-        path = driven.run(self.code, numbers, self.samples.h, starts, self.places, self.table, wandering)
+        path = batch.run(self.code, numbers, self.samples.h, starts, self.places, self.table, wandering)
         if np.any(path.codes) or not np.all(np.isfinite(path.records)):
             return None
         records = self.samples.unwrapped(path.records)
@@ -259,13 +259,13 @@ class Shooting:
         numbers_within[:, self.actuators.places] = found.values
         return found, layout(self.template.internal).views(numbers_within)
 
-    def _wandering(self, x: np.ndarray) -> driven.Wandering | None:
+    def _wandering(self, x: np.ndarray) -> batch.PiecewiseParameters | None:
         """The numbers of parameters that x, (segments, knots · components), moves."""
         if self.knots is None:
             return None
         steps = max(1, round(self.knots.spacing / self.samples.h))
         values = x.reshape(self.runs, self.knots.count, -1)[..., self.knots.component]
-        return driven.Wandering(self.knots.places, len(self.knots.labels), steps, values)
+        return batch.PiecewiseParameters(self.knots.places, len(self.knots.labels), steps, values)
 
     def speeds(self, found: Prediction) -> np.ndarray:
         """d/dt of what the sensors would say, (segments, samples, numbers)."""
@@ -286,7 +286,7 @@ class Shooting:
             by_active = by_active + by_inner @ found.standing.slopes
         start_dot = np.concatenate([by_delta, by_active @ along.T], axis=2).swapaxes(1, 2)
         start_dot = np.ascontiguousarray(start_dot)
-        dot = driven.push(self.code, numbers, self.samples.h, found.path, p_dot, start_dot, found.wandering)
+        dot = batch.push(self.code, numbers, self.samples.h, found.path, p_dot, start_dot, found.wandering)
         if self.knots is not None:
             first = self.size + len(self.unknowns.each)
             dot = np.concatenate([dot[:, :, : self.size], dot[:, :, first:], dot[:, :, self.size : first]], axis=2)

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.identification.tied import SIGN, NamedEntry, groups, require_equal, require_once
+from coadjoint.identification.equalities import SIGN, NamedEntry, groups, require_equal, require_once
 from coadjoint.kernels.packing import pack
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.parameters import Parameters

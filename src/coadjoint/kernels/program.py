@@ -50,7 +50,7 @@ class Code(enum.IntEnum):
     """Of a lane without a member: no step is taken."""
 
 
-class Told(enum.IntFlag):
+class StatusFlag(enum.IntFlag):
     """What is wrong after a stepper's call: some member has stopped; some observation is not finite."""
 
     FAILED = 1

@@ -17,8 +17,8 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import Connection, finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
-from coadjoint.mechanics.reading import trace
 from coadjoint.mechanics.start_arguments import checked_element
+from coadjoint.mechanics.trace_checks import trace
 from coadjoint.spaces.numbers import float64
 
 _FINEST = 2**13

@@ -15,10 +15,10 @@ from coadjoint.kernels.newton.coupled import Coupled
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import large, structure
+from coadjoint.mechanics.derivative_check import require_own_derivative
 from coadjoint.mechanics.forces import UNNAMED
 from coadjoint.mechanics.legendre import Place, curvature
-from coadjoint.mechanics.own_derivative import require_own_derivative
-from coadjoint.mechanics.reading import in_words, require_float64, require_scalar
+from coadjoint.mechanics.trace_checks import in_words, require_float64, require_scalar
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State

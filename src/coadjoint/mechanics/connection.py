@@ -16,7 +16,7 @@ from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
-from coadjoint.mechanics.reading import trace
+from coadjoint.mechanics.trace_checks import trace
 from coadjoint.spaces.numbers import float64
 from coadjoint.spaces.space import checked_vector
 

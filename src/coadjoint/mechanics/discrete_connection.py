@@ -19,7 +19,7 @@ from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.trace.jaxprs import results
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, finite, random_shapes, require_bundle
-from coadjoint.mechanics.reading import trace
+from coadjoint.mechanics.trace_checks import trace
 from coadjoint.spaces.space import checked_vector
 
 _WHAT = "The increment Ω(x, x⁺) of a discrete connection"

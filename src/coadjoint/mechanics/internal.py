@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError, LagrangianError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64

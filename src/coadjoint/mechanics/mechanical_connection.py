@@ -12,8 +12,8 @@ from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.connection import ROUND_OFF, Connection, random_shapes
-from coadjoint.mechanics.reading import trace
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import trace
 from coadjoint.spaces import Several, Space, Trivial
 
 

@@ -16,9 +16,9 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.coupling import large
 from coadjoint.mechanics.invariance import acted_on
-from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.spaces import Adjoint, Space
 from coadjoint.spaces.numbers import float64
 

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.paths import paths, respelled
 from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64

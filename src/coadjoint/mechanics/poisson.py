@@ -11,8 +11,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import require_scalar
 from coadjoint.spaces.space import transpose
 
 Function = Callable[[State], Any]

@@ -15,7 +15,7 @@ from coadjoint.mechanics import legendre
 from coadjoint.mechanics.inputs import Inputs
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.signatures import keyword_only
-from coadjoint.mechanics.system_arguments import NOWHERE
+from coadjoint.mechanics.system_arguments import TRIVIAL
 from coadjoint.spaces import Space
 
 
@@ -94,9 +94,9 @@ class ReducedFunctions:
     def _views(self, first, pair: tuple[Array, Array], a) -> list[Any]:
         """xi or F [, n, nu] [, a] [, p]: what this system's functions take."""
         arguments = [first]
-        if self.additional != NOWHERE:
+        if self.additional != TRIVIAL:
             arguments += [self.additional.view(self.group, x) for x in pair]
-        if self.advected != NOWHERE:
+        if self.advected != TRIVIAL:
             arguments.append(self.advected.view(self.group, a))
         return arguments if self.parameters is None else [*arguments, self.parameters]
 

@@ -20,13 +20,13 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate, traced
 from coadjoint.mechanics.check import given, require_regular_hamiltonian
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
-from coadjoint.mechanics.each import count_members, member_of, stacked
 from coadjoint.mechanics.internal import starting_values
 from coadjoint.mechanics.legendre import SOLVED, Place, improved, quadratic, velocities
+from coadjoint.mechanics.members import count_members, member_of, stacked
 from coadjoint.mechanics.parameters import Parameters
-from coadjoint.mechanics.reading import in_words, require_scalar
 from coadjoint.mechanics.start_arguments import Checked, checked, checked_element, checked_members
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import in_words, require_scalar
 from coadjoint.spaces.named import Named, require_names
 from coadjoint.spaces.numbers import float64
 

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import DirectProduct, LieGroup, Power
 from coadjoint.groups.group import Array, Element
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.each import Each, count_members, member_of
+from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.spaces.numbers import float64, numeric
 from coadjoint.spaces.space import checked_vector
 

@@ -12,16 +12,16 @@ import jax.numpy as jnp
 from coadjoint.errors import ArgumentError, GroupError, shown
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Array
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.mechanics.check import check
 from coadjoint.mechanics.copies import replace_parameters, replaced
 from coadjoint.mechanics.forces import Forces, forces_from
 from coadjoint.mechanics.inputs import Given, Inputs, inputs_from
 from coadjoint.mechanics.invariance import Invariance, is_right, places_of
+from coadjoint.mechanics.memory_check import require_room
 from coadjoint.mechanics.parameters import Parameters
 from coadjoint.mechanics.quantities import Quantities, quantities_from
 from coadjoint.mechanics.reduced_functions import ReducedFunctions
-from coadjoint.mechanics.room import require_room
 from coadjoint.mechanics.start import starting_state
 from coadjoint.mechanics.state import Force, Motion, NodeMotion, Places, State
 from coadjoint.mechanics.system_arguments import (
@@ -104,7 +104,7 @@ class System(ReducedFunctions, Portable):
     parameters: Parameters | None
     checks: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = field(compare=False)
 
-    @heeded()
+    @deferred_interrupts()
     def __init__(
         self,
         group: LieGroup,
@@ -231,7 +231,7 @@ class System(ReducedFunctions, Portable):
         """(T, f), (dim G,) and (ambient,): the sum of all forces; zero where the system has none."""
         return added(self, self.body_forces(motion))
 
-    @heeded()
+    @deferred_interrupts()
     def state(
         self,
         *,

@@ -14,14 +14,14 @@ from coadjoint.spaces.named import require_names
 if TYPE_CHECKING:
     from coadjoint.mechanics.system import System
 
-NOWHERE = Trivial(0)
+TRIVIAL = Trivial(0)
 """The space of additional dynamics, or of advected parameters, of a system that has none."""
 
 
 def space_from(space: Space | Mapping[str, Space] | None, name: str) -> Space:
     """A space of a space, of a dictionary of spaces or of None; raises ArgumentError."""
     if space is None:
-        return NOWHERE
+        return TRIVIAL
     if isinstance(space, Mapping):
         return Several(space)
     if not isinstance(space, Space):
@@ -61,8 +61,8 @@ def require_functions(system: System) -> None:
         )
     if system.lagrangian is not None and system.hamiltonian is not None:
         raise LagrangianError("A system is given by its `lagrangian` or by its `hamiltonian`, not by both.")
-    dynamic = system.additional != NOWHERE
-    last = (["a"] if system.advected != NOWHERE else []) + (["p"] if system.parameters is not None else [])
+    dynamic = system.additional != TRIVIAL
+    last = (["a"] if system.advected != TRIVIAL else []) + (["p"] if system.parameters is not None else [])
     if system.lagrangian is not None:
         require_signature(system.lagrangian, "The Lagrangian", ["xi", *(["n", "nu"] if dynamic else []), *last])
     if system.hamiltonian is not None:

@@ -9,10 +9,10 @@ from coadjoint.errors import LagrangianError
 from coadjoint.kernels.trace.digest import digest, opaque
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.over_step import applied
-from coadjoint.mechanics.reading import IMPURE, in_words
+from coadjoint.mechanics.internal_state import applied
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import IMPURE, in_words
 
 OPAQUE = " opaque"
 

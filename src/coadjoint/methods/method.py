@@ -16,7 +16,7 @@ from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.coupling import jacobian_solve
-from coadjoint.mechanics.over_step import advanced
+from coadjoint.mechanics.internal_state import advanced
 from coadjoint.mechanics.start import momentum_start
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

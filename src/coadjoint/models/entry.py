@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 
 if TYPE_CHECKING:
     from coadjoint.mechanics.state import State
@@ -46,7 +46,7 @@ class CatalogueEntry:
     def make(self, **parameters: Any) -> System:
         """The system with these parameters in place of the defaults."""
         self._require_known(parameters, self.parameters, "parameter")
-        return located(self.maker)(**{**self.parameters, **parameters})
+        return import_string(self.maker)(**{**self.parameters, **parameters})
 
     def start(self, system: System, **initial: Any) -> State:
         """The state to start from, with these values in place of the defaults.
@@ -58,7 +58,7 @@ class CatalogueEntry:
         for ways in _ALTERNATIVES:
             if any(initial.get(way) is not None for way in ways):
                 values.update({way: initial.get(way) for way in ways if way in values})
-        return located(self.starter)(system, **values)
+        return import_string(self.starter)(system, **values)
 
     def _require_known(self, given: Mapping[str, Any], known: Mapping[str, Any], what: str) -> None:
         for name in given:

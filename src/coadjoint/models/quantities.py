@@ -11,7 +11,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each, each, member_of
+from coadjoint.mechanics.members import Each, each, member_of
 from coadjoint.spaces.numbers import float64
 
 LONGEST = 1000.0

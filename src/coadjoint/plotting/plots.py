@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 from coadjoint.plotting.figures import ADDED
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class Plots:
         added = ADDED[name]
 
         def figure(*others: Any, labels: Sequence[str] | None = None, path: Path | None = None, **options: Any) -> Any:
-            draw = located(added.draw)
+            draw = import_string(added.draw)
             if not added.film:
                 return self._draw(lambda runs: draw(runs, **options), others, labels, path)
             if path is None:
@@ -185,7 +185,9 @@ def available(dataset: Any, films: bool = False) -> list[str]:
     held = {str(name) for name in dataset.data_vars}
     held |= {"q" for name in held if name.startswith("q_")}
     own = [name for name, needed in OWN.items() if held.intersection(needed)]
-    return own + [name for name, added in ADDED.items() if (films or not added.film) and located(added.fits)(dataset)]
+    return own + [
+        name for name, added in ADDED.items() if (films or not added.film) and import_string(added.fits)(dataset)
+    ]
 
 
 def save_figures(

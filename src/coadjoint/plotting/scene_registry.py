@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from coadjoint.extensions import Registry, located
+from coadjoint.extensions import Registry, import_string
 
 
 @dataclass(frozen=True)
@@ -27,4 +27,4 @@ SCENES: Registry[Staged] = Registry("SCENES")
 
 def points_down(dataset: Any) -> bool:
     """Whether the third axis of space is known to point down in a dataset, as in those of vehicles."""
-    return any(staged.down and located(staged.fits)(dataset) for staged in SCENES.values())
+    return any(staged.down and import_string(staged.fits)(dataset) for staged in SCENES.values())

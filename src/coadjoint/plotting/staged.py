@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Sequence
 
 from coadjoint.errors import ArgumentError
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 from coadjoint.plotting import bodies
 from coadjoint.plotting.bodies import Solid
 from coadjoint.plotting.decimation import some
@@ -38,6 +38,6 @@ def scene(
     if solids is not None:
         return bodies.scene(shown, solids, z_down)
     for staged in SCENES.values():
-        if all(located(staged.fits)(run.dataset) for run in shown):
-            return located(staged.make)(shown, hull)
+        if all(import_string(staged.fits)(run.dataset) for run in shown):
+            return import_string(staged.make)(shown, hull)
     return bodies.scene(shown, None if hull is None else [Solid([hull])], z_down)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from coadjoint.extensions import Registry, located
+from coadjoint.extensions import Registry, import_string
 from coadjoint.models import catalogue
 from coadjoint.report.folder import RUN_FILE
 from coadjoint.texts import read_table, text_of
@@ -36,7 +36,7 @@ def numbers(folder: Path) -> dict[str, list[Sourced]]:
         found[f"of the catalogue's model {model}"] = list(_defaults(model, table))
     for section, place in NUMBERS.items():
         if section in table:
-            found |= located(place)(file, table)
+            found |= import_string(place)(file, table)
     return {title: rows for title, rows in found.items() if rows}
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.start import StartGiven, starts_given
 from coadjoint.mechanics.state import State
 from coadjoint.runs.setup import Setup

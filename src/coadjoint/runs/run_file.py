@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError, CoadjointError, FileError
-from coadjoint.extensions import Registry, located
+from coadjoint.extensions import Registry, import_string
 from coadjoint.report.folder import kept_inputs
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.runnable import Runnable
@@ -117,7 +117,7 @@ def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:
 def of_table(table: dict[str, Any], source: Path, text: str) -> Runnable:
     """The run in a table, of a system or of another kind; raises ArgumentError for what does not belong there."""
     readers = [reader for section, reader in KINDS.items() if section in table]
-    return located(readers[0])(table, source, text) if readers else from_table(table, source, text)
+    return import_string(readers[0])(table, source, text) if readers else from_table(table, source, text)
 
 
 def _require_run(table: dict[str, Any], source: Path) -> None:

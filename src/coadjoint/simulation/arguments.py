@@ -10,9 +10,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics import quantities
-from coadjoint.mechanics.reading import require_scalar
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import require_scalar
 from coadjoint.methods.method import Method
 from coadjoint.simulation.without_g import read_of
 from coadjoint.spaces.numbers import float64

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from coadjoint.mechanics.ledger import energy_lines
+from coadjoint.mechanics.work_balance import energy_lines
 
 if TYPE_CHECKING:
     from coadjoint.simulation.run import Run

@@ -10,7 +10,7 @@ from coadjoint.interrupts import forget, look
 from coadjoint.kernels.newton.fixed_point import FixedPoint
 from coadjoint.kernels.program import Code
 from coadjoint.log import logger
-from coadjoint.mechanics.over_step import failure
+from coadjoint.mechanics.internal_state import failure
 from coadjoint.simulation import budget
 from coadjoint.simulation.accuracy.judgement import accuracy_warnings, chosen_members, judged
 from coadjoint.simulation.accuracy.sample import Sampler

@@ -12,8 +12,8 @@ import numpy as np
 from coadjoint.groups import Power
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import Each, member_of
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
+from coadjoint.mechanics.members import Each, member_of
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.mechanics.system import System
 

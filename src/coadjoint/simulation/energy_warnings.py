@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.mechanics.each import member_of
 from coadjoint.mechanics.inverse_legendre import SOLVED
-from coadjoint.mechanics.ledger import energy_lines
+from coadjoint.mechanics.members import member_of
+from coadjoint.mechanics.work_balance import energy_lines
 from coadjoint.simulation.driver import Memory
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from coadjoint.errors import ArgumentError
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import count_members, member_of, stacked
-from coadjoint.mechanics.ledger import with_ledger
+from coadjoint.mechanics.members import count_members, member_of, stacked
 from coadjoint.mechanics.noether import isotropy_algebras
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.program import Constants, StepProgram
 from coadjoint.simulation.accuracy.judgement import Accuracy

@@ -13,9 +13,9 @@ from coadjoint.errors import ArgumentError, LagrangianError, StepError, shown
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.over_step import later_in, part_of
-from coadjoint.mechanics.reading import in_words, require_float64
+from coadjoint.mechanics.internal_state import later_in, part_of
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.methods.program import ALL_HELD, EVENTS
 from coadjoint.simulation.driver import Plan
 from coadjoint.simulation.without_g import read_of

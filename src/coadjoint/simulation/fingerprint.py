@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from coadjoint.kernels.program import FLOOR, MAX_ITERATIONS, STALLED, TOLERANCE
-from coadjoint.kernels.run import kept, plans
+from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
@@ -31,11 +31,11 @@ def fingerprint(
     """
     constants, start = (plan.constants, state) if one is None else one
     name = plans.name(plan.program, constants, start, "fingerprint", plan.watches, plan.constants.monitors)
-    traced = kept.find(name)
+    traced = disk_cache.find(name)
     if traced is None:
         with tracing_once(known):
             traced = _traced(plan, constants, start)
-        kept.keep(name, traced)
+        disk_cache.keep(name, traced)
     directions = [event.direction for _, event in plan.events]
     return {
         "tracing": TRACING,

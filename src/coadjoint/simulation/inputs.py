@@ -10,12 +10,12 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import Each, member_of
-from coadjoint.mechanics.reading import in_words, require_float64
+from coadjoint.mechanics.members import Each, member_of
 from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 
 
 def with_inputs(system: System, start: State, inputs: Any, by_velocities: bool = False) -> tuple[System, State]:

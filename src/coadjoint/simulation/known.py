@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from coadjoint.kernels.run import kept, store
+from coadjoint.kernels.run import disk_cache, store
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.library import library
@@ -84,7 +84,7 @@ def read(
         hash(key)
         plain, name = repr(structure), None
         if own is not None and here is not None and not seen.endswith(OPAQUE) and " at 0x" not in plain:
-            name = kept.name("start", own.digest, seen, plain, numbers, *more)
+            name = disk_cache.name("start", own.digest, seen, plain, numbers, *more)
     except Exception:
         return None
     return Reading(seen, key, name, whole)
@@ -108,7 +108,7 @@ def verdict(reading: Reading | None, purpose: str) -> dict[str, Any] | None:
     with _lock:
         found = _verdicts.get((purpose, reading.key))
     if found is None:
-        found = kept.find(_named(reading, purpose))
+        found = disk_cache.find(_named(reading, purpose))
         if found is not None:
             _remember_verdict(reading, purpose, found)
     return None if found is None else copy.deepcopy(found)
@@ -119,7 +119,7 @@ def remember_verdict(reading: Reading | None, purpose: str, found: dict[str, Any
     if reading is None:
         return
     _remember_verdict(reading, purpose, found)
-    kept.keep(_named(reading, purpose), found)
+    disk_cache.keep(_named(reading, purpose), found)
 
 
 def _remember_verdict(reading: Reading, purpose: str, found: dict[str, Any]) -> None:

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 
 from coadjoint.groups.group import Array
 from coadjoint.mechanics import continuous, inverse_legendre
-from coadjoint.mechanics.ledger import energy_put_in, momentum_put_in
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.noether import KelvinNoether, spatial_momentum
-from coadjoint.mechanics.over_step import at_node
 from coadjoint.mechanics.quantities import value
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.work_balance import energy_put_in, momentum_put_in
 from coadjoint.methods.method import Method
 from coadjoint.methods.step import Step
 from coadjoint.simulation.watched import Monitor, Watched, monitor

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from coadjoint import disk
 from coadjoint.errors import ArgumentError, FileError, printable, shown
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 from coadjoint.manifest import BEGINNING, MANIFEST, Manifest
 from coadjoint.plotting.plots import Plots
 from coadjoint.sealed import readable, seal
@@ -109,7 +109,7 @@ class Recording:
             if options:
                 raise ArgumentError(f"A file of netCDF has no option `{next(iter(options))}`: leave it out.")
             return None
-        write = located(FORMATS[ending])
+        write = import_string(FORMATS[ending])
         known = [name for name in signature(write).parameters if name != "dataset"]
         for name in options:
             if name not in known:

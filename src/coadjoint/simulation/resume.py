@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import logger
 from coadjoint.manifest import MANIFEST
 from coadjoint.mechanics.inputs import Given
@@ -91,7 +91,7 @@ def _with_store(run: Run | Ensemble, store: Store) -> StreamedRun | StreamedEnse
     return made
 
 
-@heeded()
+@deferred_interrupts()
 def resume(
     folder: str | os.PathLike[str],
     system: System,

@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run.backend import Backend
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.inputs import Given
 from coadjoint.mechanics.noether import KelvinNoether
-from coadjoint.mechanics.origin import Keep, continued
+from coadjoint.mechanics.restart_checks import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.traced_once import Traced
@@ -30,7 +30,7 @@ from coadjoint.simulation.preparing import prepare
 from coadjoint.simulation.run import Run
 
 
-@heeded()
+@deferred_interrupts()
 def simulate(
     system: System,
     start: State,

@@ -12,24 +12,24 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.errors import ArgumentError, Interrupted, StepError
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.newton.coupled import Factors
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.run import native, xla
 from coadjoint.kernels.run.backend import Backend
-from coadjoint.kernels.run.pieces import Cut
+from coadjoint.kernels.run.interruptible import Cut
 from coadjoint.kernels.trace.evaluate import traced
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import count_members
 from coadjoint.mechanics.inputs import Given
-from coadjoint.mechanics.ledger import with_ledger
-from coadjoint.mechanics.origin import Keep, continued
-from coadjoint.mechanics.over_step import failure, require_internal
+from coadjoint.mechanics.internal_state import failure, require_internal
+from coadjoint.mechanics.members import count_members
+from coadjoint.mechanics.restart_checks import Keep, continued
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.mechanics.version import version
+from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.methods.method import Method
 from coadjoint.methods.midpoint import Midpoint
 from coadjoint.methods.program import Constants, StepProgram
@@ -62,7 +62,7 @@ class Trajectory:
     iterations: Any
 
 
-@heeded()
+@deferred_interrupts()
 def trajectory(
     system: System,
     start: State,

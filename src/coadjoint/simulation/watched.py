@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from coadjoint.extensions import located
+from coadjoint.extensions import import_string
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Monitor:
         """By its name in the module of its function, which it stands for there; otherwise by what it holds."""
         module, name = self.observe.__module__, getattr(self.observe, "__name__", "")
         if getattr(sys.modules.get(module), name, None) is self:
-            return located, (f"{module}:{name}",)
+            return import_string, (f"{module}:{name}",)
         return Monitor, (self.observe, self.watched, self.when)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from coadjoint.errors import ArgumentError, shown
-from coadjoint.interrupts import heeded
+from coadjoint.interrupts import deferred_interrupts
 from coadjoint.runs.run_file import read
 from coadjoint.runs.runnable import Runnable
 from coadjoint.sweeps.file import of_tables
@@ -17,7 +17,7 @@ from coadjoint.sweeps.sweep import execute
 from coadjoint.texts import read_table
 
 
-@heeded()
+@deferred_interrupts()
 def sweep(
     run: Any,
     vary: Mapping[str, Any] | None = None,

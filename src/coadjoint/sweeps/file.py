@@ -233,7 +233,7 @@ class Sweep:
 
 
 def _each(values: np.ndarray) -> Any:
-    from coadjoint.mechanics.each import each
+    from coadjoint.mechanics.members import each
 
     return each(values)
 

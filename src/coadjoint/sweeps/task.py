@@ -18,7 +18,7 @@ from coadjoint.errors import ArgumentError, CoadjointError, FileError
 from coadjoint.kernels.collector import collector_off
 from coadjoint.kernels.run.ensemble import at_most
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import count_members
+from coadjoint.mechanics.members import count_members
 from coadjoint.report.folder import RUN_FILE, kept_inputs
 from coadjoint.runs import identity as runs
 from coadjoint.runs.identity import difference

@@ -20,8 +20,8 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.bundle import reconstructed, reduced, shapes_of
 from coadjoint.mechanics.connection import finite
 from coadjoint.mechanics.discrete_connection import DiscreteConnection
+from coadjoint.mechanics.internal_state import stepped
 from coadjoint.mechanics.mechanical_connection import shape_size
-from coadjoint.mechanics.over_step import stepped
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -12,7 +12,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, LagrangianError
-from coadjoint.mechanics.over_step import require_internal
+from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.simulation import store as streaming
 from coadjoint.simulation.inputs import with_inputs
 from coadjoint.simulation.progress import Progress

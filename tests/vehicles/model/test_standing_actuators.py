@@ -10,7 +10,7 @@ import pytest
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.over_step import Course
+from coadjoint.mechanics.internal_state import Course
 from coadjoint.vehicles.model.faults import BARELY, Fault, latched, require_faults
 from coadjoint.vehicles.parts import Fin, Thrusters
 from coadjoint.vehicles.parts.force_curves import Linear

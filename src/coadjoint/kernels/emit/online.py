@@ -2,7 +2,7 @@
 
     int64 online(context, first, last, steps)
 
-does so for the groups of lanes first ≤ group < last, and returns what `Told` says of them. `context` are seven
+does so for the groups of lanes first ≤ group < last, and returns what `StatusFlag` says of them. `context` are seven
 addresses and counts, `CONTEXT`. Parameters and states have axes (group, number, lane); `status` is (steps, code,
 iterations, iterations_max) of each lane, int64, and goes on from call to call: a lane whose code is not 0 waits, and
 its commands with it; `Code.ABSENT` is that of a lane without a member. Commands and observations have axes (member,
@@ -25,7 +25,7 @@ from coadjoint.kernels.emit.newton_loop import finite
 from coadjoint.kernels.emit.plan import StepPlan
 from coadjoint.kernels.emit.stepping import POINTER, StepFunction
 from coadjoint.kernels.expressions.expression import Expr
-from coadjoint.kernels.program import Told
+from coadjoint.kernels.program import StatusFlag
 from coadjoint.kernels.trace.tracer import Tracer, flat
 
 NAME = "online"
@@ -111,7 +111,7 @@ class _Online(StepFunction):
             for lane in range(self.width):
                 self._number(out, lane * len(values) + i).store(_lane(b, value, lane, self.width))
         bad = b.xor(finite(emit, values), emit.bit(True))
-        b.ret(b.select(emit.any(bad), WHOLE(Told.NOT_FINITE), WHOLE(0)))
+        b.ret(b.select(emit.any(bad), WHOLE(StatusFlag.NOT_FINITE), WHOLE(0)))
         return function
 
     def _entry(self, observe: ir.Function, parameters: int, numbers: int, observations: int) -> None:
@@ -136,7 +136,7 @@ class _Online(StepFunction):
         b.call(self.step, [p, array["h"], s, WHOLE(1), steps, nowhere, nowhere, nowhere, status])
         seen = b.call(observe, [p, s, out])
         failed = b.icmp_signed(">", self.load(status, 1, self.emit.counter), self.emit.counts(0))
-        told = b.select(self.emit.any(failed), WHOLE(Told.FAILED), WHOLE(0))
+        told = b.select(self.emit.any(failed), WHOLE(StatusFlag.FAILED), WHOLE(0))
         now, following = b.or_(summary, b.or_(seen, told)), b.add(group, WHOLE(1))
         back = b.block
         b.cbranch(b.icmp_signed("<", following, last), head, end)

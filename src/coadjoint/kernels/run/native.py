@@ -15,9 +15,9 @@ from coadjoint.kernels.emit.plan import StepPlan, plan, specialised
 from coadjoint.kernels.emit.stepping import NAME, assemble
 from coadjoint.kernels.packing import Layout, layout, pack
 from coadjoint.kernels.program import Code, Program
-from coadjoint.kernels.run import kept, plans
+from coadjoint.kernels.run import disk_cache, plans
+from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
 from coadjoint.kernels.run.machine import Machine, kept_machine, machine
-from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
 
 KEPT = 128
 """How many kernels stay in memory."""
@@ -84,7 +84,7 @@ def _kept(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
     """The kernel as it is kept on disk, or planned and kept."""
     _, shape, pattern, monitors, width = key
     name = plans.name(program, parameters, state, "kernel", pattern, monitors, width)
-    found = kept.find(name)
+    found = disk_cache.find(name)
     code = None if found is None else kept_machine(found["code"])
     if found is not None and code is not None:
         monitored = {one: tuple(shape) for one, shape in found["monitors"]}
@@ -93,7 +93,7 @@ def _kept(program: Program, parameters: Any, state: Any, key: tuple) -> Kernel:
     made = load(planned, width)
     if made.record == shape:
         shapes = list(made.monitor_shapes.items())
-        kept.keep(name, {"code": made.machine.name, "monitors": shapes, "certificates": list(made.certificates)})
+        disk_cache.keep(name, {"code": made.machine.name, "monitors": shapes, "certificates": list(made.certificates)})
     return made
 
 

@@ -14,7 +14,7 @@ from jax import lax
 from coadjoint.kernels.chunk import Chunk, EnsembleChunk
 from coadjoint.kernels.program import Code, Program
 from coadjoint.kernels.run.compiled import compiled
-from coadjoint.kernels.run.pieces import Clock, Cut, PieceLength
+from coadjoint.kernels.run.interruptible import Clock, Cut, PieceLength
 from coadjoint.kernels.trace.forked import require_own_xla
 
 CAPACITY = 1024

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import Un
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.fluids.harmonics import REAL, Coefficients, coefficients_of, from_coefficients

@@ -10,7 +10,7 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import SE2, SE3, Power
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.models.orientation import orientation

@@ -12,7 +12,7 @@ from coadjoint.groups import Power
 from coadjoint.groups.matrix_coordinates import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.over_step import HELD
+from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
 from coadjoint.simulation.accuracy.kept_ruler import Bilinear, Frequencies
 from coadjoint.simulation.accuracy.metric import Numbers, Ruler

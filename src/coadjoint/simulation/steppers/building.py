@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.emit.plan import specialised
-from coadjoint.mechanics.over_step import require_internal
+from coadjoint.mechanics.internal_state import require_internal
 from coadjoint.mechanics.start import with_own_momenta
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.kernels.packing import Layout
-from coadjoint.kernels.program import Code, Program, Told
+from coadjoint.kernels.program import Code, Program, StatusFlag
 from coadjoint.kernels.run import xla
 from coadjoint.kernels.run.compiled import compiled
 from coadjoint.kernels.trace.forked import require_own_xla
@@ -37,8 +37,8 @@ class XlaEngine:
         with jax.enable_x64(True):
             found = jax.tree.map(np.asarray, self._advance(*rows, buffers.h[0], steps))
         buffers.state[..., 0], buffers.status[..., 0], buffers.observations[...] = found
-        failed = Told.FAILED if np.any(buffers.status[:, 1] > 0) else 0
-        return failed | (0 if np.all(np.isfinite(buffers.observations)) else Told.NOT_FINITE)
+        failed = StatusFlag.FAILED if np.any(buffers.status[:, 1] > 0) else 0
+        return failed | (0 if np.all(np.isfinite(buffers.observations)) else StatusFlag.NOT_FINITE)
 
 
 @compiled("watch", "layouts", "commanded")

@@ -12,7 +12,7 @@ from typing import Any
 from coadjoint.kernels.emit import online
 from coadjoint.kernels.emit.plan import plan
 from coadjoint.kernels.packing import layout
-from coadjoint.kernels.run import kept, plans
+from coadjoint.kernels.run import disk_cache, plans
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.jaxprs import jaxpr_of
 from coadjoint.mechanics.state import State
@@ -43,11 +43,11 @@ def native_engine(
             _engines.move_to_end(key)
             return _engines[key]
     name = plans.name(program, constants, begun, "stepper", *more)
-    found = kept.find(name)
+    found = disk_cache.find(name)
     if found is None:
         planned = plan(program, constants, begun, pattern, False)
         assembly = online.assemble(planned, online.observed(watch, constants, begun), commanded, width)
-        kept.keep(name, {"assembly": base64.b64encode(zlib.compress(assembly.encode())).decode()})
+        disk_cache.keep(name, {"assembly": base64.b64encode(zlib.compress(assembly.encode())).decode()})
     else:
         assembly = zlib.decompress(base64.b64decode(found["assembly"])).decode()
     made = NativeEngine(assembly, width)

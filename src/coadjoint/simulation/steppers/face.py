@@ -47,5 +47,5 @@ class Engine(Protocol):
     lanes: int
 
     def advance(self, buffers: Buffers, context: int, groups: int, steps: int, threads: int) -> int:
-        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (`Told`)."""
+        """Commands in, `steps` steps of all groups, observations out; 0, or what is wrong (`StatusFlag`)."""
         ...

@@ -12,11 +12,11 @@ import numpy as np
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.over_step import at_node
+from coadjoint.mechanics.internal_state import at_node
 from coadjoint.mechanics.quantities import Quantities, quantities_from, value
-from coadjoint.mechanics.reading import require_float64
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
+from coadjoint.mechanics.trace_checks import require_float64
 from coadjoint.methods.program import Constants
 
 Observe = Mapping[str, Callable[..., Any]]

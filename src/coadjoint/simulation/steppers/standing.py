@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 
 from coadjoint.errors import ArgumentError, StepError
-from coadjoint.kernels.program import Code, Told
-from coadjoint.kernels.run.pieces import FIRST, PieceLength
+from coadjoint.kernels.program import Code, StatusFlag
+from coadjoint.kernels.run.interruptible import FIRST, PieceLength
 from coadjoint.simulation.accuracy.metric import Ruler
 from coadjoint.simulation.accuracy.parts import InternalPlaces, PartsOfSteps
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
@@ -256,7 +256,7 @@ class Standing:
     def _look(self) -> None:
         """Observe where it stands; raises StepError where an observation is not finite."""
         flags = self._engine.advance(self._buffers, self._address, self._groups, 0, 1)
-        self._judge(flags & Told.NOT_FINITE)
+        self._judge(flags & StatusFlag.NOT_FINITE)
 
     @property
     def state(self) -> Any:
@@ -295,11 +295,11 @@ class Standing:
 
         A single one that has just come to its event goes there.
         """
-        if flags & Told.NOT_FINITE:
+        if flags & StatusFlag.NOT_FINITE:
             bad = [name for name, view in self.observation.items() if not np.all(np.isfinite(view))]
             if bad:
                 raise StepError(f"Observation `{bad[0]}` is not finite{self._when(0)}: look for a division by zero.")
-        if not flags & Told.FAILED or self.face.members is not None:
+        if not flags & StatusFlag.FAILED or self.face.members is not None:
             return
         if self.status != Code.STOPPED:
             raise StepError(self._sentence(0))

@@ -19,7 +19,7 @@ from coadjoint.kernels.run.ensemble import lanes
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import Each, stacked
+from coadjoint.mechanics.members import Each, stacked
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.method import Method

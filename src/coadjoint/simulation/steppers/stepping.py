@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError, Interrupted, shown
-from coadjoint.interrupts import heeded
-from coadjoint.kernels.program import Told
-from coadjoint.kernels.run.pieces import FIRST, Clock
+from coadjoint.interrupts import deferred_interrupts
+from coadjoint.kernels.program import StatusFlag
+from coadjoint.kernels.run.interruptible import FIRST, Clock
 from coadjoint.paths import paths
 from coadjoint.simulation.accuracy.sampled_steps import SampledSteps
 from coadjoint.simulation.steppers.buffers import by_member, put
@@ -56,7 +56,7 @@ class Stepping(Standing):
         finally:
             lock.release()
 
-    @heeded()
+    @deferred_interrupts()
     def _beyond(self, n: int) -> int:
         """n steps: those of the sample are judged before they are taken, and long calls go in pieces."""
         left = n
@@ -72,7 +72,7 @@ class Stepping(Standing):
                 self._end_sample()
             if not left:
                 return flags
-            if flags & Told.FAILED and self.face.members is None:
+            if flags & StatusFlag.FAILED and self.face.members is None:
                 self._judge(flags, n)
                 return 0
         return self._in_pieces(left, n - left, n)

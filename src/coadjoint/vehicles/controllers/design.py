@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coadjoint.kernels.run import kept
+from coadjoint.kernels.run import disk_cache
 from coadjoint.vehicles.controllers.allocation import Allocation, allocation, propulsion
 from coadjoint.vehicles.model.loads import loads
 from coadjoint.vehicles.trim.under_way import UnderWay, steady, under_way
@@ -35,7 +35,7 @@ def propose(controller: Any, vehicle: Any) -> Any:
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
-    return _with(controller, kept.recalled(("cruise", controller, vehicle), lambda: _gains(controller, vehicle)))
+    return _with(controller, disk_cache.recalled(("cruise", controller, vehicle), lambda: _gains(controller, vehicle)))
 
 
 def _with(controller: Any, found: dict[str, Any], **more: Any) -> Any:
@@ -108,7 +108,7 @@ def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningMod
 
 def propose_attitude(controller: Any, vehicle: Any) -> Any:
     """An attitude controller with its model of a vehicle at controller.speed, and with the gains that were left out."""
-    made = kept.recalled(("attitude", controller, vehicle), lambda: _attitude_gains(controller, vehicle))
+    made = disk_cache.recalled(("attitude", controller, vehicle), lambda: _attitude_gains(controller, vehicle))
     return _with(controller, made, model=TurningModel(*made["model"]))
 
 

@@ -12,7 +12,7 @@ from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import tabulate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.mechanics.each import each, stacked
+from coadjoint.mechanics.members import each, stacked
 from coadjoint.mechanics.start import legendre
 from coadjoint.mechanics.state import State
 from coadjoint.simulation.steppers.prepared import Prepared

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.each import Each, count_members
+from coadjoint.mechanics.members import Each, count_members
 from coadjoint.runs.initial import initial_values
 from coadjoint.runs.setup import Setup
 from coadjoint.runs.units import in_si, unknown

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 
 if TYPE_CHECKING:
     from coadjoint.vehicles.missions.file import MissionFile

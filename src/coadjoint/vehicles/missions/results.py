@@ -152,7 +152,7 @@ def require_room(file: MissionFile, start: Any) -> None:
 
 def _varied(fleet: Any) -> dict[str, np.ndarray]:
     """The parameters that differ between members, by name, entries of arrays one by one."""
-    from coadjoint.mechanics.each import Each
+    from coadjoint.mechanics.members import Each
 
     found: dict[str, np.ndarray] = {}
     for name, value in paths(fleet.system.parameters).items():

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
-from coadjoint.mechanics.each import each
+from coadjoint.mechanics.members import each
 from coadjoint.runs.units import in_si, unknown
 from coadjoint.vehicles.water.dimensions import DIMENSIONS
 

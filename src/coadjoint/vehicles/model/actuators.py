@@ -13,9 +13,9 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each, count_members, stacked
 from coadjoint.mechanics.internal import sampled, sampling, starting_values
 from coadjoint.mechanics.internal_rule import InternalRule
+from coadjoint.mechanics.members import Each, count_members, stacked
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.spaces.named import Named, named
 from coadjoint.spaces.numbers import float64

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import traced
-from coadjoint.mechanics.each import Each, count_members, member_of
+from coadjoint.mechanics.members import Each, count_members, member_of
 from coadjoint.spaces.named import Named
 
 FIXED = ("inertia", "added_mass", "allocation", "positions", "directions")

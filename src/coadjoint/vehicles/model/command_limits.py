@@ -10,8 +10,8 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, traced
-from coadjoint.mechanics.each import Each, count_members
 from coadjoint.mechanics.inputs import Inputs
+from coadjoint.mechanics.members import Each, count_members
 from coadjoint.mechanics.signals import Held, Linear, Signal
 from coadjoint.spaces.named import Named
 from coadjoint.vehicles.model.vehicle import Vehicle

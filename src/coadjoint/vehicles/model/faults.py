@@ -11,7 +11,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.over_step import Course, jumped
+from coadjoint.mechanics.internal_state import Course, jumped
 from coadjoint.mechanics.state import NodeMotion
 from coadjoint.models.quantities import number
 from coadjoint.spaces.named import named

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from coadjoint import units as u
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import number, positive
 from coadjoint.vehicles.parts.measured import measured, not_negative

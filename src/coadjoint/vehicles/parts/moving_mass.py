@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.over_step import Course
+from coadjoint.mechanics.internal_state import Course
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.bounded_travel import BoundedTravel
 from coadjoint.vehicles.parts.measured import lag_or_none, measured, place, way

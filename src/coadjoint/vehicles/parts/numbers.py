@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 
 
 class Numbers:

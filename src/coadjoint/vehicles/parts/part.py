@@ -12,7 +12,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.over_step import Course
+from coadjoint.mechanics.internal_state import Course
 from coadjoint.mechanics.state import Force
 from coadjoint.vehicles.parts.measured import check_fields
 from coadjoint.vehicles.parts.numbers import Numbers

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint import units as u
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.over_step import jumped
+from coadjoint.mechanics.internal_state import jumped
 from coadjoint.mechanics.state import Force
 from coadjoint.models.quantities import positive
 from coadjoint.vehicles.parts.measured import measured, not_negative, place

@@ -13,8 +13,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError, shown
 from coadjoint.kernels.run import backend as kernels
 from coadjoint.kernels.trace.evaluate import tabulate
-from coadjoint.mechanics.ledger import with_ledger
 from coadjoint.mechanics.state import Origin, State
+from coadjoint.mechanics.work_balance import with_ledger
 from coadjoint.models.quantities import not_negative
 from coadjoint.simulation.run import Run
 from coadjoint.simulation.streamed import StreamedRun

@@ -13,8 +13,8 @@ import numpy as np
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.mechanics.each import Each
-from coadjoint.mechanics.over_step import jumped
+from coadjoint.mechanics.internal_state import jumped
+from coadjoint.mechanics.members import Each
 from coadjoint.models.quantities import positive, vector
 from coadjoint.vehicles.water.random_numbers import normal, stream
 from coadjoint.vehicles.water.water import Water

@@ -10,7 +10,7 @@ import numpy as np
 
 from coadjoint.errors import ArgumentError
 from coadjoint.groups.group import Array
-from coadjoint.mechanics.each import Each
+from coadjoint.mechanics.members import Each
 from coadjoint.vehicles.water.density import Density
 from coadjoint.vehicles.water.water import Water
 

@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class MpcSolution:
     """What a controller says to a state.
 
     command: name → value, for the step that starts now. inputs: name → (m, *shape), for each of the m steps of the
@@ -40,7 +40,7 @@ class Record:
     preparation: list[float] = field(default_factory=list)
     feedback: list[float] = field(default_factory=list)
 
-    def note(self, answer: Answer) -> None:
+    def note(self, answer: MpcSolution) -> None:
         self.statuses[answer.status] += 1
         self.last_failure = answer.sentence or self.last_failure
         self.preparation.append(answer.preparation_seconds)

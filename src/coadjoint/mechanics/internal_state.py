@@ -14,8 +14,8 @@ from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.mechanics import inverse_legendre
 from coadjoint.mechanics.internal import ordered
 from coadjoint.mechanics.internal_rule import declared
-from coadjoint.mechanics.reading import in_words, require_float64
 from coadjoint.mechanics.state import State
+from coadjoint.mechanics.trace_checks import in_words, require_float64
 from coadjoint.spaces.named import Named, named
 
 if TYPE_CHECKING:

@@ -103,7 +103,7 @@ class End:
 
 
 @dataclass(frozen=True, eq=False)
-class Statement:
+class ProblemData:
     """What `co.control.Problem` asks, checked: see there."""
 
     system: System

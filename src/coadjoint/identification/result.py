@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from coadjoint.identification import doubtful
+from coadjoint.identification import diagnostics
+from coadjoint.identification.equalities import SIGN
 from coadjoint.identification.fit import Fit
 from coadjoint.identification.fitting import Fitted
 from coadjoint.identification.gaps import gaps
 from coadjoint.identification.least_squares import reduced
 from coadjoint.identification.log import Log
 from coadjoint.identification.misfit import Misfit, misfits, sentences
-from coadjoint.identification.tied import SIGN
-from coadjoint.identification.wandering import ProcessNoise, wandered, without
+from coadjoint.identification.process_noise_model import ProcessNoise, wandered, without
 from coadjoint.mechanics.system import System
 
 SINGULAR = 1e-6
@@ -142,11 +142,11 @@ def judged(found: Fitted, level: float) -> Identification:
     whiteness = {n: _lag_one(surprise[..., i], fit.there[..., i]) for i, n in enumerate(names)}
     rms = np.sqrt(np.sum(off**2, axis=(0, 1)) / np.maximum(fit.there.sum(axis=(0, 1)), 1))
     correlation, hidden = spread.correlation, spread.hidden
-    warnings = [*doubtful.hidden(estimates, hidden, spread.V, spread.lost), *doubtful.vague(estimates)]
-    warnings += doubtful.alike(estimates, correlation, hidden) + doubtful.coloured(whiteness, fit.there, names)
-    warnings += doubtful.missed(fit.log, names, rms, found.estimated)
-    warnings += doubtful.unsettled(found.unsettled) + doubtful.misjudged(names, rms, sigma, found.estimated)
-    warnings += doubtful.coarse(estimates, found.shift, shooting.samples.h)
+    warnings = [*diagnostics.hidden(estimates, hidden, spread.V, spread.lost), *diagnostics.vague(estimates)]
+    warnings += diagnostics.alike(estimates, correlation, hidden) + diagnostics.coloured(whiteness, fit.there, names)
+    warnings += diagnostics.missed(fit.log, names, rms, found.estimated)
+    warnings += diagnostics.unsettled(found.unsettled) + diagnostics.misjudged(names, rms, sigma, found.estimated)
+    warnings += diagnostics.coarse(estimates, found.shift, shooting.samples.h)
     innovations = _by_rows(fit, np.where(fit.there, -surprise, np.nan))
     missed = misfits(fit.log, innovations)
     return Identification(

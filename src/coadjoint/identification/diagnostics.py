@@ -8,11 +8,11 @@ import numpy as np
 
 from coadjoint.identification.fitting import ROUNDS
 from coadjoint.identification.log import Log
-from coadjoint.identification.sensing import SENSORS
+from coadjoint.identification.sensor_model import SENSORS
 from coadjoint.identification.smoothing import noise as rough_noise
 
 if TYPE_CHECKING:
-    from coadjoint.identification.findings import Estimate
+    from coadjoint.identification.result import Estimate
 
 COARSE = 0.3
 """How many standard errors a shift by the step size must reach for a warning."""

@@ -21,8 +21,8 @@ from coadjoint.kernels.packing import pack
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import native
 from coadjoint.kernels.run.ensemble import lanes
+from coadjoint.kernels.run.interruptible import Clock, PieceLength
 from coadjoint.kernels.run.machine import Machine, machine
-from coadjoint.kernels.run.pieces import Clock, PieceLength
 
 KEPT = 16
 """How many programs stay in memory with their tangents."""
@@ -67,7 +67,7 @@ class Path(NamedTuple):
         return _members(self.status, self.runs)[:, 1]
 
 
-class Wandering(NamedTuple):
+class PiecewiseParameters(NamedTuple):
     """Parameters that change in the midst of runs: to p[places] + values of knot k, (runs, knots, places), from step
     k `steps` on; the last knot goes on to the end. `components`: how many columns of derivatives a knot has."""
 
@@ -118,7 +118,7 @@ def run(
     start: np.ndarray,
     places: np.ndarray,
     table: np.ndarray,
-    wandering: Wandering | None = None,
+    wandering: PiecewiseParameters | None = None,
 ) -> Path:
     """Steps of length h of every run from `start` (runs, state), with the same parameters p for all but `wandering`.
 
@@ -168,7 +168,7 @@ def push(
     path: Path,
     p_dot: np.ndarray,
     start_dot: np.ndarray,
-    wandering: Wandering | None = None,
+    wandering: PiecewiseParameters | None = None,
 ) -> np.ndarray:
     """Derivatives of the records, (runs, steps, columns, record), along directions of parameters and start.
 
@@ -216,13 +216,13 @@ def _numbers(p: np.ndarray, groups: int, width: int) -> np.ndarray:
     return np.broadcast_to(p[None, :, None], (groups, len(p), width)).copy()
 
 
-def _move(numbers: np.ndarray, p: np.ndarray, wandering: Wandering, knot: int) -> None:
+def _move(numbers: np.ndarray, p: np.ndarray, wandering: PiecewiseParameters, knot: int) -> None:
     """Give the parameters that wander their values of a knot."""
     values = _groups(wandering.values[:, knot], numbers.shape[2])
     numbers[:, wandering.places] = p[wandering.places][:, None] + values
 
 
-def _turn(directions: np.ndarray, wandering: Wandering, knot: int) -> int:
+def _turn(directions: np.ndarray, wandering: PiecewiseParameters, knot: int) -> int:
     """Let the columns of this knot alone move parameters; how many columns are in use until it ends."""
     each = len(directions) - wandering.values.shape[1] * wandering.components
     old = each + (knot - 1) * wandering.components
